@@ -1,0 +1,134 @@
+//! Several `f64` side by side in a plain array, which the compiler turns into vector instructions.
+
+use crate::elementary;
+use crate::real::{Lane, Mask, Real};
+use std::array::from_fn;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// `N` independent numbers. Every operation is that of `f64`, lane by lane, so the bits agree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(32))]
+pub struct Lanes<const N: usize>(pub [f64; N]);
+
+impl<const N: usize> Mask for [bool; N] {
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        from_fn(|i| self[i] & other[i])
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        from_fn(|i| self[i] | other[i])
+    }
+    #[inline(always)]
+    fn not(self) -> Self {
+        from_fn(|i| !self[i])
+    }
+}
+
+macro_rules! lane_operator {
+    ($($trait:ident $method:ident $assign_trait:ident $assign:ident $op:tt;)*) => {$(
+        impl<const N: usize> $trait for Lanes<N> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Lanes(from_fn(|i| self.0[i] $op other.0[i]))
+            }
+        }
+        impl<const N: usize> $assign_trait for Lanes<N> {
+            #[inline(always)]
+            fn $assign(&mut self, other: Self) {
+                *self = *self $op other;
+            }
+        }
+    )*};
+}
+lane_operator! {
+    Add add AddAssign add_assign +;
+    Sub sub SubAssign sub_assign -;
+    Mul mul MulAssign mul_assign *;
+}
+
+impl<const N: usize> Div for Lanes<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        Lanes(from_fn(|i| self.0[i] / other.0[i]))
+    }
+}
+
+impl<const N: usize> Neg for Lanes<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Lanes(from_fn(|i| -self.0[i]))
+    }
+}
+
+impl<const N: usize> Lanes<N> {
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        Lanes(from_fn(|i| f(self.0[i])))
+    }
+}
+
+impl<const N: usize> Real for Lanes<N> {
+    type Mask = [bool; N];
+
+    #[inline(always)]
+    fn c(x: f64) -> Self {
+        Lanes([x; N])
+    }
+    #[inline(always)]
+    fn fma(self, a: Self, b: Self) -> Self {
+        Lanes(from_fn(|i| self.0[i].mul_add(a.0[i], b.0[i])))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(f64::sqrt)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        self.map(elementary::exp)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        self.map(elementary::ln)
+    }
+    #[inline(always)]
+    fn pow(self, exponent: Self) -> Self {
+        Lanes(from_fn(|i| elementary::pow(self.0[i], exponent.0[i])))
+    }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        self.map(elementary::sin)
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        self.map(elementary::cos)
+    }
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        self.map(elementary::tanh)
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> [bool; N] {
+        from_fn(|i| self.0[i] < other.0[i])
+    }
+    #[inline(always)]
+    fn select(mask: [bool; N], a: Self, b: Self) -> Self {
+        Lanes(from_fn(|i| if mask[i] { a.0[i] } else { b.0[i] }))
+    }
+}
+
+impl<const N: usize> Lane for Lanes<N> {
+    const L: usize = N;
+    const PAD: usize = 1;
+    #[inline(always)]
+    fn get(&self, lane: usize) -> f64 {
+        self.0[lane]
+    }
+    #[inline(always)]
+    fn put(&mut self, lane: usize, value: f64) {
+        self.0[lane] = value;
+    }
+}

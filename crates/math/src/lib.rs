@@ -1,0 +1,15 @@
+//! Numbers that the physics is written in.
+//!
+//! A law is a function generic over [`Real`]. Run on `f64` it gives values, on [`Dual`] exact
+//! derivatives, on [`Lanes`] several drives at once, on [`Deps`] the sparsity pattern.
+
+mod deps;
+mod dual;
+pub mod elementary;
+mod lanes;
+mod real;
+
+pub use deps::Deps;
+pub use dual::Dual;
+pub use lanes::Lanes;
+pub use real::{Lane, Mask, Over, Real};

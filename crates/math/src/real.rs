@@ -1,0 +1,177 @@
+//! The scalar trait.
+
+use crate::elementary;
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// The truth values of a comparison, one for each lane.
+pub trait Mask: Copy {
+    fn and(self, other: Self) -> Self;
+    fn or(self, other: Self) -> Self;
+    fn not(self) -> Self;
+}
+
+impl Mask for bool {
+    #[inline(always)]
+    fn and(self, other: bool) -> bool {
+        self & other
+    }
+    #[inline(always)]
+    fn or(self, other: bool) -> bool {
+        self | other
+    }
+    #[inline(always)]
+    fn not(self) -> bool {
+        !self
+    }
+}
+
+/// A number of a physical law: value, dual number, set of lanes, or set of dependencies.
+///
+/// There is no `if` on a `Real`: [`Real::select`] takes both sides, which must be finite wherever
+/// the other side is chosen, as a derivative of the side not taken is multiplied by nothing but
+/// still computed.
+pub trait Real:
+    Copy
+    + Debug
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+{
+    type Mask: Mask;
+
+    /// The constant `x`.
+    fn c(x: f64) -> Self;
+    /// `self * a + b`, rounded once (in the value; a derivative is rounded as it comes).
+    fn fma(self, a: Self, b: Self) -> Self;
+    fn sqrt(self) -> Self;
+    fn exp(self) -> Self;
+    fn ln(self) -> Self;
+    /// `self^exponent` for `self > 0`.
+    fn pow(self, exponent: Self) -> Self;
+    fn sin(self) -> Self;
+    fn cos(self) -> Self;
+    fn tanh(self) -> Self;
+    fn lt(self, other: Self) -> Self::Mask;
+    /// `a` where `mask` holds, else `b`.
+    fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::c(0.0)
+    }
+    #[inline(always)]
+    fn one() -> Self {
+        Self::c(1.0)
+    }
+    #[inline(always)]
+    fn square(self) -> Self {
+        self * self
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self::select(self.lt(Self::zero()), -self, self)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(other.lt(self), other, self)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self::select(self.lt(other), other, self)
+    }
+}
+
+/// States over parameters: `S: Over<P>` can hold every `P` as a constant and branches on the same lanes.
+pub trait Over<P: Real>: Real<Mask = P::Mask> + From<P> {}
+impl<P: Real, S: Real<Mask = P::Mask> + From<P>> Over<P> for S {}
+
+/// A number made of `L` independent `f64` lanes; used by step control and loading only.
+pub trait Lane: Real {
+    /// How many lanes.
+    const L: usize;
+    /// State vectors are padded to a multiple of this, so that a loop over states fills registers.
+    const PAD: usize;
+    fn get(&self, lane: usize) -> f64;
+    fn put(&mut self, lane: usize, value: f64);
+
+    /// One number from one `f64` for each lane.
+    #[inline(always)]
+    fn from_lanes(f: impl Fn(usize) -> f64) -> Self {
+        let mut out = Self::zero();
+        for lane in 0..Self::L {
+            out.put(lane, f(lane));
+        }
+        out
+    }
+}
+
+impl Real for f64 {
+    type Mask = bool;
+
+    #[inline(always)]
+    fn c(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn fma(self, a: f64, b: f64) -> f64 {
+        self.mul_add(a, b)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> f64 {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn exp(self) -> f64 {
+        elementary::exp(self)
+    }
+    #[inline(always)]
+    fn ln(self) -> f64 {
+        elementary::ln(self)
+    }
+    #[inline(always)]
+    fn pow(self, exponent: f64) -> f64 {
+        elementary::pow(self, exponent)
+    }
+    #[inline(always)]
+    fn sin(self) -> f64 {
+        elementary::sin(self)
+    }
+    #[inline(always)]
+    fn cos(self) -> f64 {
+        elementary::cos(self)
+    }
+    #[inline(always)]
+    fn tanh(self) -> f64 {
+        elementary::tanh(self)
+    }
+    #[inline(always)]
+    fn lt(self, other: f64) -> bool {
+        self < other
+    }
+    #[inline(always)]
+    fn select(mask: bool, a: f64, b: f64) -> f64 {
+        if mask { a } else { b }
+    }
+}
+
+impl Lane for f64 {
+    const L: usize = 1;
+    const PAD: usize = 4;
+    #[inline(always)]
+    fn get(&self, _lane: usize) -> f64 {
+        *self
+    }
+    #[inline(always)]
+    fn put(&mut self, _lane: usize, value: f64) {
+        *self = value;
+    }
+}

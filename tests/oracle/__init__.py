@@ -1,0 +1,1 @@
+"""An independent model of the drive, in plain Python and SciPy, that the core is compared with."""

@@ -1,0 +1,142 @@
+"""Integration of the oracle: SciPy's Radau and DOP853 at tolerances far below the tests'.
+
+The command is piecewise constant, so every step of it starts a new integration.  `stribeck` and
+`coulomb` are integrated as three smooth systems (sliding forwards, sliding backwards, sticking)
+with the switches located as events.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from oracle.model import Drive, Json
+
+COLUMNS = ("position_m", "velocity_m_s", "pressure_a_pa", "temperature_a_k", "pressure_b_pa", "temperature_b_k")
+# absolute tolerance = tol times this: x, v, p, T, p, T, z
+TOLERANCE_SCALE = np.array([0.1, 0.1, 1e5, 300.0, 1e5, 300.0, 1e-4])
+# After a switch to sliding v is 0 (or its rounding error): the event "v = 0" is not looked for
+# until the piston has had this time to move.
+BLIND_TIME = 1e-9
+MAX_SWITCHES = 2000
+
+
+def sample_times(duration: float, rate: float) -> np.ndarray:
+    """k/rate for k = 0 .. round(duration rate), the last one at the duration."""
+    times = np.arange(round(duration * rate) + 1) / rate
+    times[-1] = duration
+    return times
+
+
+def run(case: Json, method: str = "Radau", tol: float = 1e-11) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+    """Integrate a case.
+
+    Parameters
+    ----------
+    case
+        ``drive`` (description in SI units), ``commands`` [[time_s, command], ...], ``duration_s``,
+        ``sample_rate_hz`` and ``initial``.
+    method
+        Integrator of :func:`scipy.integrate.solve_ivp`.
+    tol
+        Relative tolerance; absolute ones are `tol` times `TOLERANCE_SCALE`.
+
+    Returns
+    -------
+    times : ndarray, shape (n,)
+    states : ndarray, shape (n, 6) or (n, 7)
+        x, v, p_a, T_a, p_b, T_b and, for `lugre`, z.
+    statistics : dict
+        Right-hand sides and switches.
+    """
+    drive = Drive(case["drive"])
+    times = sample_times(case["duration_s"], case["sample_rate_hz"])
+    y = np.array([case["initial"][name] for name in COLUMNS])
+    if drive.law == "lugre":
+        y = np.append(y, case["initial"].get("bristle_deflection_m", 0.0))
+    states, statistics = np.empty((len(times), len(y))), {"rhs": 0, "switches": 0}
+    states[0] = y
+    starts = [*case["commands"], [case["duration_s"], 0.0]]
+    mode: int | None = None
+    for (t0, u), (t1, _) in zip(starts[:-1], starts[1:], strict=True):
+        inside = (times > t0) & (times <= t1)
+        if drive.law == "lugre":
+            y = _smooth(drive, y, u, t0, t1, times[inside], states, inside, method, tol, statistics)
+        else:
+            y, mode = _switched(drive, y, u, t0, t1, times, states, mode, method, tol, statistics)
+    return times, states, statistics
+
+
+def _solve(fun: Any, t0: float, t1: float, y: np.ndarray, method: str, tol: float, **more: Any) -> Any:
+    solution = solve_ivp(
+        fun, (t0, t1), y, method=method, rtol=tol, atol=tol * TOLERANCE_SCALE[: len(y)], **more
+    )
+    if not solution.success:
+        raise RuntimeError(solution.message)
+    return solution
+
+
+def _smooth(
+    drive: Drive, y: np.ndarray, u: float, t0: float, t1: float, times: np.ndarray, states: np.ndarray,
+    inside: np.ndarray, method: str, tol: float, statistics: dict[str, int],
+) -> np.ndarray:
+    asked = np.append(times, t1) if len(times) == 0 or times[-1] < t1 else times
+    solution = _solve(drive.rhs_lugre, t0, t1, y, method, tol, t_eval=asked, args=(u,))
+    states[inside] = solution.y.T[: len(times)]
+    statistics["rhs"] += solution.nfev
+    return solution.y[:, -1]
+
+
+def _mode_at_rest(drive: Drive, y: np.ndarray) -> int:
+    """Which mode follows v = 0: the piston sticks unless the applied force exceeds breakaway."""
+    force = drive.applied_force(y[0], 0.0, y[2], y[4])
+    breakaway = drive.coulomb_and_breakaway(y[2], y[4])[1]
+    return 0 if abs(force) <= breakaway else int(math.copysign(1, force))
+
+
+def _events(drive: Drive, mode: int, entered: float) -> list[Any]:
+    """Events that end a mode."""
+
+    def stops(t: float, y: np.ndarray, *_: Any) -> float:
+        return mode * y[1] if t > entered + BLIND_TIME else 1.0
+
+    def breaks_away(direction: int) -> Any:
+        def excess(_t: float, y: np.ndarray, *_: Any) -> float:
+            force = drive.applied_force(y[0], 0.0, y[2], y[4])
+            return direction * force - drive.coulomb_and_breakaway(y[2], y[4])[1]
+
+        excess.direction, excess.terminal = 1.0, True  # type: ignore[attr-defined]
+        return excess
+
+    stops.direction, stops.terminal = -1.0, True  # type: ignore[attr-defined]
+    return [breaks_away(1), breaks_away(-1)] if mode == 0 else [stops]
+
+
+def _switched(
+    drive: Drive, y: np.ndarray, u: float, t0: float, t1: float, times: np.ndarray, states: np.ndarray,
+    mode: int | None, method: str, tol: float, statistics: dict[str, int],
+) -> tuple[np.ndarray, int]:
+    t = t0
+    if mode is None:
+        mode = _mode_at_rest(drive, y) if y[1] == 0.0 else int(np.sign(y[1]))
+    entered = t
+    for _ in range(MAX_SWITCHES):
+        events = _events(drive, mode, entered)
+        solution = _solve(drive.rhs_sliding, t, t1, y, method, tol, args=(u, mode), events=events, dense_output=True)
+        statistics["rhs"] += solution.nfev
+        end, y = solution.t[-1], solution.y[:, -1].copy()
+        inside = (times > t) & (times <= end)
+        if inside.any():
+            states[inside] = solution.sol(times[inside]).T
+        t = end
+        if solution.status == 0:
+            return y, mode
+        statistics["switches"] += 1
+        which = next(i for i, found in enumerate(solution.t_events) if len(found))
+        y[1] = 0.0
+        mode = (1, -1)[which] if mode == 0 else _mode_at_rest(drive, y)
+        entered = t
+    raise RuntimeError(f"more than {MAX_SWITCHES} switches between {t0} s and {t1} s")
