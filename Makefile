@@ -1,0 +1,88 @@
+# The only door. Every target sets up what it needs; only the first one pays for it.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+MAKEFLAGS += --no-builtin-rules
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PY := $(BIN)/python
+UV := $(BIN)/uv pip install --quiet --python $(PY) --require-hashes
+
+# One interpreter for every cargo run, or PyO3 would be built again for each.
+export PYO3_PYTHON := $(CURDIR)/$(VENV)/bin/python
+export MATURIN_NO_INSTALL_RUST := 1
+
+RUST := Cargo.toml Cargo.lock $(wildcard .cargo/config.toml) \
+        $(shell find crates \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*')
+PYTEST_WORKERS ?= 2
+
+.PHONY: help setup demo test test-rust test-python check bench docs fmt lock
+
+help:  ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */\1\t/' | awk -F '\t' '{printf "  make %-8s %s\n", $$1, $$2}'
+
+setup: $(VENV)/.core  ## .venv with locked dependencies, the compiled core and the pneudrive command
+
+demo: setup  ## real recordings and a simulated rig: friction map, fit, stick-slip, one report
+	@$(BIN)/pneudrive demo
+
+test: test-rust test-python  ## all tests
+
+test-rust: setup
+	cargo test --workspace --locked
+
+test-python: setup
+	$(PY) -m pytest -n $(PYTEST_WORKERS)
+
+check: setup  ## what CI runs before the tests: format, lint, types, layers, stub, spelling, locks
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked --quiet -- -D warnings
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/basedpyright
+	PYTHONPATH=python $(BIN)/lint-imports
+	MYPYPATH=python $(PY) -m mypy.stubtest pneudrive._core --concise --ignore-disjoint-bases
+	$(BIN)/typos
+	$(PY) tools/lock.py --check
+
+bench: setup $(VENV)/.bench  ## work counts and seconds, side by side with other solvers
+	$(PY) -m benches
+
+docs: setup $(VENV)/.docs  ## the documentation, into docs/_build/html
+	$(PY) -m sphinx --fail-on-warning --quiet -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+fmt: setup  ## format Rust and Python, apply what ruff can repair
+	cargo fmt --all
+	$(BIN)/ruff check --fix --quiet . || true
+	$(BIN)/ruff format .
+
+lock: $(VENV)/.uv  ## renew requirements/*.txt from pyproject.toml
+	$(PY) tools/lock.py
+
+# --- set-up, each step once ------------------------------------------------------------------
+# A stamp carries the time at which its step began: a file that changes meanwhile is newer.
+
+$(VENV)/.uv: requirements/bootstrap.txt
+	@PYTHON=$(PYTHON) tools/check_toolchain.sh
+	$(PYTHON) -m venv $(VENV)
+	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bootstrap.txt
+	@touch $@
+
+$(VENV)/.deps: requirements/dev.txt $(VENV)/.uv
+	@touch $@.new
+	$(UV) -r requirements/dev.txt
+	@mv $@.new $@
+
+$(VENV)/.core: $(RUST) pyproject.toml $(VENV)/.deps
+	@PYTHON=$(PYTHON) tools/check_toolchain.sh
+	@touch $@.new
+	$(BIN)/maturin develop --release --quiet
+	@mv $@.new $@
+
+$(VENV)/.%: requirements/%.txt $(VENV)/.deps
+	$(UV) -r $<
+	@touch $@

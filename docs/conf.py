@@ -1,0 +1,13 @@
+"""Sphinx configuration."""
+
+project = "pneudrive"
+author = "the pneudrive developers"
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinxcontrib.bibtex"]
+exclude_patterns = ["_build"]
+html_theme = "pydata_sphinx_theme"
+html_title = "pneudrive"
+bibtex_bibfiles = ["../references.bib"]
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
+nb_execution_mode = "cache"
+nb_execution_raise_on_error = True
+autodoc_typehints = "description"

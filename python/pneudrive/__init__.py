@@ -1,0 +1,81 @@
+"""Simulate pneumatic piston drives and characterise their friction from recordings, with uncertainty.
+
+>>> import pneudrive as pn
+>>> drive = pn.Drive.load("catalogue:reference")
+>>> run = pn.simulate(drive, command=[(0.0, 0.6)], duration="0.1 s")
+>>> run.position.attrs["units"]
+'m'
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from pneudrive import report as report
+    from pneudrive.characterise import characterise as characterise
+    from pneudrive.describe import Ambient as Ambient
+    from pneudrive.describe import Cylinder as Cylinder
+    from pneudrive.describe import Drive as Drive
+    from pneudrive.describe import EndStop as EndStop
+    from pneudrive.describe import Friction as Friction
+    from pneudrive.describe import Gas as Gas
+    from pneudrive.describe import Initial as Initial
+    from pneudrive.describe import Load as Load
+    from pneudrive.describe import SealPressure as SealPressure
+    from pneudrive.describe import Spring as Spring
+    from pneudrive.describe import Supply as Supply
+    from pneudrive.describe import Valve as Valve
+    from pneudrive.identify import fit_friction as fit_friction
+    from pneudrive.simulate import citations as citations
+    from pneudrive.simulate import simulate as simulate
+
+# Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
+_HOME = {
+    **dict.fromkeys(
+        ["Ambient", "Cylinder", "Drive", "EndStop", "Friction", "Gas", "Initial", "Load", "SealPressure", "Spring"],
+        "pneudrive.describe",
+    ),
+    **dict.fromkeys(["Supply", "Valve"], "pneudrive.describe"),
+    **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
+    "characterise": "pneudrive.characterise",
+    "fit_friction": "pneudrive.identify",
+}
+_SUBMODULES = ("report", "rig", "identify", "errors", "units")
+
+__all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 - names of the table above
+
+
+def __getattr__(name: str) -> object:
+    if name in _HOME:
+        value = getattr(import_module(_HOME[name]), name)
+        globals()[name] = value
+        return value
+    if name in _SUBMODULES:
+        return import_module(f"pneudrive.{name}")
+    msg = f"module 'pneudrive' has no attribute '{name}'"
+    raise AttributeError(msg)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+class _Package(ModuleType):
+    """The package, in which a public function outranks the module of the same name.
+
+    Importing ``pneudrive.simulate`` would otherwise bind the module over ``pn.simulate``, so that whether ``pn.simulate(...)`` works
+    depended on what was imported before.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

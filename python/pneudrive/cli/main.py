@@ -1,0 +1,107 @@
+"""The ``pneudrive`` command. Each command is one module in this folder and one line in ``COMMANDS``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import typer
+from typer.core import TyperGroup
+
+from pneudrive import __version__
+from pneudrive.errors import PneudriveError, SimulationError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# Command -> module; the function has the command's name. Imported when it is asked for, so that start-up stays fast:
+# a command module itself imports heavy libraries inside its function.
+COMMANDS = {
+    "simulate": "pneudrive.cli.simulate",
+    "characterise": "pneudrive.cli.characterise",
+    "layout": "pneudrive.cli.layout",
+    "reproduce": "pneudrive.cli.reproduce",
+    "catalogue": "pneudrive.cli.catalogue",
+    "schema": "pneudrive.cli.schema",
+    "demo": "pneudrive.cli.demo",
+}
+HIDDEN = {"demo"}  # `make demo` is its door
+
+EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+
+
+class LazyGroup(TyperGroup):
+    """A group that imports a command's module when the command is asked for."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - typer keeps its context type private
+        """Return the names in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401
+        """Import one command, or None where there is no such name."""
+        if cmd_name not in COMMANDS:
+            return None
+        function = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
+        single = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+        single.command(name=cmd_name, hidden=cmd_name in HIDDEN)(function)
+        return typer.main.get_command(single)
+
+
+app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, rich_markup_mode="markdown")
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: bool = typer.Option(False, "--version", help="Show the version.")) -> None:
+    """Simulate pneumatic piston drives and characterise their friction from recordings."""
+    if version:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+def fail(error: PneudriveError) -> int:
+    """Print an error once, on stderr, and return the exit status that it means."""
+    sys.stderr.write(f"{type(error).__name__}: {error}\n")
+    return EXIT_OTHER if isinstance(error, SimulationError) else EXIT_INPUT
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        What follows ``pneudrive``.
+
+    Returns
+    -------
+    int
+        0 done; 2 the input is wrong; 1 anything else; 130 interrupted.
+    """
+    first = next((word for word in arguments if not word.startswith("-")), None)
+    if first is not None and first not in COMMANDS:
+        shown = [name for name in COMMANDS if name not in HIDDEN]
+        sys.stderr.write(f"pneudrive: there is no command '{first}'. {nearest(first, shown)}\n")
+        return EXIT_INPUT
+    try:
+        status = app(list(arguments), prog_name="pneudrive", standalone_mode=False)
+    except PneudriveError as error:
+        return fail(error)
+    except KeyboardInterrupt:
+        sys.stderr.write("Interrupted; what was finished is kept.\n")
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has gone (pneudrive ... | head): no more to say
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if hasattr(error, "exit_code") and hasattr(error, "show"):  # typer's own: a wrong option
+            error.show()  # type: ignore[attr-defined]
+            return int(error.exit_code)  # type: ignore[attr-defined]
+        raise
+    return status if isinstance(status, int) else 0
+
+
+def main() -> None:
+    """Entry point of the ``pneudrive`` script."""
+    sys.exit(run(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""What a drive is: quantities with units, checked, from Python or from TOML."""

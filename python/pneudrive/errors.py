@@ -1,0 +1,106 @@
+"""What goes wrong on the way from a description to a result, as one clear message each."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+class PneudriveError(Exception):
+    """Base of every error that pneudrive raises on purpose.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, with names and values.
+    where : str, optional
+        File and line, command-line option, row or time.
+    value : object, optional
+        The offending value or line, as the user wrote it.
+    rule : str, optional
+        The rule that it breaks.
+    remedy : str, optional
+        What to do.
+
+    Examples
+    --------
+    >>> print(DescriptionError("cylinder.bore = 0 mm", where="drive.toml:7", rule="bore > 0", remedy="Give the bore."))
+    cylinder.bore = 0 mm.   drive.toml:7
+        Rule: bore > 0
+        Hint: Give the bore.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | None = None,
+        value: object = None,
+        rule: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        super().__init__(what)
+        self.what, self.where, self.value, self.rule, self.remedy = what, where, value, rule, remedy
+
+    def __str__(self) -> str:
+        """Return the one message: first line what and where, then value, rule and remedy."""
+        first = f"{self.what.rstrip('.')}."
+        lines = [f"{first}   {self.where}" if self.where else first]
+        if self.value is not None:
+            lines.append(f"    {self.value}")
+        if self.rule:
+            lines.append(f"    Rule: {self.rule}")
+        if self.remedy:
+            lines.append(f"    Hint: {self.remedy}")
+        return "\n".join(lines)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Keep all fields when the error crosses a process boundary."""
+        return _rebuild, (type(self), self.what, self.where, self.value, self.rule, self.remedy)
+
+
+def _rebuild(
+    kind: type[PneudriveError], what: str, where: str | None, value: object, rule: str | None, remedy: str | None
+) -> PneudriveError:
+    return kind(what, where=where, value=value, rule=rule, remedy=remedy)
+
+
+class DescriptionError(PneudriveError):
+    """A drive description (file or Python) is not valid."""
+
+
+class LayoutError(PneudriveError):
+    """A layout file, which says how a foreign recording is read, is not valid."""
+
+
+class RecordingError(PneudriveError):
+    """A recording cannot be read or does not hold what is needed."""
+
+
+class CommandError(PneudriveError):
+    """A command, an option or an output path of a run is not valid."""
+
+
+class SimulationError(PneudriveError):
+    """A simulation could not go on; the message says when, in which state and what to try."""
+
+
+class FitError(PneudriveError):
+    """Parameters could not be estimated from the data."""
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """Say which names there are and which one was probably meant.
+
+    Examples
+    --------
+    >>> nearest("strok", ["bore", "stroke"])
+    "Did you mean 'stroke'? Known: bore, stroke."
+    """
+    known = sorted(choices)
+    close = get_close_matches(name, known, n=1, cutoff=0.5)
+    guess = f"Did you mean '{close[0]}'? " if close else ""
+    return f"{guess}Known: {', '.join(known)}."
