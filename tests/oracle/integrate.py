@@ -7,6 +7,7 @@ with the switches located as events.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -53,15 +54,15 @@ def run(case: Json, method: str = "Radau", tol: float = 1e-11) -> tuple[np.ndarr
         Right-hand sides and switches.
     """
     drive = Drive(case["drive"])
+    if "servo" in case:
+        return _run_servo(drive, case, method, tol)
     times = sample_times(case["duration_s"], case["sample_rate_hz"])
-    y = np.array([case["initial"][name] for name in COLUMNS])
-    if drive.law == "lugre":
-        y = np.append(y, case["initial"].get("bristle_deflection_m", 0.0))
+    y = _initial(drive, case)
     states, statistics = np.empty((len(times), len(y))), {"rhs": 0, "switches": 0}
     states[0] = y
     starts = [*case["commands"], [case["duration_s"], 0.0]]
     mode: int | None = None
-    for (t0, u), (t1, _) in zip(starts[:-1], starts[1:], strict=True):
+    for (t0, u), (t1, _) in itertools.pairwise(starts):
         inside = (times > t0) & (times <= t1)
         if drive.law == "lugre":
             y = _smooth(drive, y, u, t0, t1, times[inside], states, inside, method, tol, statistics)
@@ -70,18 +71,56 @@ def run(case: Json, method: str = "Radau", tol: float = 1e-11) -> tuple[np.ndarr
     return times, states, statistics
 
 
+def _initial(drive: Drive, case: Json) -> np.ndarray:
+    y = np.array([case["initial"][name] for name in COLUMNS])
+    if drive.law == "lugre":
+        y = np.append(y, case["initial"].get("bristle_deflection_m", 0.0))
+    return y
+
+
+def servo_command(servo: Json, stroke: float, t: float, x: float, v: float) -> float:
+    """Position control: proportional and derivative action on a sine about mid stroke, clipped to [-1, 1]."""
+    w, amplitude = 2.0 * math.pi * servo["frequency_hz"], servo["amplitude_m"]
+    target, target_speed = 0.5 * stroke + amplitude * math.sin(w * t), amplitude * w * math.cos(w * t)
+    u = servo["kp"] * (target - x) + servo["kd"] * (target_speed - v)
+    return min(1.0, max(-1.0, u))
+
+
+def _run_servo(drive: Drive, case: Json, method: str, tol: float) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+    """Integrate from sample to sample of the controller; keep every n-th state."""
+    servo, y = case["servo"], _initial(drive, case)
+    keep = round(servo["sample_rate_hz"] / case["sample_rate_hz"])
+    grid = sample_times(case["duration_s"], servo["sample_rate_hz"])
+    kept, statistics = [y], {"rhs": 0, "switches": 0}
+    for i, (t0, t1) in enumerate(itertools.pairwise(grid)):
+        u = servo_command(servo, drive.stroke, t0, y[0], y[1])
+        solution = _solve(drive.rhs_lugre, t0, t1, y, method, tol, args=(u,))
+        statistics["rhs"] += solution.nfev
+        y = solution.y[:, -1]
+        if (i + 1) % keep == 0:
+            kept.append(y)
+    return grid[::keep], np.array(kept), statistics
+
+
 def _solve(fun: Any, t0: float, t1: float, y: np.ndarray, method: str, tol: float, **more: Any) -> Any:
-    solution = solve_ivp(
-        fun, (t0, t1), y, method=method, rtol=tol, atol=tol * TOLERANCE_SCALE[: len(y)], **more
-    )
+    solution = solve_ivp(fun, (t0, t1), y, method=method, rtol=tol, atol=tol * TOLERANCE_SCALE[: len(y)], **more)
     if not solution.success:
         raise RuntimeError(solution.message)
     return solution
 
 
 def _smooth(
-    drive: Drive, y: np.ndarray, u: float, t0: float, t1: float, times: np.ndarray, states: np.ndarray,
-    inside: np.ndarray, method: str, tol: float, statistics: dict[str, int],
+    drive: Drive,
+    y: np.ndarray,
+    u: float,
+    t0: float,
+    t1: float,
+    times: np.ndarray,
+    states: np.ndarray,
+    inside: np.ndarray,
+    method: str,
+    tol: float,
+    statistics: dict[str, int],
 ) -> np.ndarray:
     asked = np.append(times, t1) if len(times) == 0 or times[-1] < t1 else times
     solution = _solve(drive.rhs_lugre, t0, t1, y, method, tol, t_eval=asked, args=(u,))
@@ -116,8 +155,17 @@ def _events(drive: Drive, mode: int, entered: float) -> list[Any]:
 
 
 def _switched(
-    drive: Drive, y: np.ndarray, u: float, t0: float, t1: float, times: np.ndarray, states: np.ndarray,
-    mode: int | None, method: str, tol: float, statistics: dict[str, int],
+    drive: Drive,
+    y: np.ndarray,
+    u: float,
+    t0: float,
+    t1: float,
+    times: np.ndarray,
+    states: np.ndarray,
+    mode: int | None,
+    method: str,
+    tol: float,
+    statistics: dict[str, int],
 ) -> tuple[np.ndarray, int]:
     t = t0
     if mode is None:

@@ -4,9 +4,9 @@ The core integrates mass and internal energy of each chamber; this model integra
 temperature.  The core is Rust with automatic derivatives; this is plain Python.  An error in one
 of them therefore shows as a difference.
 
-State vector (SI, absolute pressure), chamber a grows with x::
+State vector (SI, absolute pressure; t is temperature), chamber a grows with x::
 
-    y = [x, v, p_a, T_a, p_b, T_b]  and, for `lugre`, the bristle deflection z
+    y = [x, v, p_a, t_a, p_b, t_b]  and, for `lugre`, the bristle deflection z
 
 Sign conventions: x and v grow towards chamber b's end, mass flow is positive into a chamber, the
 friction force is positive when it opposes v > 0, the end stop force likewise.
@@ -54,12 +54,12 @@ class Drive:
     def __init__(self, description: Json) -> None:
         self.description = description
         gas, cylinder, valve = description["gas"], description["cylinder"], description["valve"]
-        self.k, self.R = gas["heat_capacity_ratio"], gas["gas_constant_j_kg_k"]
-        self.p_amb, self.T_amb = _node(description["ambient"])
-        self.p_sup, self.T_sup = _node(description["supply"])
+        self.k, self.r_gas = gas["heat_capacity_ratio"], gas["gas_constant_j_kg_k"]
+        self.p_amb, self.t_amb = _node(description["ambient"])
+        self.p_sup, self.t_sup = _node(description["supply"])
         self.stroke = cylinder["stroke_m"]
         self.chamber_a, self.chamber_b = _chambers(cylinder)
-        self.alpha, self.T_wall = cylinder["heat_transfer_w_m2_k"], cylinder["wall_temperature_k"]
+        self.alpha, self.t_wall = cylinder["heat_transfer_w_m2_k"], cylinder["wall_temperature_k"]
         self.stop = cylinder["end_stop"]
         self.b, self.m_index = valve["critical_pressure_ratio"], valve["subsonic_index"]
         self.r_linear = valve["linear_above"]
@@ -74,12 +74,12 @@ class Drive:
         self.spring = load["spring"] or {"stiffness_n_m": 0.0, "rest_position_m": 0.0}
 
     def _density_and_conductance_factor(self) -> float:
-        """Reference density times C_gas/C_air, kg/m3."""
-        if self.k == AIR_HEAT_CAPACITY_RATIO and self.R == AIR_GAS_CONSTANT:
+        """Return the reference density times C_gas/C_air, kg/m3."""
+        if self.k == AIR_HEAT_CAPACITY_RATIO and self.r_gas == AIR_GAS_CONSTANT:
             return REFERENCE_AIR_DENSITY
-        density = REFERENCE_PRESSURE / (self.R * REFERENCE_TEMPERATURE)
+        density = REFERENCE_PRESSURE / (self.r_gas * REFERENCE_TEMPERATURE)
         ratio = choked_flow_factor(self.k) / choked_flow_factor(AIR_HEAT_CAPACITY_RATIO)
-        return density * math.sqrt(self.R / AIR_GAS_CONSTANT) * ratio
+        return density * math.sqrt(self.r_gas / AIR_GAS_CONSTANT) * ratio
 
     # -- valve --------------------------------------------------------------------------------
     def flow_function(self, r: float) -> float:
@@ -91,35 +91,42 @@ class Drive:
         at_limit = (1.0 - ((self.r_linear - self.b) / (1.0 - self.b)) ** 2) ** self.m_index
         return at_limit * (1.0 - r) / (1.0 - self.r_linear)
 
-    def mass_flow(self, p_port: float, T_port: float, p: float, T: float, opening: float) -> float:
+    def mass_flow(self, p_port: float, t_port: float, p: float, t: float, opening: float) -> float:
         """Mass flow from the port into the chamber, kg/s, with the donor's temperature."""
         if p_port >= p:
-            donor_p, donor_T, r, sign = p_port, T_port, p / p_port, 1.0
+            donor_p, donor_t, r, sign = p_port, t_port, p / p_port, 1.0
         else:
-            donor_p, donor_T, r, sign = p, T, p_port / p, -1.0
-        choked = self.rho_c * donor_p * math.sqrt(REFERENCE_TEMPERATURE / donor_T)
+            donor_p, donor_t, r, sign = p, t, p_port / p, -1.0
+        choked = self.rho_c * donor_p * math.sqrt(REFERENCE_TEMPERATURE / donor_t)
         return sign * opening * choked * self.flow_function(r)
 
     def ports(self, u: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """(pressure, temperature) that chamber a and chamber b are connected to."""
-        supply, exhaust = (self.p_sup, self.T_sup), (self.p_amb, self.T_amb)
+        supply, exhaust = (self.p_sup, self.t_sup), (self.p_amb, self.t_amb)
         return (supply, exhaust) if u >= 0.0 else (exhaust, supply)
 
     # -- chambers -----------------------------------------------------------------------------
     def chamber_rates(
-        self, chamber: Chamber, length: float, speed: float, p: float, T: float, port: tuple[float, float], opening: float
+        self,
+        chamber: Chamber,
+        length: float,
+        speed: float,
+        p: float,
+        t: float,
+        port: tuple[float, float],
+        opening: float,
     ) -> tuple[float, float]:
         """(dp/dt, dT/dt) from the balances of mass and internal energy of an ideal gas."""
         volume, volume_rate = chamber.volume(length), chamber.area * speed
-        c_v = self.R / (self.k - 1.0)
-        c_p = c_v + self.R
-        flow = self.mass_flow(port[0], port[1], p, T, opening)
-        enthalpy = c_p * flow * (port[1] if flow > 0.0 else T)
-        heat = self.alpha * chamber.wall_area(length) * (self.T_wall - T)
+        c_v = self.r_gas / (self.k - 1.0)
+        c_p = c_v + self.r_gas
+        flow = self.mass_flow(port[0], port[1], p, t, opening)
+        enthalpy = c_p * flow * (port[1] if flow > 0.0 else t)
+        heat = self.alpha * chamber.wall_area(length) * (self.t_wall - t)
         energy_rate = enthalpy - p * volume_rate + heat
-        mass = p * volume / (self.R * T)
+        mass = p * volume / (self.r_gas * t)
         p_rate = ((self.k - 1.0) * energy_rate - p * volume_rate) / volume
-        return p_rate, (energy_rate / c_v - T * flow) / mass
+        return p_rate, (energy_rate / c_v - t * flow) / mass
 
     # -- forces -------------------------------------------------------------------------------
     def end_stop_force(self, x: float, v: float) -> float:
@@ -173,11 +180,13 @@ class Drive:
 
     # -- the whole ----------------------------------------------------------------------------
     def gas_rates(self, y: list[float], u: float) -> tuple[float, float, float, float]:
-        """(dp_a/dt, dT_a/dt, dp_b/dt, dT_b/dt)."""
-        x, v, p_a, T_a, p_b, T_b = y[:6]
+        """(dp_a/dt, dT_a/dt, dp_b/dt, dT_b/dt); NaN makes the integrator refuse an impossible trial step."""
+        x, v, p_a, t_a, p_b, t_b = y[:6]
+        if min(p_a, t_a, p_b, t_b) <= 0.0:
+            return (math.nan, math.nan, math.nan, math.nan)
         port_a, port_b = self.ports(u)
-        rates_a = self.chamber_rates(self.chamber_a, x, v, p_a, T_a, port_a, abs(u))
-        rates_b = self.chamber_rates(self.chamber_b, self.stroke - x, -v, p_b, T_b, port_b, abs(u))
+        rates_a = self.chamber_rates(self.chamber_a, x, v, p_a, t_a, port_a, abs(u))
+        rates_b = self.chamber_rates(self.chamber_b, self.stroke - x, -v, p_b, t_b, port_b, abs(u))
         return (*rates_a, *rates_b)
 
     def rhs_lugre(self, _t: float, y: Any, u: float) -> list[float]:
