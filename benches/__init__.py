@@ -1,0 +1,1 @@
+"""Seconds, side by side with other solvers: ``make bench``. Tracked, never gating."""

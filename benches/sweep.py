@@ -1,0 +1,96 @@
+"""Which tolerance each solver needs, and how long it takes there: interleaved, median of rounds."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from benches.problem import DEFAULT, GRID, errors, meets
+
+SHORTEST_S = 2e-3  # a faster call is repeated until it has taken this long, so that the clock does not matter
+
+WARMED_BELOW_S = 0.1  # such a call is made once untimed before it is timed
+
+
+@dataclass
+class Entry:
+    """One solver on one case."""
+
+    solver: str
+    case: str
+    solve: Callable[[float], np.ndarray]
+    errors: dict[float, tuple[float, float]] = field(default_factory=dict)
+    failures: dict[float, str] = field(default_factory=dict)
+    seconds: dict[float, list[float]] = field(default_factory=dict)
+
+    def run_sweep(self, grid: Sequence[float] = GRID) -> None:
+        """Measure the error at every tolerance of the grid; a failure counts as an infinite error."""
+        for tol in grid:
+            self.errors[tol] = self._error_at(tol)
+
+    def _error_at(self, tol: float) -> tuple[float, float]:
+        try:
+            return errors(self.case, self.solve(tol))
+        except Exception as error:  # what a foreign solver raises is not known: it is a row of the table
+            self.failures[tol] = f"{type(error).__name__}: {error}"
+            return math.inf, math.inf
+
+    @property
+    def loosest(self) -> float | None:
+        """Loosest tolerance at which this and every tighter one meet both bounds."""
+        found = None
+        for tol in sorted(self.errors):
+            if not meets(self.errors[tol]):
+                break
+            found = tol
+        return found
+
+    def timed(self) -> list[float]:
+        """Return the tolerances to time: the loosest that suffices, and the default."""
+        return sorted({t for t in (self.loosest, DEFAULT) if t is not None and math.isfinite(self.errors[t][0])})
+
+    def milliseconds(self, tol: float | None) -> float | None:
+        """Median wall time of one solution, ms."""
+        return None if tol is None or tol not in self.seconds else 1e3 * statistics.median(self.seconds[tol])
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `results.json` keeps."""
+
+        def rounded(value: float) -> float | None:
+            return float(f"{value:.3g}") if math.isfinite(value) else None
+
+        return {
+            "solver": self.solver,
+            "case": self.case,
+            "loosest_tolerance": self.loosest,
+            "milliseconds": {f"{t:g}": float(f"{1e3 * statistics.median(s):.4g}") for t, s in self.seconds.items()},
+            "errors_um_and_relative": {f"{t:g}": [rounded(e) for e in pair] for t, pair in self.errors.items()},
+            "failures": {f"{t:g}": text for t, text in self.failures.items()},
+        }
+
+
+def once(solve: Callable[[float], Any], tol: float) -> float:
+    """Time of one call in seconds; the mean over repeats where one call is short."""
+    calls, started = 0, time.perf_counter()
+    while True:
+        solve(tol)
+        calls += 1
+        elapsed = time.perf_counter() - started
+        if elapsed >= SHORTEST_S:
+            return elapsed / calls
+
+
+def interleave(entries: Sequence[Entry], rounds: int) -> None:
+    """Time every entry once a round, so that a disturbance hits all of them alike."""
+    for _ in range(rounds):
+        for entry in entries:
+            for tol in entry.timed():
+                if min(entry.seconds.get(tol, [0.0])) < WARMED_BELOW_S:
+                    entry.solve(tol)  # a foreign solver has just emptied the cache
+                entry.seconds.setdefault(tol, []).append(once(entry.solve, tol))
