@@ -1,0 +1,68 @@
+"""Recordings into friction maps and other curves, with uncertainty.
+
+``characterise`` gives the friction map as a Dataset; ``characterise_recordings`` everything behind it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pneudrive.characterise.characterisation import Characterisation, characterise_recordings
+from pneudrive.characterise.friction_map import read_map, write_map
+from pneudrive.characterise.layout import Layout
+from pneudrive.characterise.load import load_recordings
+from pneudrive.characterise.recording import Recording
+from pneudrive.characterise.settling import Settled, SourcePaper
+from pneudrive.characterise.stick_slip import StickSlip, find_stick_slip
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import xarray as xr
+
+    from pneudrive.characterise.settling import SampleChoice
+
+__all__ = [
+    "Characterisation",
+    "Layout",
+    "Recording",
+    "Settled",
+    "SourcePaper",
+    "StickSlip",
+    "characterise",
+    "characterise_recordings",
+    "find_stick_slip",
+    "load_recordings",
+    "read_map",
+    "write_map",
+]
+
+
+def characterise(
+    recordings: Sequence[Recording | str | Path] | Recording | str | Path,
+    layout: Layout | str | Path | None = None,
+    protocol: SampleChoice | None = None,
+) -> xr.Dataset:
+    """Give the friction map of recordings.
+
+    Parameters
+    ----------
+    recordings
+        Recordings or files, or one of them.
+    layout
+        How files are read: a layout, its file, or None for ``layout.toml`` beside each recording.
+    protocol
+        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+
+    Returns
+    -------
+    xarray.Dataset
+        One dimension ``row`` (recording, speed level, direction); every variable carries its unit.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        A file or recording that cannot be used; what, where, value, rule and remedy.
+    """
+    return characterise_recordings(recordings, layout, protocol).friction_map

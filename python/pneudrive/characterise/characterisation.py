@@ -1,0 +1,240 @@
+"""From recordings to everything that is known about them: one call, one result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.budget import expanded
+from pneudrive.characterise.closure import ClosureFit, fit_closures
+from pneudrive.characterise.extract import Level, RecordingResult, extract
+from pneudrive.characterise.friction_map import to_dataset
+from pneudrive.characterise.layout import Layout
+from pneudrive.characterise.load import load_recordings
+from pneudrive.characterise.pressure_line import (
+    FrictionPoint,
+    PressureLine,
+    RunSpread,
+    fit_pressure_lines,
+    run_spread,
+)
+from pneudrive.characterise.recording import Recording
+from pneudrive.characterise.settling import SampleChoice, Settled
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import xarray as xr
+
+CONFOUNDED = 0.7  # correlation of speed and pressure beyond which their effects are called confounded
+
+
+@dataclass(frozen=True)
+class Characterisation:
+    """Everything that one run of the characterisation found. SI, absolute pressures, N.
+
+    Attributes
+    ----------
+    results : tuple of RecordingResult
+        One per recording that was counted: ``recording`` (cleaned Recording with name, sha256, labels,
+        flags as counts), ``strokes`` (tuple of Stroke: index, direction, start, stop, from_m, to_m,
+        speed_m_s, dwell_s), ``settled`` (n,) bool, ``balance_n`` (n,), ``levels`` (tuple of Level),
+        ``closure_points``.
+        A Level has ``profile`` (Profile: position_m, up_n, down_n, friction_n, offset_n, each (m,);
+        up_strokes_n, down_strokes_n (strokes, m); in_window (m,)), ``window_m``, ``friction_n``,
+        ``offset_n``, ``stderr_n``, ``u_systematic_n``, ``u_offset_n``, ``expanded_n`` (U, k = 2),
+        ``spreads`` {+1/-1: Spread(strokes, mean_n, deviation_n, stderr_n, effective, slope_n, trend_p,
+        has_trend)}, ``stroke_friction_n`` and ``stroke_times_s`` {+1/-1: (strokes,)} for drift,
+        ``budget`` (tuple of BudgetEntry: source, standard_uncertainty, unit, basis, kind, friction_n,
+        offset_n, note), ``peaks`` (tuple of ReversalPeak: direction, time_s, position_m, friction_n,
+        sliding_n, excess_n, significant, dwell_s, loading_rate_n_s, rise_samples, flags),
+        ``stick_slip`` (tuple of StickSlip, one per stroke), ``flags``, ``rows``.
+    friction_map : xarray.Dataset
+        One dimension ``row``; the variables of ``friction_map.COLUMNS``.
+    closures : tuple of ClosureFit
+        Effective area and force zero per seal: group, recordings, areas_m2 {"a"/"b": Estimate(value,
+        stderr, low, high)}, nominal_m2, force_zero_n (Estimate), pressure_pa, half_sum_force_n,
+        residual_n (points,), residual_deviation_n, degrees_of_freedom, statement.
+    pressure_lines : tuple of PressureLine
+        Friction against gauge pressure per seal: seal, points (tuple of FrictionPoint: recording, seal,
+        run, pressure_pa, speed_m_s, friction_n, expanded_n), intercept_n, slope_n_pa, covariance,
+        band_pressure_pa, band_mean_n, band_low_n, band_high_n (41,), basis, statement.
+    points : tuple of FrictionPoint
+        All of them, also of seals that have no line.
+    run_spread : RunSpread or None
+        Relative standard deviation between runs; cells (seal, pressure_pa, lowest, highest, relative
+        difference). None where nothing was run twice.
+    notes : tuple of str
+        What the reader must know, in sentences: identical files, confounded speed and pressure, assumed
+        accuracies, what cannot be separated.
+    skipped : tuple of (str, str)
+        Recordings that were not counted, and why.
+    protocol : str
+        "settled" or "source-paper".
+    """
+
+    results: tuple[RecordingResult, ...]
+    friction_map: xr.Dataset
+    closures: tuple[ClosureFit, ...]
+    pressure_lines: tuple[PressureLine, ...]
+    points: tuple[FrictionPoint, ...]
+    run_spread: RunSpread | None
+    notes: tuple[str, ...]
+    skipped: tuple[tuple[str, str], ...]
+    protocol: str
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """The cleaned recordings."""
+        return tuple(result.recording for result in self.results)
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """All speed levels of all recordings."""
+        return tuple(level for result in self.results for level in result.levels)
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether any recording comes from a simulated rig."""
+        return any(recording.synthetic for recording in self.recordings)
+
+
+def characterise_recordings(
+    recordings: Sequence[Recording | str | Path] | Recording | str | Path,
+    layout: Layout | str | Path | None = None,
+    protocol: SampleChoice | None = None,
+) -> Characterisation:
+    """Characterise recordings: strokes, friction, offset, uncertainty, closure, lines over pressure.
+
+    Parameters
+    ----------
+    recordings
+        Recordings or files, or one of them.
+    layout
+        How files are read; None takes ``layout.toml`` beside each file.
+    protocol
+        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+
+    Returns
+    -------
+    Characterisation
+        See there.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        A file or recording that cannot be used.
+    """
+    choice = protocol if protocol is not None else Settled()
+    loaded = _load(recordings, layout)
+    unique, skipped, notes = _count_once(loaded)
+    results = tuple(extract(recording, choice) for recording in unique)
+    rows = [row for result in results for level in result.levels for row in level.rows]
+    points = tuple(_friction_points(results))
+    closures = fit_closures([point for result in results for point in result.closure_points])
+    lines = fit_pressure_lines(list(points))
+    notes += _notes(results, points, lines)
+    return Characterisation(
+        results=results,
+        friction_map=to_dataset(rows),
+        closures=tuple(closures),
+        pressure_lines=tuple(lines),
+        points=points,
+        run_spread=run_spread(list(points)),
+        notes=tuple(notes),
+        skipped=tuple(skipped),
+        protocol=choice.name,
+    )
+
+
+def _load(
+    recordings: Sequence[Recording | str | Path] | Recording | str | Path, layout: Layout | str | Path | None
+) -> list[Recording]:
+    if isinstance(recordings, Recording | str | Path):
+        recordings = [recordings]
+    files = [item for item in recordings if not isinstance(item, Recording)]
+    read = iter(load_recordings(files, layout)) if files else iter(())
+    loaded = [item if isinstance(item, Recording) else next(read) for item in recordings]
+    if not loaded:
+        raise RecordingError("no recording is named", remedy="give at least one recording or file")
+    return loaded
+
+
+def _count_once(recordings: list[Recording]) -> tuple[list[Recording], list[tuple[str, str]], list[str]]:
+    """Leave out recordings whose samples equal those of an earlier one."""
+    seen: dict[bytes, str] = {}
+    unique, skipped, notes = [], [], []
+    for recording in recordings:
+        channels = (recording.time_s, recording.position_m, recording.force_n)
+        key = b"".join(np.ascontiguousarray(c).tobytes() for c in channels)
+        key += recording.pressure_a_pa.tobytes() + recording.pressure_b_pa.tobytes()
+        if key in seen:
+            skipped.append((recording.name, f"identical to {seen[key]}"))
+            notes.append(f"{recording.name} holds the same samples as {seen[key]}: counted once.")
+        else:
+            seen[key] = recording.name
+            unique.append(recording)
+    return unique, skipped, notes
+
+
+def _friction_points(results: tuple[RecordingResult, ...]) -> list[FrictionPoint]:
+    """One point per speed level: friction at the gauge pressure of the side that is pressurised more."""
+    points = []
+    for result in results:
+        recording = result.recording
+        for level in result.levels:
+            gauge = [
+                float(np.mean([getattr(row, f"pressure_{side}_pa") for row in level.rows]))
+                - recording.ambient_pressure_pa
+                for side in ("a", "b")
+            ]
+            points.append(
+                FrictionPoint(
+                    recording=recording.name,
+                    seal=recording.labels.get("seal", "all recordings"),
+                    run=recording.labels.get("run", "1"),
+                    pressure_pa=max(gauge, key=abs),
+                    speed_m_s=float(np.mean([abs(row.velocity_m_s) for row in level.rows])),
+                    friction_n=level.friction_n,
+                    expanded_n=expanded(level.stderr_n, level.u_systematic_n),
+                )
+            )
+    return points
+
+
+def _notes(
+    results: tuple[RecordingResult, ...], points: tuple[FrictionPoint, ...], lines: list[PressureLine]
+) -> list[str]:
+    notes = []
+    speeds = np.array([p.speed_m_s for p in points])
+    pressures = np.array([p.pressure_pa for p in points])
+    low, high = speeds.min() * 1e3, speeds.max() * 1e3
+    notes.append(f"What is measured is the mean sliding friction in the window at {low:.3g} to {high:.3g} mm/s.")
+    if len(points) >= 3 and np.ptp(speeds) > 0 and np.ptp(pressures) > 0:
+        together = float(np.corrcoef(speeds, pressures)[0, 1])
+        if abs(together) > CONFOUNDED:
+            word = "falls" if together < 0 else "rises"
+            notes.append(
+                f"Speed {word} as pressure rises (correlation {together:+.2f}): their effects on friction are "
+                "confounded, and neither can be given alone."
+            )
+    only_one_side = all(
+        np.ptp(r.recording.pressure_a_pa) == 0 or np.ptp(r.recording.pressure_b_pa) == 0 for r in results
+    )
+    if only_one_side:
+        notes.append(
+            "Only one side is under pressure: force zero, area error, springs, weight and asymmetry of direction "
+            "all end in the offset and are not separable."
+        )
+    assumed = sorted({e.source for r in results for level in r.levels for e in level.budget if e.basis == "assumed"})
+    if assumed:
+        notes.append(f"Assumed, not given by the layout: {', '.join(assumed)}.")
+    larger = [level.recording for r in results for level in r.levels if abs(level.offset_n) > level.friction_n]
+    if larger:
+        notes.append(f"The offset is larger than the friction in {', '.join(dict.fromkeys(larger))}.")
+    notes += [line.statement for line in lines]
+    return notes

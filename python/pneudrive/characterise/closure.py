@@ -1,0 +1,136 @@
+"""Closure of the force balance: half the sum of both directions against pressure gives area and force zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CONFIDENCE = 0.95
+MINIMUM_RANGE_PA = 2e4  # below this change of pressure an area is not asked for
+
+
+@dataclass(frozen=True)
+class ClosurePoint:
+    """Half the sum of both directions' forces at one pressure: where friction has dropped out."""
+
+    recording: str
+    group: str
+    half_sum_force_n: float
+    gauge_a_pa: float
+    gauge_b_pa: float
+    weight_n: float
+    area_a_m2: float
+    area_b_m2: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Value with standard error and 95 % interval (infinite where there are no degrees of freedom)."""
+
+    value: float
+    stderr: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class ClosureFit:
+    """Effective areas and force zero of one group of recordings (one seal, one geometry).
+
+    ``areas_m2`` has an entry for each chamber whose pressure changed, ``nominal_m2`` the areas of the
+    layout. ``force_zero_n`` is what the sensor shows without friction and pressure. ``pressure_pa``,
+    ``residual_n`` (points,) are the gauge pressure of the chamber that changed most and what the line
+    leaves. ``statement`` says it in a sentence.
+    """
+
+    group: str
+    recordings: tuple[str, ...]
+    areas_m2: dict[str, Estimate]
+    nominal_m2: dict[str, float]
+    force_zero_n: Estimate
+    pressure_pa: NDArray[np.float64]
+    half_sum_force_n: NDArray[np.float64]
+    residual_n: NDArray[np.float64]
+    residual_deviation_n: float
+    degrees_of_freedom: int
+    statement: str
+
+
+def fit_closures(points: list[ClosurePoint]) -> list[ClosureFit]:
+    """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, gauge pressures.
+
+    Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out.
+    """
+    groups: dict[tuple, list[ClosurePoint]] = {}
+    for point in points:
+        groups.setdefault((point.group, point.area_a_m2, point.area_b_m2), []).append(point)
+    fits = [_fit(members) for members in groups.values()]
+    return [fit for fit in fits if fit is not None]
+
+
+def _fit(points: list[ClosurePoint]) -> ClosureFit | None:
+    gauge = {side: np.array([getattr(p, f"gauge_{side}_pa") for p in points]) for side in ("a", "b")}
+    sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
+    force = np.array([p.half_sum_force_n - p.weight_n for p in points])
+    first = points[0]
+    nominal = {"a": first.area_a_m2, "b": first.area_b_m2}
+    sign = {"a": -1.0, "b": 1.0}
+    if not sides or len(points) < len(sides) + 1:
+        return None
+    for side in ("a", "b"):
+        if side not in sides:  # a chamber held at one pressure acts with its nominal area
+            force = force - sign[side] * nominal[side] * gauge[side]
+    matrix = np.column_stack([*(sign[s] * gauge[s] for s in sides), np.ones(len(points))])
+    scale = np.abs(matrix).max(axis=0)
+    if np.linalg.matrix_rank(matrix / scale, tol=1e-6) < matrix.shape[1]:
+        return None
+    solution = np.linalg.lstsq(matrix / scale, force, rcond=None)[0] / scale
+    residual = force - matrix @ solution
+    dof = len(points) - matrix.shape[1]
+    deviation = float(np.sqrt(residual @ residual / dof)) if dof > 0 else float("nan")
+    inverse = np.linalg.inv((matrix / scale).T @ (matrix / scale))
+    errors = deviation * np.sqrt(np.diag(inverse)) / scale
+    estimates = [_estimate(v, e, dof) for v, e in zip(solution, errors, strict=True)]
+    areas = dict(zip(sides, estimates[:-1], strict=True))
+    lead = max(sides, key=lambda side: float(np.ptp(gauge[side])))
+    return ClosureFit(
+        group=first.group,
+        recordings=tuple(p.recording for p in points),
+        areas_m2=areas,
+        nominal_m2={side: nominal[side] for side in sides},
+        force_zero_n=estimates[-1],
+        pressure_pa=gauge[lead],
+        half_sum_force_n=np.array([p.half_sum_force_n for p in points]),
+        residual_n=residual,
+        residual_deviation_n=deviation,
+        degrees_of_freedom=dof,
+        statement=_statement(first.group, areas, nominal, estimates[-1], dof),
+    )
+
+
+def _estimate(value: float, stderr: float, dof: int) -> Estimate:
+    if dof <= 0:
+        return Estimate(float(value), float("nan"), float("-inf"), float("inf"))
+    from scipy.stats import t
+
+    half = float(t.ppf(0.5 + CONFIDENCE / 2, dof)) * float(stderr)
+    return Estimate(float(value), float(stderr), float(value) - half, float(value) + half)
+
+
+def _statement(group: str, areas: dict[str, Estimate], nominal: dict[str, float], zero: Estimate, dof: int) -> str:
+    parts = []
+    for side, area in areas.items():
+        shown = f"effective area {side} {area.value * 1e4:.4g} cm2, {100 * (area.value / nominal[side] - 1):+.2f} % of nominal"
+        if dof > 0:
+            shown += f" (95 %: {100 * (area.low / nominal[side] - 1):+.2f} to {100 * (area.high / nominal[side] - 1):+.2f} %)"
+        parts.append(shown)
+    end = f"force zero {zero.value:+.2f} N"
+    end += f" (95 %: {zero.low:+.2f} to {zero.high:+.2f} N)" if dof > 0 else "; no spare recording: no interval"
+    if len(areas) == 1:
+        end += "; with one side under pressure, errors of area, pressure gain and force gain are not separable"
+    return f"{group}: {', '.join(parts)}; {end}."

@@ -1,0 +1,348 @@
+"""One recording through the chain: strokes, settled samples, profiles, map rows, uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.budget import BudgetEntry, DirectionMeans, combined, expanded, systematic_budget
+from pneudrive.characterise.closure import ClosurePoint
+from pneudrive.characterise.friction_map import MapRow
+from pneudrive.characterise.levels import speed_levels
+from pneudrive.characterise.motion import Stroke, find_strokes, local_slope
+from pneudrive.characterise.profile import Profile, build_profile, stroke_means
+from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2, Recording
+from pneudrive.characterise.reversal import ReversalPeak, find_reversal_peaks, usable
+from pneudrive.characterise.samples import clean
+from pneudrive.characterise.settling import SampleChoice
+from pneudrive.characterise.spread import Spread, pair_stderr, profile_stderr, spread_of
+from pneudrive.characterise.stick_slip import StickSlip, measure_stick_slip
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+DEFAULT_WINDOW = (0.2, 0.8)  # of the stroke
+# A stroke counts in the window when it has settled samples in at least this share of its bins.
+COVERED_SHARE = 0.5
+RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is no point of F(v)
+
+
+@dataclass(frozen=True)
+class Level:
+    """One speed level of one recording.
+
+    ``spreads`` and ``stroke_friction_n`` are by direction +1/-1: the latter holds the mean friction of
+    each stroke in the window, direction * (stroke - offset), in N, and ``stroke_times_s`` its time.
+    """
+
+    recording: str
+    index: int
+    strokes: tuple[Stroke, ...]
+    profile: Profile
+    window_m: tuple[float, float]
+    friction_n: float
+    offset_n: float
+    stderr_n: float
+    u_systematic_n: float
+    u_offset_n: float
+    spreads: dict[int, Spread]
+    stroke_friction_n: dict[int, NDArray[np.float64]]
+    stroke_times_s: dict[int, NDArray[np.float64]]
+    budget: tuple[BudgetEntry, ...]
+    peaks: tuple[ReversalPeak, ...]
+    stick_slip: tuple[StickSlip, ...]
+    flags: tuple[str, ...]
+    rows: tuple[MapRow, ...]
+
+    @property
+    def expanded_n(self) -> float:
+        """Expanded uncertainty U (k = 2) of ``friction_n``."""
+        return expanded(self.stderr_n, self.u_systematic_n)
+
+
+@dataclass(frozen=True)
+class RecordingResult:
+    """What one recording gave. ``recording`` is the cleaned one, with its counts of flags."""
+
+    recording: Recording
+    strokes: tuple[Stroke, ...]
+    settled: NDArray[np.bool_]
+    balance_n: NDArray[np.float64]
+    levels: tuple[Level, ...]
+    closure_points: tuple[ClosurePoint, ...]
+
+
+def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
+    """Extract friction from one recording.
+
+    Raises
+    ------
+    RecordingError
+        No motion, too few samples, or no stroke with settled samples in the window.
+    """
+    recording = clean(recording)
+    strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
+    acceleration: NDArray[np.float64] | float = 0.0
+    if recording.mass_beyond_sensor_kg:
+        acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
+    settled, balance = choice.choose(recording.time_s, recording.position_m, recording.balance_n(acceleration), strokes)
+    window = _window(recording, strokes, choice)
+    levels = []
+    for members in speed_levels(strokes):
+        level = _level(recording, len(levels), members, balance, settled, window)
+        if level is not None:
+            levels.append(level)
+    if not levels:
+        raise RecordingError(
+            "no stroke has settled samples in the window",
+            where=recording.name,
+            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {len(strokes)} strokes",
+            remedy="widen window.position in the layout, or record longer strokes",
+        )
+    points = [p for p in (_closure_point(recording, level) for level in levels) if p is not None]
+    return RecordingResult(recording, tuple(strokes), settled, balance, tuple(levels), tuple(points))
+
+
+def _window(recording: Recording, strokes: list[Stroke], choice: SampleChoice) -> tuple[float, float]:
+    low = float(np.median([min(s.from_m, s.to_m) for s in strokes]))
+    high = float(np.median([max(s.from_m, s.to_m) for s in strokes]))
+    if not choice.uses_window:
+        return low, high
+    if recording.window_m is not None:
+        if recording.window_m[0] >= high or recording.window_m[1] <= low:
+            raise RecordingError(
+                "the window lies outside the motion",
+                where=recording.name,
+                value=f"window {recording.window_m[0] * 1e3:.4g} .. {recording.window_m[1] * 1e3:.4g} mm, "
+                f"strokes {low * 1e3:.4g} .. {high * 1e3:.4g} mm",
+                remedy="change window.position in the layout",
+            )
+        return recording.window_m
+    travel = high - low
+    return low + DEFAULT_WINDOW[0] * travel, low + DEFAULT_WINDOW[1] * travel
+
+
+def _level(
+    recording: Recording,
+    index: int,
+    strokes: list[Stroke],
+    balance: NDArray[np.float64],
+    settled: NDArray[np.bool_],
+    window: tuple[float, float],
+) -> Level | None:
+    """Put one speed level together; None where no stroke covers the window."""
+    profile = build_profile(recording.name, index, strokes, recording.position_m, balance, settled, window)
+    rows = {1: profile.up_strokes_n, -1: profile.down_strokes_n}
+    covered = {
+        d: np.isfinite(r[:, profile.in_window]).mean(axis=1) >= COVERED_SHARE if r.size else np.zeros(0, bool)
+        for d, r in rows.items()
+    }
+    by_direction = {d: [s for s in strokes if s.direction == d] for d in (1, -1)}
+    used = {d: [s for s, ok in zip(by_direction[d], covered[d], strict=True) if ok] for d in (1, -1)}
+    present = [d for d in (1, -1) if used[d]]
+    if not present:
+        return None
+    # Equal positions: only bins that every present direction has.
+    bins = profile.in_window.copy()
+    for d in present:
+        bins &= np.isfinite(rows[d][covered[d]]).any(axis=0)
+    if not bins.any():
+        return None
+    means = {d: stroke_means(rows[d][covered[d]], bins) if d in present else np.zeros(0) for d in (1, -1)}
+    spreads = {d: spread_of(means[d]) for d in (1, -1)}
+    conditions = {d: _conditions(recording, used[d], settled, window) for d in present}
+    paired = len(present) == 2
+    up, down = (conditions.get(d, conditions[present[0]]) for d in (1, -1))
+    slope = _slope(profile.position_m[bins], profile.offset_n[bins]) if paired else 0.0
+    interval = float(np.median(np.diff(recording.time_s)))
+    budget = systematic_budget(recording, up.means, down.means, slope, interval)
+    u_friction, u_offset = combined(budget)
+    if paired:
+        friction = (spreads[1].mean_n - spreads[-1].mean_n) / 2
+        offset = (spreads[1].mean_n + spreads[-1].mean_n) / 2
+        stderr = pair_stderr(spreads[1], spreads[-1])
+        if not np.isfinite(stderr):
+            stderr = profile_stderr(profile.friction_n[bins])
+    else:
+        only = present[0]
+        friction, offset, u_friction = only * spreads[only].mean_n, float("nan"), u_offset
+        stderr = spreads[only].stderr_n
+        if not np.isfinite(stderr):
+            stderr = profile_stderr(rows[only][covered[only]][0][bins])
+    peaks = find_reversal_peaks(recording, strokes, balance, profile) if paired else []
+    slips = [_stick_slip(recording, s) for s in (*used[1], *used[-1])]
+    stick_slip = tuple(s for s in slips if s is not None)
+    flags = _level_flags(recording, used, conditions, spreads, stick_slip, bins, profile, friction, paired=paired)
+    centre = offset if paired else 0.0
+    level = Level(
+        recording=recording.name,
+        index=index,
+        strokes=tuple(strokes),
+        profile=profile,
+        window_m=window,
+        friction_n=friction,
+        offset_n=offset,
+        stderr_n=stderr,
+        u_systematic_n=u_friction,
+        u_offset_n=u_offset,
+        spreads=spreads,
+        stroke_friction_n={d: d * (means[d] - centre) for d in (1, -1)},
+        stroke_times_s={d: np.array([recording.time_s[s.start] for s in used[d]]) for d in (1, -1)},
+        budget=tuple(budget),
+        peaks=tuple(peaks),
+        stick_slip=stick_slip,
+        flags=flags,
+        rows=(),
+    )
+    return _with_rows(level, conditions, used, peaks)
+
+
+@dataclass(frozen=True)
+class _Conditions:
+    """Means over the settled samples of the window in one direction."""
+
+    means: DirectionMeans
+    samples: int
+    pressure_moves_n: float
+
+
+def _conditions(
+    recording: Recording, strokes: list[Stroke], settled: NDArray[np.bool_], window: tuple[float, float]
+) -> _Conditions:
+    position = recording.position_m
+    inside = (position >= window[0]) & (position <= window[1]) & settled
+    force, pressure_a, pressure_b, speed, moves = [], [], [], [], []
+    samples = 0
+    for stroke in strokes:
+        index = np.flatnonzero(inside[stroke.samples]) + stroke.start
+        samples += index.size
+        force.append(recording.force_n[index].mean())
+        pressure_a.append(recording.pressure_a_pa[index].mean())
+        pressure_b.append(recording.pressure_b_pa[index].mean())
+        time = recording.time_s[index[-1]] - recording.time_s[index[0]]
+        speed.append((position[index[-1]] - position[index[0]]) / time if time > 0 else stroke.speed_m_s)
+        moves.append(
+            np.ptp(np.quantile(recording.pressure_a_pa[index], [0.05, 0.95])) * recording.area_a_m2
+            + np.ptp(np.quantile(recording.pressure_b_pa[index], [0.05, 0.95])) * recording.area_b_m2
+        )
+    means = DirectionMeans(*(float(np.mean(v)) for v in (force, pressure_a, pressure_b, speed)))
+    return _Conditions(means, samples, float(np.median(moves)))
+
+
+def _slope(position_m: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    known = np.isfinite(values)
+    if known.sum() < 3:
+        return 0.0
+    x = position_m[known] - position_m[known].mean()
+    return float(x @ values[known] / (x @ x))
+
+
+def _stick_slip(recording: Recording, stroke: Stroke) -> StickSlip | None:
+    share = (recording.position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
+    inside = np.flatnonzero((share >= 0.1) & (share <= 0.9))
+    if inside.size < 20:
+        return None
+    section = slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
+    return measure_stick_slip(recording.time_s[section], recording.position_m[section])
+
+
+def _level_flags(
+    recording: Recording,
+    used: dict[int, list[Stroke]],
+    conditions: dict[int, _Conditions],
+    spreads: dict[int, Spread],
+    stick_slip: tuple[StickSlip, ...],
+    bins: NDArray[np.bool_],
+    profile: Profile,
+    friction: float,
+    *,
+    paired: bool,
+) -> tuple[str, ...]:
+    """Names of what the reader of the map should know."""
+    flags = [kind for kind in recording.flags if recording.flags[kind]]
+    if not paired:
+        flags.append("unpaired")
+    if min(len(used[d]) for d in conditions) == 1:
+        flags.append("single_stroke")
+    if any(s.has_trend for s in spreads.values()):
+        flags.append("trend")
+    if stick_slip and np.mean([s.found for s in stick_slip]) > 0.5:
+        flags.append("stick_slip")
+    elif stick_slip and np.median([s.ripple for s in stick_slip]) > RIPPLE_LIMIT:
+        flags.append("speed_ripple")
+    if bins.sum() < 0.9 * profile.in_window.sum():
+        flags.append("window_not_covered")
+    if any(c.pressure_moves_n > 0.5 * abs(friction) for c in conditions.values()):
+        flags.append("pressure_moves")
+    if paired:
+        speeds = [abs(c.means.speed_m_s) for c in conditions.values()]
+        if abs(speeds[0] - speeds[1]) > 0.1 * max(speeds):
+            flags.append("unequal_speeds")
+    return tuple(flags)
+
+
+def _with_rows(
+    level: Level, conditions: dict[int, _Conditions], used: dict[int, list[Stroke]], peaks: list[ReversalPeak]
+) -> Level:
+    """Add the map's rows, one per direction that is there."""
+    from dataclasses import replace
+
+    rows = []
+    for direction in conditions:
+        mine = [p for p in peaks if p.direction == direction]
+        good = usable(mine)
+        strokes = [s for s in used[direction] if s.index > 0]
+        rates = [p.loading_rate_n_s for p in mine if np.isfinite(p.loading_rate_n_s)]
+        flags = list(level.flags)
+        if mine and not good:
+            flags.append("breakaway_spoiled")
+        means = conditions[direction].means
+        rows.append(
+            MapRow(
+                recording=level.recording,
+                direction=direction,
+                velocity_m_s=means.speed_m_s,
+                pressure_a_pa=means.pressure_a_pa,
+                pressure_b_pa=means.pressure_b_pa,
+                balance_n=level.spreads[direction].mean_n,
+                friction_n=level.friction_n,
+                offset_n=level.offset_n,
+                stderr_n=level.stderr_n,
+                u_systematic_n=level.u_systematic_n,
+                samples=conditions[direction].samples,
+                strokes=len(used[direction]),
+                position_from_m=level.window_m[0],
+                position_to_m=level.window_m[1],
+                breakaway_n=float(np.median([p.friction_n for p in good])) if good else float("nan"),
+                dwell_s=float(np.median([s.dwell_s for s in strokes])) if strokes else float("nan"),
+                loading_rate_n_s=float(np.median(rates)) if rates else float("nan"),
+                flags=",".join(flags),
+            )
+        )
+    return replace(level, rows=tuple(rows))
+
+
+def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
+    """Half the sum of both directions' forces, by way of the balance so that positions are equal."""
+    if len(level.rows) != 2:
+        return None
+    ambient = recording.ambient_pressure_pa
+    gauge = {
+        side: float(np.mean([getattr(row, f"pressure_{side}_pa") for row in level.rows])) - ambient
+        for side in ("a", "b")
+    }
+    weight = recording.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * float(np.sin(recording.incline_rad))
+    force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
+    return ClosurePoint(
+        recording=recording.name,
+        group=recording.labels.get("seal", "all recordings"),
+        half_sum_force_n=force,
+        gauge_a_pa=gauge["a"],
+        gauge_b_pa=gauge["b"],
+        weight_n=weight,
+        area_a_m2=recording.area_a_m2,
+        area_b_m2=recording.area_b_m2,
+    )

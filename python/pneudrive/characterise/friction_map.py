@@ -1,0 +1,142 @@
+"""The friction map: one row per recording, speed level and direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Column -> (unit, meaning), in the order of the files.
+COLUMNS: dict[str, tuple[str, str]] = {
+    "recording": ("", "name of the recording"),
+    "direction": ("1", "+1 where position grows, -1 where it falls"),
+    "velocity_m_s": ("m/s", "mean speed in the window, with the sign of the direction"),
+    "pressure_a_pa": ("Pa", "mean absolute pressure in chamber a"),
+    "pressure_b_pa": ("Pa", "mean absolute pressure in chamber b"),
+    "balance_n": ("N", "mean of force + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - weight"),
+    "friction_n": ("N", "half the difference of both directions at equal position, positive against motion"),
+    "offset_n": ("N", "half the sum of both directions at equal position"),
+    "stderr_n": ("N", "statistical standard uncertainty of friction_n"),
+    "u_systematic_n": ("N", "systematic standard uncertainty of friction_n"),
+    "samples": ("1", "samples that entered the mean"),
+    "strokes": ("1", "strokes that entered the mean"),
+    "position_from_m": ("m", "lower end of the window"),
+    "position_to_m": ("m", "upper end of the window"),
+    "breakaway_n": ("N", "median peak of friction after reversal, NaN where no peak is usable"),
+    "dwell_s": ("s", "median time at rest before the stroke"),
+    "loading_rate_n_s": ("N/s", "median rate at which friction rises after reversal"),
+    "flags": ("", "comma separated names of what was found"),
+}
+_TEXT = {"recording", "flags"}
+_WHOLE = {"direction", "samples", "strokes"}
+
+
+@dataclass(frozen=True)
+class MapRow:
+    """One row, see ``COLUMNS``."""
+
+    recording: str
+    direction: int
+    velocity_m_s: float
+    pressure_a_pa: float
+    pressure_b_pa: float
+    balance_n: float
+    friction_n: float
+    offset_n: float
+    stderr_n: float
+    u_systematic_n: float
+    samples: int
+    strokes: int
+    position_from_m: float
+    position_to_m: float
+    breakaway_n: float
+    dwell_s: float
+    loading_rate_n_s: float
+    flags: str
+
+
+def to_dataset(rows: list[MapRow]) -> xr.Dataset:
+    """Rows as a Dataset with one dimension ``row`` and a unit on every variable."""
+    return columns_to_dataset({name: [getattr(row, name) for row in rows] for name in COLUMNS})
+
+
+def columns_to_dataset(columns: dict[str, list | np.ndarray]) -> xr.Dataset:
+    """Columns of equal length as a friction map."""
+    import xarray as xr
+
+    variables = {}
+    for name, (unit, meaning) in COLUMNS.items():
+        kind = object if name in _TEXT else np.int64 if name in _WHOLE else np.float64
+        variables[name] = ("row", np.asarray(columns[name], dtype=kind), {"units": unit, "long_name": meaning})
+    return xr.Dataset(variables, attrs={"title": "friction map"})
+
+
+def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
+    """Write map.parquet or map.csv, by suffix, with exactly the columns of ``COLUMNS``.
+
+    Raises
+    ------
+    RecordingError
+        Another suffix, or a folder that cannot be written to.
+    """
+    import polars as pl
+
+    path = Path(path)
+    frame = pl.DataFrame(
+        {name: pl.Series(name, friction_map[name].to_numpy().tolist(), dtype=_polars_type(name)) for name in COLUMNS}
+    )
+    if path.suffix not in (".parquet", ".csv"):
+        raise RecordingError(
+            f"a friction map cannot be written as '{path.suffix}'", where=str(path), remedy="use .parquet or .csv"
+        )
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        if path.suffix == ".parquet":
+            frame.write_parquet(partial)
+        else:
+            frame.write_csv(partial)
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise RecordingError(
+            f"the friction map cannot be written: {error.strerror or error}", where=str(path)
+        ) from None
+    return path
+
+
+def read_map(path: str | Path) -> xr.Dataset:
+    """Read a friction map from map.parquet or map.csv.
+
+    Raises
+    ------
+    RecordingError
+        No such file, not such a table, or columns missing.
+    """
+    import polars as pl
+
+    path = Path(path)
+    types = {name: _polars_type(name) for name in COLUMNS}
+    try:
+        if path.suffix == ".parquet":
+            frame = pl.read_parquet(path)
+        else:
+            frame = pl.read_csv(path, schema_overrides=types, null_values=[], missing_utf8_is_empty_string=True)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise RecordingError(f"not a friction map: {str(error).splitlines()[0]}", where=str(path)) from None
+    missing = [name for name in COLUMNS if name not in frame.columns]
+    if missing:
+        raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path))
+    return columns_to_dataset({name: frame[name].to_list() for name in COLUMNS})
+
+
+def _polars_type(name: str):  # noqa: ANN202 - polars is imported on use
+    import polars as pl
+
+    return pl.String if name in _TEXT else pl.Int64 if name in _WHOLE else pl.Float64

@@ -1,0 +1,147 @@
+"""Files into recordings, through a layout."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.layout import DIMENSIONS, FileLayout, Layout, stem
+from pneudrive.characterise.readers import READERS, read_bytes, read_text
+from pneudrive.characterise.recording import Recording
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+# Where no layout is given, a file must name its columns as trajectories and simulated rigs do.
+MISSING_LAYOUT = "say how the file is read with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
+
+
+def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | None) -> list[Recording]:
+    """Read recordings.
+
+    Parameters
+    ----------
+    paths
+        Files; the order is kept. Names that occur twice get their folder in front.
+    layout
+        A layout or its file. None: a file ``layout.toml`` beside each recording is used.
+
+    Returns
+    -------
+    list of Recording
+        One per file.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        With file, value, rule and remedy.
+    """
+    files = [Path(p) for p in paths]
+    if not files:
+        raise RecordingError("no recording is named", remedy="give at least one file")
+    given = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
+    beside: dict[Path, Layout] = {}
+    stems = [stem(file) for file in files]
+    recordings = []
+    for file, name in zip(files, stems, strict=True):
+        if given is None and file.parent not in beside:
+            beside[file.parent] = _layout_beside(file)
+        unique = name if stems.count(name) == 1 else f"{file.parent.name}/{name}"
+        recordings.append(load_recording(file, given or beside[file.parent], unique))
+    return recordings
+
+
+def _layout_beside(file: Path) -> Layout:
+    for folder in (file.parent, file.parent.parent):
+        if (folder / "layout.toml").is_file():
+            return Layout.load(folder / "layout.toml")
+    if not file.exists():
+        raise RecordingError("there is no such file", where=str(file))
+    raise RecordingError("no layout says how to read this file", where=str(file), remedy=MISSING_LAYOUT)
+
+
+def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recording:
+    """Read one file through a layout."""
+    said = layout.for_file(path)
+    data = read_bytes(path)
+    wanted = {channel: column.column for channel, column in said.columns.items()}
+    if said.format == "csv":
+        table = read_text(path, data, said.text, list(wanted.values()))
+    else:
+        table = READERS[said.format](path, list(wanted.values()))
+    raw = {channel: values[said.skip_samples :] for channel, values in zip(wanted, table.columns, strict=True)}
+    if raw["time"].size == 0:
+        raise RecordingError(
+            "no sample is left",
+            where=str(path),
+            value=f"{table.columns[0].size} rows, skip_samples = {said.skip_samples}",
+        )
+    return _to_recording(name or stem(path), path, said, raw, table.flags, hashlib.sha256(data).hexdigest())
+
+
+def _to_recording(
+    name: str, path: Path, said: FileLayout, raw: dict[str, NDArray[np.float64]], flags: dict[str, int], sha256: str
+) -> Recording:
+    """Bring raw columns to SI, absolute pressures and one time base."""
+    values = {channel: convert(said, channel, column) for channel, column in raw.items()}
+    time = values.pop("time")
+    accuracy = dict(said.geometry_accuracy)
+    limits: dict[str, tuple[float, float]] = {}
+    channels: dict[str, NDArray[np.float64] | float] = {}
+    for channel in DIMENSIONS:
+        if channel == "time":
+            continue
+        suffix = {"position": "position_m", "force": "force_n"}.get(channel, f"{channel}_pa")
+        if channel not in values:
+            channels[suffix] = said.chamber_pressures[channel]
+            continue
+        column = said.columns[channel]
+        aligned = values[channel]
+        delay = column.delay_s - said.columns["time"].delay_s
+        if delay:
+            aligned = _shift(time, aligned, delay)
+        channels[suffix] = aligned
+        if column.accuracy_si is not None:
+            accuracy[suffix] = column.accuracy_si
+        if column.range_si is not None:
+            shift = said.ambient_pressure_pa if column.unit.kind == "gauge" else 0.0
+            limits[suffix] = (column.range_si[0] + shift, column.range_si[1] + shift)
+    return Recording(
+        name=name,
+        time_s=time,
+        **{key: np.broadcast_to(value, time.shape).copy() for key, value in channels.items()},
+        area_a_m2=said.area_a_m2,
+        area_b_m2=said.area_b_m2,
+        ambient_pressure_pa=said.ambient_pressure_pa,
+        mass_beyond_sensor_kg=said.mass_beyond_sensor_kg,
+        incline_rad=said.incline_rad,
+        accuracy=accuracy,
+        labels=said.labels,
+        window_m=said.window_m,
+        source=path,
+        sha256=sha256,
+        stiffness_n_m=said.stiffness_n_m,
+        flags=flags,
+        limits=limits,
+    )
+
+
+def convert(said: FileLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Raw values of one channel in SI, pressures absolute."""
+    column = said.columns[channel]
+    value = column.sign * (raw * column.scale + column.offset) * column.unit.factor
+    return value + said.ambient_pressure_pa if column.unit.kind == "gauge" else value
+
+
+def _shift(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
+    """Values of a channel that is read ``delay_s`` late, on the common time base."""
+    order = np.isfinite(time_s)
+    if not order.any() or (np.diff(time_s[order]) < 0).any():
+        return values  # the recording refuses such times with a message of its own
+    return np.interp(time_s, time_s[order] - delay_s, values[order])

@@ -1,0 +1,208 @@
+"""Strokes from motion: turning points, moving parts, speed and acceleration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MINIMUM_SAMPLES = 20
+# A reversal counts when the position retreats by this share of the whole travel.
+REVERSAL_SHARE = 0.1
+# Below this share of the travel a stroke has not left its turning point yet (dwell).
+DEPARTURE_SHARE = 0.002
+# The travel must exceed the position noise by this factor to be called motion.
+NOISE_FACTOR = 20.0
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """One movement in one direction: samples ``start`` (inclusive) to ``stop`` (exclusive).
+
+    ``dwell_s`` is the time spent at the turning point before it, ``speed_m_s`` the mean speed
+    (signed) over its middle 60 %.
+    """
+
+    index: int
+    direction: int
+    start: int
+    stop: int
+    from_m: float
+    to_m: float
+    speed_m_s: float
+    dwell_s: float
+
+    @property
+    def samples(self) -> slice:
+        """Slice of the stroke's samples."""
+        return slice(self.start, self.stop)
+
+
+def local_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_width: int = 4) -> NDArray[np.float64]:
+    """Slope of a straight line fitted to 2 half_width + 1 neighbours, for samples at any times.
+
+    Parameters
+    ----------
+    time_s, values
+        Shape (n,); n must be at least 2.
+    half_width
+        Neighbours on each side; fewer at both ends.
+
+    Returns
+    -------
+    ndarray
+        Shape (n,), unit of ``values`` per second. Zero where all times of a window are equal.
+    """
+    n = time_s.size
+    low = np.maximum(np.arange(n) - half_width, 0)
+    high = np.minimum(np.arange(n) + half_width + 1, n)
+    count = (high - low).astype(np.float64)
+    # Centred values keep the running sums small, so that their differences stay exact enough.
+    t = time_s - time_s.mean()
+    y = values - values.mean()
+
+    def window_sum(terms: NDArray[np.float64]) -> NDArray[np.float64]:
+        total = np.concatenate(([0.0], np.cumsum(terms)))
+        return total[high] - total[low]
+
+    sum_t, sum_y = window_sum(t), window_sum(y)
+    spread = window_sum(t * t) - sum_t * sum_t / count
+    joint = window_sum(t * y) - sum_t * sum_y / count
+    tiny = 1e-12 * max(float(np.ptp(t)), 1e-300) ** 2
+    return np.where(spread > tiny, joint / np.where(spread > tiny, spread, 1.0), 0.0)
+
+
+def noise_level(values: NDArray[np.float64]) -> float:
+    """Standard deviation of white noise, from second differences (robust, blind to slow change).
+
+    Where quantisation hides the noise, the uniform distribution over one step takes its place.
+    """
+    if values.size < 3:
+        return 0.0
+    second = np.diff(values, 2)
+    from_differences = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0]
+    quantum = float(steps.min()) if steps.size else 0.0
+    return max(from_differences, quantum / np.sqrt(12.0) if from_differences == 0 else 0.0)
+
+
+def turning_points(position_m: NDArray[np.float64], prominence_m: float) -> NDArray[np.intp]:
+    """Samples at which the motion reverses by at least ``prominence_m``, first and last included."""
+    from scipy.signal import find_peaks
+
+    # The extremes at both ends count too: pad with a value beyond every other one.
+    inside: list[tuple[int, int]] = []
+    for sign in (1, -1):
+        padded = np.concatenate(([-np.inf], sign * position_m, [-np.inf]))
+        padded[[0, -1]] = padded[1:-1].min() - 2 * prominence_m
+        peaks, _ = find_peaks(padded, prominence=prominence_m)
+        inside += [(int(p) - 1, sign) for p in peaks]
+    inside.sort()
+    # Of neighbours of the same kind (possible only at the ends) the more extreme one stays.
+    kept: list[tuple[int, int]] = []
+    for point in inside:
+        if kept and kept[-1][1] == point[1]:
+            if point[1] * position_m[point[0]] > point[1] * position_m[kept[-1][0]]:
+                kept[-1] = point
+        else:
+            kept.append(point)
+    return np.array([index for index, _ in kept], dtype=np.intp)
+
+
+def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> list[Stroke]:
+    """Split a motion into strokes.
+
+    Parameters
+    ----------
+    name
+        Name for messages.
+    time_s, position_m
+        Shape (n,), finite, time not decreasing.
+
+    Returns
+    -------
+    list of Stroke
+        In the order of time.
+
+    Raises
+    ------
+    RecordingError
+        Fewer than 20 samples, or no motion beyond the position noise.
+    """
+    if time_s.size < MINIMUM_SAMPLES:
+        raise RecordingError(
+            "too few samples",
+            where=name,
+            value=time_s.size,
+            rule=f"at least {MINIMUM_SAMPLES} finite samples are needed to find strokes",
+        )
+    noise = noise_level(position_m)
+    low, high = np.quantile(position_m, [0.001, 0.999])
+    travel = float(high - low)
+    if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
+        raise RecordingError(
+            "no motion",
+            where=name,
+            value=f"travel {travel * 1e3:.4g} mm, position noise {noise * 1e3:.4g} mm",
+            rule=f"the travel must exceed {NOISE_FACTOR:g} times the position noise",
+            remedy="check which column is the position, and its unit",
+        )
+    points = turning_points(position_m, REVERSAL_SHARE * travel)
+    departure = max(DEPARTURE_SHARE * travel, 4 * noise)
+    strokes: list[Stroke] = []
+    last_moving = int(points[0]) if points.size else 0
+    for first, last in zip(points[:-1], points[1:], strict=True):
+        part = _moving_part(position_m, int(first), int(last), departure)
+        if part is None:
+            continue
+        start, stop, direction = part
+        dwell = max(float(time_s[start] - time_s[last_moving]), 0.0)
+        speed = _middle_speed(time_s[start:stop], position_m[start:stop])
+        strokes.append(
+            Stroke(
+                index=len(strokes),
+                direction=direction,
+                start=start,
+                stop=stop,
+                from_m=float(position_m[start]),
+                to_m=float(position_m[stop - 1]),
+                speed_m_s=speed,
+                dwell_s=dwell if strokes else 0.0,
+            )
+        )
+        last_moving = stop - 1
+    if not strokes:
+        raise RecordingError("no stroke was found", where=name, rule="the position must move and turn back")
+    return strokes
+
+
+def _moving_part(
+    position_m: NDArray[np.float64], first: int, last: int, departure: float
+) -> tuple[int, int, int] | None:
+    """Cut the dwell at both ends of a stroke: (start, stop, direction), None where too short."""
+    part = position_m[first : last + 1]
+    direction = 1 if part[-1] > part[0] else -1
+    away = direction * (part - part[0])
+    ahead = direction * (part[-1] - part)
+    left = np.flatnonzero(away < departure)
+    reached = np.flatnonzero(ahead < departure)
+    start = first + (int(left[-1]) if left.size else 0)
+    stop = first + (int(reached[0]) if reached.size else part.size - 1) + 1
+    return (start, stop, direction) if stop - start >= 5 else None
+
+
+def _middle_speed(time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> float:
+    """Distance over time between 20 % and 80 % of a stroke's travel."""
+    share = (position_m - position_m[0]) / (position_m[-1] - position_m[0])
+    first = int(np.argmax(share >= 0.2))
+    last = int(share.size - 1 - np.argmax(share[::-1] <= 0.8))
+    if last <= first or time_s[last] <= time_s[first]:
+        first, last = 0, share.size - 1
+    return float((position_m[last] - position_m[first]) / (time_s[last] - time_s[first]))

@@ -1,0 +1,181 @@
+"""Friction against pressure per seal, with a prediction interval that knows the spread between runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CONFIDENCE = 0.95
+BAND_POINTS = 41
+SAME_PRESSURE = 0.1  # recordings within this share of their pressure repeat one another
+
+
+@dataclass(frozen=True)
+class FrictionPoint:
+    """Friction of one recording and speed level."""
+
+    recording: str
+    seal: str
+    run: str
+    pressure_pa: float
+    speed_m_s: float
+    friction_n: float
+    expanded_n: float
+
+
+@dataclass(frozen=True)
+class RunSpread:
+    """Relative standard deviation between runs at one seal and pressure, pooled over all such cells.
+
+    ``cells`` lists (seal, pressure in Pa, smallest, largest friction, relative difference).
+    """
+
+    relative: float
+    degrees_of_freedom: int
+    cells: tuple[tuple[str, float, float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class PressureLine:
+    """Friction = intercept + slope * gauge pressure for one seal.
+
+    ``band_pressure_pa``, ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) are the line and the
+    95 % prediction interval for the friction of a further run. ``covariance`` is that of
+    (intercept_n, slope_n_pa). ``basis`` says where the spread between runs comes from: ``own`` runs,
+    ``pooled`` from other seals, ``unknown``.
+    """
+
+    seal: str
+    points: tuple[FrictionPoint, ...]
+    intercept_n: float
+    slope_n_pa: float
+    covariance: NDArray[np.float64]
+    band_pressure_pa: NDArray[np.float64]
+    band_mean_n: NDArray[np.float64]
+    band_low_n: NDArray[np.float64]
+    band_high_n: NDArray[np.float64]
+    basis: str
+    speed_pressure_correlation: float
+    statement: str
+
+
+def run_spread(points: list[FrictionPoint]) -> RunSpread | None:
+    """Relative spread between runs; None where nothing was run twice."""
+    cells: list[tuple[str, float, float, float, float]] = []
+    squares, freedom = 0.0, 0
+    for seal in dict.fromkeys(p.seal for p in points):
+        left = sorted((p for p in points if p.seal == seal), key=lambda p: p.pressure_pa)
+        while left:
+            anchor = left[0].pressure_pa
+            cell = [p for p in left if abs(p.pressure_pa - anchor) <= SAME_PRESSURE * max(abs(anchor), 1e4)]
+            left = left[len(cell) :]
+            values = _run_means(cell)
+            if values.size >= 2:
+                mean = float(values.mean())
+                squares += float(((values / mean - 1) ** 2).sum())
+                freedom += values.size - 1
+                cells.append((seal, anchor, float(values.min()), float(values.max()), float(np.ptp(values)) / mean))
+    if freedom == 0:
+        return None
+    return RunSpread(float(np.sqrt(squares / freedom)), freedom, tuple(cells))
+
+
+def _run_means(cell: list[FrictionPoint]) -> NDArray[np.float64]:
+    runs = dict.fromkeys(p.run for p in cell)
+    return np.array([np.mean([p.friction_n for p in cell if p.run == run]) for run in runs])
+
+
+def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
+    """Fit the line over pressure to each seal with at least three recordings at two pressures or more."""
+    spread = run_spread(points)
+    lines = []
+    for seal in dict.fromkeys(p.seal for p in points):
+        members = [p for p in points if p.seal == seal]
+        pressures = np.array([p.pressure_pa for p in members])
+        if len(members) >= 3 and np.ptp(pressures) > 2e4:
+            lines.append(_fit(seal, members, spread))
+    return lines
+
+
+def _fit(seal: str, points: list[FrictionPoint], spread: RunSpread | None) -> PressureLine:
+    from scipy.stats import t
+
+    pressure = np.array([p.pressure_pa for p in points])
+    friction = np.array([p.friction_n for p in points])
+    scale = float(np.abs(pressure).max())
+    matrix = np.column_stack([np.ones(pressure.size), pressure / scale])
+    solution = np.linalg.lstsq(matrix, friction, rcond=None)[0]
+    residual = friction - matrix @ solution
+    dof = pressure.size - 2
+    own = float(residual @ residual) / dof
+    repeated = spread is not None and any(cell[0] == seal for cell in spread.cells)
+    basis = "own" if repeated else "pooled" if spread else "unknown"
+
+    band = np.linspace(min(float(pressure.min()), 0.0), float(pressure.max()), BAND_POINTS)
+    design = np.column_stack([np.ones(BAND_POINTS), band / scale])
+    mean = design @ solution
+    single, freedom = np.full(BAND_POINTS, own), float(dof)
+    inverse = np.linalg.inv(matrix.T @ matrix)
+    variance = own
+    if spread is not None:
+        # Scatter about the line and spread between runs are two looks at one thing: how far a further recording
+        # lies off. Each may be small by chance, so the larger one counts, with the freedom of the one that counts.
+        between = (spread.relative * np.abs(mean)) ** 2
+        single = np.maximum(single, between)
+        variance = max(own, float(np.mean((spread.relative * friction) ** 2)))
+        if variance > own:
+            freedom = float(spread.degrees_of_freedom + (dof if repeated else 0))
+    leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
+    half = float(t.ppf(0.5 + CONFIDENCE / 2, freedom)) * np.sqrt(single + variance * leverage)
+    unit = np.diag([1.0, 1.0 / scale])
+    speeds = np.array([abs(p.speed_m_s) for p in points])
+    together = float(np.corrcoef(speeds, pressure)[0, 1]) if np.ptp(speeds) > 0 else 0.0
+    covariance = unit @ (inverse * variance) @ unit
+    slope = float(solution[1] / scale)
+    return PressureLine(
+        seal=seal,
+        points=tuple(points),
+        intercept_n=float(solution[0]),
+        slope_n_pa=slope,
+        covariance=covariance,
+        band_pressure_pa=band,
+        band_mean_n=mean,
+        band_low_n=mean - half,
+        band_high_n=mean + half,
+        basis=basis,
+        speed_pressure_correlation=together,
+        statement=_statement(seal, float(solution[0]), slope, covariance, freedom, basis, together, spread),
+    )
+
+
+def _statement(
+    seal: str,
+    intercept: float,
+    slope: float,
+    covariance: NDArray[np.float64],
+    freedom: float,
+    basis: str,
+    together: float,
+    spread: RunSpread | None,
+) -> str:
+    from scipy.stats import t
+
+    factor = float(t.ppf(0.5 + CONFIDENCE / 2, freedom))
+    text = (
+        f"{seal}: {intercept:.2f} N + {slope * 1e5:.2f} N/bar "
+        f"(95 %: +-{factor * np.sqrt(covariance[0, 0]):.2f} N, +-{factor * np.sqrt(covariance[1, 1]) * 1e5:.2f} N/bar); "
+    )
+    if basis == "unknown" or spread is None:
+        text += "nothing was run twice: the interval lacks the spread between runs and is too narrow"
+    else:
+        source = "its own runs" if basis == "own" else "the runs of other seals (assumed to hold here)"
+        text += f"the interval includes the spread between runs, {100 * spread.relative:.0f} % standard deviation, from {source}"
+    if abs(together) > 0.7:
+        word = "falls" if together < 0 else "rises"
+        text += f"; speed {word} with pressure (correlation {together:+.2f}): the slope cannot tell the two apart"
+    return text + "."

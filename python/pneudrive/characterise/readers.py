@@ -1,0 +1,317 @@
+"""Foreign files as tables of numbers: text now, Parquet and netCDF, and what optional libraries read."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import io
+import lzma
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+COMPRESSIONS = {".gz": gzip.decompress, ".xz": lzma.decompress, ".bz2": bz2.decompress}
+UNREADABLE_SHARE = 0.01  # more rows than this share that are not numbers: not such a file at all
+
+
+@dataclass(frozen=True)
+class TextForm:
+    """How a text table is written.
+
+    ``delimiter`` None means any white space; ``thousands`` is a separator inside numbers: all but
+    the last are removed where it equals ``decimal``.
+    """
+
+    delimiter: str | None = None
+    header: bool = False
+    decimal: str = "."
+    thousands: str | None = None
+    skip_lines: int = 0
+    comment: str = "#"
+
+
+@dataclass
+class Table:
+    """Columns by name and by number; ``flags`` counts rows that could not be read."""
+
+    names: list[str]
+    columns: list[NDArray[np.float64]]
+    flags: dict[str, int] = field(default_factory=dict)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file, decompressed by its suffix, with one clear message where that fails."""
+    try:
+        data = path.read_bytes()
+        if path.suffix in COMPRESSIONS and data:
+            data = COMPRESSIONS[path.suffix](data)
+    except FileNotFoundError:
+        raise RecordingError("there is no such file", where=str(path)) from None
+    except IsADirectoryError:
+        raise RecordingError(
+            "a folder stands where a recording is needed", where=str(path), remedy="name the files, as in folder/*.csv"
+        ) from None
+    except PermissionError:
+        raise RecordingError("the file may not be read", where=str(path)) from None
+    except (OSError, EOFError, lzma.LZMAError) as error:
+        raise RecordingError(f"the file cannot be decompressed: {error}", where=str(path)) from None
+    if not data.strip():
+        raise RecordingError("the file is empty", where=str(path))
+    return data
+
+
+def decode(data: bytes, path: Path) -> str:
+    """Text of a file; binary content is refused."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    head = data[:4096]
+    control = sum(byte < 9 or 13 < byte < 32 for byte in head)
+    if b"\x00" in head or control > 0.05 * len(head):
+        raise RecordingError(
+            "the file is binary, not text",
+            where=str(path),
+            value=repr(head[:16]),
+            remedy="say its format in the layout (parquet, netcdf, tdms, mf4, mat), or export it as text",
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def split_row(line: str, delimiter: str | None) -> list[str]:
+    """Fields of one line, without white space around them."""
+    return line.split() if delimiter is None else [part.strip().strip('"') for part in line.split(delimiter)]
+
+
+def to_number(text: str, form: TextForm) -> float:
+    """Read one field; an empty field is NaN, anything else that is no number a ValueError."""
+    if not text:
+        return float("nan")
+    if form.thousands:
+        whole, last, rest = text.rpartition(form.thousands) if form.thousands == form.decimal else (text, "", "")
+        text = whole.replace(form.thousands, "") + last + rest
+    if form.decimal != ".":
+        text = text.replace(form.decimal, ".")
+    return float(text)
+
+
+def read_text(path: Path, data: bytes, form: TextForm, wanted: list[int | str]) -> Table:
+    """Read the wanted columns of a text table.
+
+    Raises
+    ------
+    RecordingError
+        A column is not there; more than 1 % of the rows are not numbers.
+    """
+    text = decode(data, path)
+    lines = text.splitlines()
+    start = form.skip_lines
+    names: list[str] = []
+    if form.header:
+        while start < len(lines) and not lines[start].strip(form.comment + " \t"):
+            start += 1
+        if start >= len(lines):
+            raise RecordingError("there is no header line", where=str(path))
+        names = split_row(lines[start].lstrip(form.comment), form.delimiter)
+        start += 1
+    first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
+    if first is None:
+        raise RecordingError("there are no rows of numbers", where=str(path), value=f"{len(lines)} lines")
+    width = len(split_row(first, form.delimiter))
+    use = [_column_number(column, names, width, path) for column in wanted]
+    table = _parse_fast(lines, start, form, use)
+    flags: dict[str, int] = {}
+    if table is None:
+        table, flags = _parse_slow(lines, start, form, use, path)
+    return Table(names=[str(w) for w in wanted], columns=list(table.T), flags=flags)
+
+
+def _column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
+    if isinstance(column, str):
+        if column not in names:
+            raise RecordingError(
+                f"there is no column '{column}'",
+                where=str(path),
+                value=f"columns: {', '.join(names) or 'no header is read (header = false)'}",
+                remedy="name a column of the header, or give its number from 0",
+            )
+        return names.index(column)
+    if not 0 <= column < width:
+        raise RecordingError(
+            f"there is no column {column}",
+            where=str(path),
+            value=f"the first row has {width} columns",
+            rule="columns count from 0",
+            remedy="check column and delimiter in the layout",
+        )
+    return column
+
+
+def _parse_fast(lines: list[str], start: int, form: TextForm, use: list[int]) -> NDArray[np.float64] | None:
+    """Parse with NumPy's reader; None where a row is not as expected."""
+    if form.thousands or form.decimal != ".":
+        return None
+    try:
+        return np.loadtxt(
+            io.StringIO("\n".join(lines[start:])),
+            delimiter=form.delimiter,
+            usecols=use,
+            comments=form.comment,
+            ndmin=2,
+        )
+    except ValueError:
+        return None
+
+
+def _parse_slow(
+    lines: list[str], start: int, form: TextForm, use: list[int], path: Path
+) -> tuple[NDArray[np.float64], dict[str, int]]:
+    """Parse line by line; single broken rows are counted, many are an error that names the first."""
+    rows: list[list[float]] = []
+    bad: list[int] = []
+    for number, line in enumerate(lines[start:], start=start + 1):
+        if not line.strip() or line.startswith(form.comment):
+            continue
+        fields = split_row(line, form.delimiter)
+        try:
+            rows.append([to_number(fields[column], form) for column in use])
+        except (ValueError, IndexError):
+            bad.append(number)
+    if len(bad) > max(UNREADABLE_SHARE * (len(rows) + len(bad)), 1):
+        raise RecordingError(
+            f"{len(bad)} of {len(rows) + len(bad)} rows are not numbers",
+            where=f"{path}, line {bad[0]}",
+            value=lines[bad[0] - 1].strip()[:120],
+            remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
+        )
+    return np.array(rows, dtype=np.float64).reshape(-1, len(use)), ({"unreadable_row": len(bad)} if bad else {})
+
+
+def _pick(path: Path, wanted: list[int | str], names: list[str], get: Callable[[str], NDArray]) -> Table:
+    columns = []
+    for column in wanted:
+        name = names[_column_number(column, names, len(names), path)]
+        values = np.asarray(get(name))
+        if values.ndim != 1 or not np.issubdtype(values.dtype, np.number):
+            raise RecordingError(f"column '{name}' is not a row of numbers", where=str(path), value=str(values.dtype))
+        columns.append(values.astype(np.float64))
+    return Table(names=[str(w) for w in wanted], columns=columns)
+
+
+def read_parquet(path: Path, wanted: list[int | str]) -> Table:
+    """Read the wanted columns of a Parquet file."""
+    import polars as pl
+
+    try:
+        names = list(pl.read_parquet_schema(path))
+        chosen = [names[_column_number(column, names, len(names), path)] for column in wanted]
+        frame = pl.read_parquet(path, columns=sorted(set(chosen)))
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise RecordingError(f"the file cannot be read as Parquet: {_first_line(error)}", where=str(path)) from None
+    return _pick(path, wanted, names, lambda name: frame[name].to_numpy())
+
+
+def read_netcdf(path: Path, wanted: list[int | str]) -> Table:
+    """Read the wanted variables of a netCDF 4 file."""
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
+            data.load()
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"the file cannot be read as netCDF: {_first_line(error)}", where=str(path)) from None
+    return _pick(path, wanted, [str(name) for name in data.variables], lambda name: data[name].to_numpy())
+
+
+def read_tdms(path: Path, wanted: list[int | str]) -> Table:
+    """Read the wanted channels of a TDMS file, by ``group/channel`` or by a channel name that is unique."""
+    nptdms = _optional("nptdms", "tdms", path)
+    try:
+        data = nptdms.TdmsFile.read(path)
+    except Exception as error:
+        raise RecordingError(f"the file cannot be read as TDMS: {_first_line(error)}", where=str(path)) from None
+    channels = {f"{group.name}/{channel.name}": channel for group in data.groups() for channel in group.channels()}
+    short: dict[str, list[str]] = {}
+    for name in channels:
+        short.setdefault(name.split("/", 1)[1], []).append(name)
+    full = [short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted]
+    return _pick(path, full, list(channels), lambda name: channels[name][:])
+
+
+def read_mf4(path: Path, wanted: list[int | str]) -> Table:
+    """Read the wanted channels of an MDF 4 file, brought to the time base of the first one.
+
+    The channel ``time`` is that time base.
+    """
+    asammdf = _optional("asammdf", "mf4", path)
+    try:
+        with asammdf.MDF(path) as data:
+            names = ["time", *sorted(name for name in data.channels_db if name not in ("time", "t"))]
+            chosen = [names[_column_number(column, names, len(names), path)] for column in wanted]
+            signals = {name: data.get(name) for name in chosen if name != "time"}
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(f"the file cannot be read as MDF: {_first_line(error)}", where=str(path)) from None
+    if not signals:
+        raise RecordingError("no channel but the time is wanted", where=str(path))
+    base = next(iter(signals.values())).timestamps
+    values = {name: np.interp(base, s.timestamps, np.asarray(s.samples, dtype=float)) for name, s in signals.items()}
+    return _pick(path, wanted, names, lambda name: base if name == "time" else values[name])
+
+
+def read_mat(path: Path, wanted: list[int | str]) -> Table:
+    """Read the wanted variables of a MAT file (v5 to v7.3); fields of structures by dotted names."""
+    pymatreader = _optional("pymatreader", "mat", path)
+    try:
+        data = pymatreader.read_mat(path)
+    except Exception as error:
+        raise RecordingError(f"the file cannot be read as MAT: {_first_line(error)}", where=str(path)) from None
+    flat: dict[str, NDArray] = {}
+
+    def collect(prefix: str, value: object) -> None:
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                collect(f"{prefix}.{key}" if prefix else str(key), inner)
+        elif np.ndim(value) >= 1:
+            flat[prefix] = np.squeeze(np.asarray(value))
+
+    collect("", {key: value for key, value in data.items() if not key.startswith("__")})
+    return _pick(path, wanted, list(flat), lambda name: flat[name])
+
+
+READERS: dict[str, Callable[[Path, list[int | str]], Table]] = {
+    "parquet": read_parquet,
+    "netcdf": read_netcdf,
+    "tdms": read_tdms,
+    "mf4": read_mf4,
+    "mat": read_mat,
+}
+
+
+def _optional(module: str, format_name: str, path: Path):  # noqa: ANN202 - a module
+    from importlib import import_module
+
+    try:
+        return import_module(module)
+    except ImportError:
+        raise RecordingError(
+            f"format '{format_name}' needs an optional library",
+            where=str(path),
+            value=module,
+            remedy="pip install 'pneudrive[formats]'",
+        ) from None
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0][:200]

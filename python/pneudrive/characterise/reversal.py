@@ -1,0 +1,155 @@
+"""Breakaway peaks after reversals, with what spoils them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.motion import noise_level
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.characterise.motion import Stroke
+    from pneudrive.characterise.profile import Profile
+    from pneudrive.characterise.recording import Recording
+
+NEEDED_RISE_SAMPLES = 10
+# A pressure change during the rise spoils the peak when it moves the force by this share of it.
+TRANSIENT_SHARE = 0.1
+# The peak is sought from the start of a stroke over this share of its travel.
+SOUGHT_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class ReversalPeak:
+    """Largest friction after one reversal.
+
+    ``friction_n`` is the peak, offset taken out; ``sliding_n`` the friction level of the window.
+    ``excess_n`` is their difference, ``significant`` whether it exceeds the noise of a single peak.
+    ``rise_samples`` counts samples between the reversal and the peak; ``flags`` names what spoils it:
+    ``undersampled``, ``pressure_transient``, ``gap``, ``no_peak``.
+    """
+
+    recording: str
+    level: int
+    stroke: int
+    direction: int
+    time_s: float
+    position_m: float
+    friction_n: float
+    sliding_n: float
+    excess_n: float
+    significant: bool
+    dwell_s: float
+    loading_rate_n_s: float
+    rise_samples: int
+    flags: tuple[str, ...]
+
+
+def find_reversal_peaks(
+    recording: Recording, strokes: list[Stroke], balance_n: NDArray[np.float64], profile: Profile
+) -> list[ReversalPeak]:
+    """Find the peak after each reversal that starts one of ``strokes``.
+
+    Parameters
+    ----------
+    recording
+        Cleaned recording.
+    strokes
+        Strokes of one speed level, of which the recording's first has no reversal before it.
+    balance_n
+        Shape (n,).
+    profile
+        Of the same level; its offset is taken out, at the nearest position where it is known.
+    """
+    known = np.isfinite(profile.offset_n)
+    if not known.any():
+        return []
+    offset_at = profile.position_m[known], profile.offset_n[known]
+    sliding = float(np.nanmean(profile.friction_n[profile.in_window]))
+    usual_step = float(np.median(np.diff(recording.time_s)))
+    noise = noise_level(balance_n)
+    peaks = []
+    for stroke in strokes:
+        if stroke.start == 0 or stroke.index == 0:
+            continue
+        peaks.append(_peak(recording, stroke, balance_n, offset_at, sliding, usual_step, noise, profile.level))
+    return peaks
+
+
+def _peak(
+    recording: Recording,
+    stroke: Stroke,
+    balance_n: NDArray[np.float64],
+    offset_at: tuple[NDArray[np.float64], NDArray[np.float64]],
+    sliding: float,
+    usual_step: float,
+    noise: float,
+    level: int,
+) -> ReversalPeak:
+    # The force rises while the piston still rests: go back from the first motion through the dwell.
+    position = recording.position_m
+    back = int(np.searchsorted(recording.time_s, recording.time_s[stroke.start] - stroke.dwell_s))
+    begin = max(min(back, stroke.start), 0)
+    travel = abs(stroke.to_m - stroke.from_m)
+    travelled = np.abs(position[stroke.samples] - stroke.from_m)
+    end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
+    part = slice(begin, end)
+    friction = stroke.direction * (balance_n[part] - np.interp(position[part], *offset_at))
+    top = int(np.argmax(friction))
+    low = int(np.argmin(friction[: top + 1]))
+    times = recording.time_s[part]
+    rise = friction[low : top + 1]
+    swing = friction[top] - friction[low]
+    steep = np.flatnonzero((rise > friction[low] + 0.1 * swing) & (rise < friction[low] + 0.9 * swing))
+    if steep.size >= 2:
+        first, last = low + int(steep[0]), low + int(steep[-1])
+    else:
+        first, last = low, top
+    duration = float(times[last] - times[first])
+    rate = float((friction[last] - friction[first]) / duration) if duration > 0 else float("nan")
+    flags = _peak_flags(recording, part, low, top, float(swing), usual_step)
+    excess = float(friction[top] - sliding)
+    if top >= friction.size - 2:
+        flags.append("no_peak")  # still rising where the search ends: no maximum of its own
+    return ReversalPeak(
+        recording=recording.name,
+        level=level,
+        stroke=stroke.index,
+        direction=stroke.direction,
+        time_s=float(times[top]),
+        position_m=float(position[part][top]),
+        friction_n=float(friction[top]),
+        sliding_n=sliding,
+        excess_n=excess,
+        # The largest of m noisy samples lies sqrt(2 ln m) deviations high by chance alone.
+        significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
+        dwell_s=stroke.dwell_s,
+        loading_rate_n_s=rate,
+        rise_samples=top - low,
+        flags=tuple(flags),
+    )
+
+
+def _peak_flags(recording: Recording, part: slice, low: int, top: int, swing: float, usual_step: float) -> list[str]:
+    flags = []
+    if top - low < NEEDED_RISE_SAMPLES:
+        flags.append("undersampled")
+    moved = 0.0
+    for side in ("a", "b"):
+        pressure = getattr(recording, f"pressure_{side}_pa")[part][low : top + 1]
+        moved += float(np.ptp(pressure)) * getattr(recording, f"area_{side}_m2")
+    if moved > TRANSIENT_SHARE * swing:
+        flags.append("pressure_transient")
+    steps = np.diff(recording.time_s[part][low : top + 1])
+    if steps.size and steps.max() > 5 * usual_step:
+        flags.append("gap")
+    return flags
+
+
+def usable(peaks: list[ReversalPeak]) -> list[ReversalPeak]:
+    """Peaks that nothing spoils."""
+    return [peak for peak in peaks if not peak.flags]

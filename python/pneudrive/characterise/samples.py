@@ -1,0 +1,162 @@
+"""Checks of single samples: non-finite, repeated, spikes, saturated, stuck, gaps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.motion import noise_level
+from pneudrive.characterise.recording import CHANNELS, Recording
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+GAP_FACTOR = 5.0  # a gap is an interval longer than this many usual ones
+SPIKE_FACTOR = 12.0  # a spike stands out of both neighbours by this many noise deviations
+SATURATED_RUN = 5  # equal samples in a row at a channel's extreme
+STUCK_RUN = 20  # equal samples in a row while the piston travels
+STUCK_TRAVEL_SHARE = 0.02
+
+
+def clean(recording: Recording) -> Recording:
+    """Drop the samples that cannot be used and count them by kind.
+
+    Parameters
+    ----------
+    recording
+        As read.
+
+    Returns
+    -------
+    Recording
+        Only usable samples; ``flags`` counts ``non_finite``, ``repeated_time``, ``spike``,
+        ``saturated``, ``stuck`` samples and ``gap`` intervals (kinds that were not found are absent).
+
+    Raises
+    ------
+    RecordingError
+        Where no finite sample is left.
+    """
+    counts = dict(recording.flags)
+    finite = np.isfinite(recording.time_s)
+    for channel in CHANNELS:
+        finite &= np.isfinite(getattr(recording, channel))
+    _count(counts, "non_finite", int((~finite).sum()))
+    if not finite.any():
+        raise RecordingError(
+            "no sample is finite in all channels", where=recording.name, value=f"{len(recording)} rows"
+        )
+    recording = _take(recording, finite)
+    fresh = np.concatenate(([True], np.diff(recording.time_s) > 0))
+    _count(counts, "repeated_time", int((~fresh).sum()))
+    recording = _take(recording, fresh)
+
+    good = np.ones(len(recording), dtype=bool)
+    for kind, mask in _bad_samples(recording).items():
+        _count(counts, kind, int((mask & good).sum()))
+        good &= ~mask
+    if good.any():
+        recording = _take(recording, good)
+    steps = np.diff(recording.time_s)
+    if steps.size:
+        _count(counts, "gap", int((steps > GAP_FACTOR * np.median(steps)).sum()))
+    return replace(recording, flags=counts)
+
+
+def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
+    """Give a mask per kind of bad sample."""
+    n = len(recording)
+    masks = {kind: np.zeros(n, dtype=bool) for kind in ("spike", "saturated", "stuck")}
+    if n < 2 * STUCK_RUN:
+        return masks
+    position = recording.position_m
+    for channel in CHANNELS:
+        values = getattr(recording, channel)
+        if np.ptp(values) == 0:
+            continue  # a pressure that was not measured
+        masks["spike"] |= spikes(values)
+        if channel in recording.limits:
+            low, high = recording.limits[channel]
+            masks["saturated"] |= (values <= low) | (values >= high)
+        runs = _runs(values)
+        if channel == "position_m":
+            masks["stuck"] |= _stuck_position(position, runs)
+        else:
+            masks["saturated"] |= _saturated(values, runs)
+            masks["stuck"] |= _stuck(position, runs)
+    return masks
+
+
+def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Single samples that stand out of both neighbours, on the same side, far beyond the noise."""
+    mask = np.zeros(values.size, dtype=bool)
+    before, after = np.diff(values)[:-1], -np.diff(values)[1:]
+    height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    changes = np.abs(np.diff(values))
+    usual = float(np.quantile(changes, 0.99))
+    mask[1:-1] = height > max(SPIKE_FACTOR * noise_level(values), 3.0 * usual)
+    return mask
+
+
+def _runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Start and length of each run of equal samples."""
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0) + 1))
+    return starts, np.diff(np.concatenate((starts, [values.size])))
+
+
+def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDArray[np.bool_]:
+    edges = np.zeros(size + 1, dtype=np.int64)
+    np.add.at(edges, starts, 1)
+    np.add.at(edges, starts + lengths, -1)
+    return np.cumsum(edges[:-1]) > 0
+
+
+def _usual_run(lengths: NDArray[np.intp]) -> float:
+    """Length of run that coarse quantisation makes by itself, weighted by samples."""
+    ordered = np.sort(lengths)
+    share = np.cumsum(ordered) / ordered.sum()
+    return float(ordered[np.searchsorted(share, 0.9)])
+
+
+def _saturated(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+    starts, lengths = runs
+    needed = max(SATURATED_RUN, 4 * _usual_run(lengths))
+    extreme = (values[starts] == values.max()) | (values[starts] == values.min())
+    hit = extreme & (lengths >= needed)
+    return _fill(values.size, starts[hit], lengths[hit])
+
+
+def _stuck(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+    """Mark runs of one value while the piston moved."""
+    starts, lengths = runs
+    long = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
+    starts, lengths = starts[long], lengths[long]
+    travel = np.abs(position[starts + lengths - 1] - position[starts])
+    moved = travel > STUCK_TRAVEL_SHARE * np.ptp(position)
+    return _fill(position.size, starts[moved], lengths[moved])
+
+
+def _stuck_position(
+    position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]
+) -> NDArray[np.bool_]:
+    """Mark runs of one position that end in a jump: a piston at rest starts without one."""
+    starts, lengths = runs
+    inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)
+    starts, lengths = starts[inside], lengths[inside]
+    jump = np.abs(position[starts + lengths] - position[starts])
+    hit = jump > STUCK_TRAVEL_SHARE * np.ptp(position)
+    return _fill(position.size, starts[hit], lengths[hit])
+
+
+def _take(recording: Recording, mask: NDArray[np.bool_]) -> Recording:
+    if mask.all():
+        return recording
+    return replace(recording, **{c: getattr(recording, c)[mask] for c in ("time_s", *CHANNELS)})
+
+
+def _count(counts: dict[str, int], kind: str, number: int) -> None:
+    if number:
+        counts[kind] = counts.get(kind, 0) + number
