@@ -69,7 +69,8 @@ def __dir__() -> list[str]:
 class _Package(ModuleType):
     """The package, in which a public function outranks the module of the same name.
 
-    Importing ``pneudrive.simulate`` would otherwise bind the module over ``pn.simulate``, so that whether ``pn.simulate(...)`` works
+    Importing ``pneudrive.simulate`` would otherwise bind the module over ``pn.simulate``, so that whether
+    ``pn.simulate(...)`` works
     depended on what was imported before.
     """
 

@@ -71,6 +71,8 @@ def _rebuild(
 class DescriptionError(PneudriveError):
     """A drive description (file or Python) is not valid."""
 
+    key: str | None = None  # dotted name of the key at fault: whoever knows the file finds the line by it
+
 
 class LayoutError(PneudriveError):
     """A layout file, which says how a foreign recording is read, is not valid."""

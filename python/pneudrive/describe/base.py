@@ -1,0 +1,279 @@
+"""What all parts of a description share: typed quantities, and one clear message for whatever is wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import core_schema
+
+from pneudrive import units
+from pneudrive.errors import DescriptionError, nearest
+
+
+class WrongValueError(ValueError):
+    """A value that a field refuses; `Described` adds the field's name and raises one `DescriptionError`."""
+
+    def __init__(self, what: str, rule: str | None = None, remedy: str | None = None, sub: str = "") -> None:
+        super().__init__(what)
+        self.what, self.rule, self.remedy, self.sub = what, rule, remedy, sub
+
+
+def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
+    """Build the error for one key; a loader that knows the file finds the line by ``error.key``."""
+    error = DescriptionError(what, rule=rule, remedy=remedy)
+    error.key = key
+    return error
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Open or closed bounds of an SI value."""
+
+    above: float | None = None
+    at_least: float | None = None
+    below: float | None = None
+    at_most: float | None = None
+
+    def broken(self, value: float) -> str | None:
+        """Return the rule that `value` breaks, in words, or None."""
+        if self.above is not None and not value > self.above:
+            return f"greater than {self.above:g}"
+        if self.at_least is not None and not value >= self.at_least:
+            return f"not less than {self.at_least:g}"
+        if self.below is not None and not value < self.below:
+            return f"less than {self.below:g}"
+        if self.at_most is not None and not value <= self.at_most:
+            return f"not more than {self.at_most:g}"
+        return None
+
+
+class PerChamber(NamedTuple):
+    """One SI value for each chamber."""
+
+    a: float
+    b: float
+
+
+def quantity(given: object, si_unit: str, bounds: Bounds) -> float:
+    """Convert one given quantity to a checked SI value, or raise `WrongValueError`."""
+    if not isinstance(given, str):
+        raise WrongValueError(f"{given!r} has no unit", rule=units.kind(si_unit))
+    try:
+        value = units.parse(given, si_unit)
+    except DescriptionError as error:
+        raise WrongValueError(error.what, error.rule, error.remedy) from None
+    rule = bounds.broken(value)
+    if rule:
+        raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} {si_unit}")
+    return value
+
+
+def number(given: object, bounds: Bounds) -> float:
+    """Check a pure number, or raise `WrongValueError`."""
+    if isinstance(given, bool) or not isinstance(given, (int, float)):
+        raise WrongValueError(f"{given!r} is not a number", rule="a pure number, without unit and quotes")
+    value = float(given)
+    rule = "finite" if not math.isfinite(value) else bounds.broken(value)
+    if rule:
+        raise WrongValueError(f"{given!r} is out of bounds", rule=rule)
+    return value
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Annotation of a field that takes a quantity and stores an SI float.
+
+    Parameters
+    ----------
+    si_unit : str
+        What is stored, as in `pneudrive.units.parse`; empty for a pure number.
+    written : str, optional
+        The unit preferred when the value is written.
+    bounds : Bounds
+        In SI.
+    """
+
+    si_unit: str
+    written: str | None = None
+    bounds: Bounds = Bounds()
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        return quantity(given, self.si_unit, self.bounds) if self.si_unit else number(given, self.bounds)
+
+    def show(self, value: float) -> str | float:
+        """Write it as users would."""
+        return units.write(value, self.si_unit, self.written) if self.si_unit else value
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
+        """Validate by `read`; nothing else may touch the value."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        if self.si_unit:
+            return {"type": "string", "description": units.kind(self.si_unit), "x-unit": self.si_unit}
+        out: dict[str, Any] = {"type": "number"}
+        names = {"above": "exclusiveMinimum", "at_least": "minimum", "below": "exclusiveMaximum", "at_most": "maximum"}
+        out |= {word: getattr(self.bounds, key) for key, word in names.items() if getattr(self.bounds, key) is not None}
+        return out
+
+
+@dataclass(frozen=True)
+class EachChamber(Quantity):
+    """Annotation of a field that takes ``{ a = ..., b = ... }`` and stores a `PerChamber`."""
+
+    def read(self, given: object) -> PerChamber:  # type: ignore[override]
+        """Convert and check both."""
+        if isinstance(given, PerChamber):
+            given = {"a": self.show_one(given.a), "b": self.show_one(given.b)}
+        if not isinstance(given, dict):
+            raise WrongValueError(f"{given!r} is not given per chamber", remedy="Write { a = ..., b = ... }.")
+        for key in given:
+            if key not in {"a", "b"}:
+                raise WrongValueError(f"'{key}' is not known here", remedy=nearest(str(key), ["a", "b"]), sub=str(key))
+        values = []
+        for chamber in ("a", "b"):
+            if chamber not in given:
+                raise WrongValueError(f"chamber {chamber} is missing", remedy="Write { a = ..., b = ... }.")
+            try:
+                values.append(super().read(given[chamber]))
+            except WrongValueError as error:
+                raise WrongValueError(error.what, error.rule, error.remedy, sub=chamber) from None
+        return PerChamber(*values)
+
+    def show_one(self, value: float) -> str:
+        """Write one chamber's value."""
+        return units.write(value, self.si_unit, self.written)
+
+    def show(self, value: PerChamber) -> dict[str, str]:  # type: ignore[override]
+        """Write both."""
+        return {"a": self.show_one(value.a), "b": self.show_one(value.b)}
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe a table of two quantities."""
+        one = {"type": "string", "description": units.kind(self.si_unit), "x-unit": self.si_unit}
+        both = {"a": one, "b": one}
+        return {"type": "object", "properties": both, "required": ["a", "b"], "additionalProperties": False}
+
+
+@dataclass(frozen=True)
+class StatedPressure:
+    """Annotation of a field that takes a pressure with ``abs`` or ``gauge`` and stores a `pneudrive.units.Pressure`."""
+
+    gauge_allowed: bool = True
+
+    def read(self, given: object) -> units.Pressure:
+        """Convert and check; an absolute pressure is above zero."""
+        if isinstance(given, units.Pressure):
+            return given
+        if not isinstance(given, str):
+            raise WrongValueError(f"{given!r} has no unit", rule=units.kind("Pa"))
+        try:
+            pressure = units.parse_pressure(given)
+        except DescriptionError as error:
+            raise WrongValueError(error.what, error.rule, error.remedy) from None
+        if pressure.gauge and not self.gauge_allowed:
+            raise WrongValueError(f'"{given}" counts from itself', remedy='Write "... abs".')
+        if not pressure.gauge and not pressure.value_pa > 0.0:
+            raise WrongValueError(f'"{given}" is out of bounds', rule="an absolute pressure is greater than 0")
+        return pressure
+
+    def show(self, value: units.Pressure) -> str:
+        """Write it against what it was given."""
+        return f"{units.write(value.value_pa, 'Pa', 'bar')} {'gauge' if value.gauge else 'abs'}"
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
+        """Validate by `read`."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        words = "(abs|gauge)" if self.gauge_allowed else "abs"
+        return {"type": "string", "pattern": f"^.+ {words}$", "description": units.kind("Pa"), "x-unit": "Pa"}
+
+
+Length = Annotated[float, Quantity("m", "mm", Bounds(above=0.0))]
+Position = Annotated[float, Quantity("m", "mm")]
+Velocity = Annotated[float, Quantity("m/s", "mm/s")]
+Mass = Annotated[float, Quantity("kg", "kg", Bounds(above=0.0))]
+Force = Annotated[float, Quantity("N", "N")]
+Temperature = Annotated[float, Quantity("K", "K", Bounds(above=0.0))]
+Angle = Annotated[float, Quantity("rad", "deg", Bounds(at_least=-math.pi / 2, at_most=math.pi / 2))]
+Stiffness = Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
+Fraction = Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))]
+
+
+class Described(BaseModel):
+    """Base of every table of a description: frozen, closed to unknown keys, one message for what is wrong."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+    table: ClassVar[str] = ""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _one_message(cls, data: Any, handler: Any) -> Any:  # noqa: ANN401 - anything may be given; that is the point
+        try:
+            return handler(data)
+        except ValidationError as error:
+            raise cls.explain(error) from None
+
+    @classmethod
+    def keys(cls) -> list[str]:
+        """Names of the keys as users write them."""
+        return [field.alias or name for name, field in cls.model_fields.items()]
+
+    @classmethod
+    def explain(cls, error: ValidationError) -> DescriptionError:
+        """Turn pydantic's first complaint into our one message.
+
+        Unknown keys come first, as they explain missing ones.
+        """
+        complaints = error.errors(include_url=False)
+        first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
+        key = ".".join([*([cls.table] if cls.table else []), *map(str, first["loc"])])
+        if first["type"] == "extra_forbidden":
+            name = str(first["loc"][-1])
+            return wrong(key, f"{key} is not a known key", remedy=nearest(name, cls.keys()))
+        if first["type"] == "missing":
+            return wrong(key, f"{key} is missing", remedy=cls.example(str(first["loc"][-1])))
+        cause = first.get("ctx", {}).get("error")
+        if isinstance(cause, WrongValueError):
+            full = f"{key}.{cause.sub}" if cause.sub else key
+            return wrong(full, f"{full}: {cause.what}", rule=cause.rule, remedy=cause.remedy)
+        if first["type"] == "literal_error":
+            known = first.get("ctx", {})["expected"].replace(" or ", ", ").replace("'", "").split(", ")
+            return wrong(key, f"{key} = {first['input']!r} is not known", remedy=nearest(str(first["input"]), known))
+        if first["type"] in {"model_type", "model_attributes_type", "dict_type"}:
+            return wrong(key, f"{key or 'the description'} = {first['input']!r} is not a table")
+        return wrong(key, f"{key} = {first['input']!r}: {first['msg']}")
+
+    @classmethod
+    def example(cls, alias: str) -> str | None:
+        """Show how a missing key is written."""
+        for name, field in cls.model_fields.items():
+            if alias in {name, field.alias}:
+                for mark in field.metadata:
+                    if isinstance(mark, Quantity):
+                        return f"Add {alias} = ...: {units.kind(mark.si_unit) if mark.si_unit else 'a number'}."
+                if field.annotation is not None and hasattr(field.annotation, "model_fields"):
+                    return f"Add a table [{alias}]."
+        return f"Add {alias} = ..."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Write the table as plain values, quantities with units; keys that were left to their default are left out."""
+        out: dict[str, Any] = {}
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if value is None or name not in self.model_fields_set:
+                continue
+            key = field.alias or name
+            if isinstance(value, Described):
+                out[key] = value.to_dict()
+                continue
+            mark = next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
+            out[key] = mark.show(value) if mark is not None else value
+        return out

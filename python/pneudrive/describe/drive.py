@@ -1,0 +1,273 @@
+"""A drive: its description, from a file, from the catalogue or from Python, and the form in which the core takes it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from pneudrive.describe import catalogue, toml
+from pneudrive.describe.base import Described, wrong
+from pneudrive.describe.friction import Friction
+from pneudrive.describe.parts import Ambient, Cylinder, Gas, Initial, Load, Supply, Valve
+from pneudrive.errors import DescriptionError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+# Defaults that no datasheet backs: a result that rests on one says so.
+_ASSUMED = {"cylinder": ("heat_transfer", "end_stop"), "valve": ("subsonic_index",)}
+
+
+class Drive(Described):
+    """A pneumatic drive: supply, valve, cylinder with friction, load.
+
+    Frozen: `replace` makes another one. All values are SI inside, pressures absolute or as stated with their reference.
+
+    Examples
+    --------
+    >>> drive = Drive.load("catalogue:reference")
+    >>> drive.cylinder.bore_m
+    0.025
+    """
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    name: str = "unnamed drive"
+    gas: Gas = Gas()
+    ambient: Ambient = Ambient()
+    supply: Supply
+    cylinder: Cylinder
+    valve: Valve
+    friction: Friction
+    carried: Load = Field(default=Load(), alias="load")  # `load` reads a file
+    labels: dict[str, str] = Field(default_factory=dict)
+
+    schema_keys: ClassVar[tuple[str, ...]] = ("gas", "ambient", "supply", "cylinder", "valve", "friction", "load")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _not_yet(cls, data: Any) -> Any:  # noqa: ANN401
+        if isinstance(data, dict) and "tubing" in data:
+            raise wrong(
+                "tubing",
+                "[tubing] cannot be simulated yet",
+                remedy="Leave it out: valve and cylinder are then joined directly. Available tables: "
+                f"{', '.join(cls.schema_keys)}, labels.",
+            )
+        return data
+
+    @model_validator(mode="after")
+    def _supply_is_absolute(self) -> Drive:
+        if not self.supply_pressure_pa > 0.0:
+            raise wrong("supply.pressure", "supply.pressure is below vacuum", rule="gauge + ambient > 0")
+        return self
+
+    @classmethod
+    def load(cls, source: str | Path) -> Drive:
+        """Read a drive from a TOML file or from the catalogue.
+
+        Parameters
+        ----------
+        source : path-like
+            A TOML file, or ``catalogue:NAME``.
+
+        Raises
+        ------
+        DescriptionError
+            Something is wrong; the message names file, line, value, rule and remedy.
+        """
+        if str(source).startswith(catalogue.PREFIX):
+            return cls._from_catalogue(str(source), {})
+        tables, text = toml.read(source)
+        try:
+            base = tables.pop("drive", None)
+            if base is None:
+                return cls.model_validate(tables)
+            if not isinstance(base, str) or not base.startswith(catalogue.PREFIX):
+                raise wrong(
+                    "drive", f"drive = {base!r} names no drive", remedy=f'Write drive = "{catalogue.PREFIX}NAME".'
+                )
+            return cls._from_catalogue(base, tables)
+        except DescriptionError as error:
+            raise toml.located(error, source, text) from None
+
+    @classmethod
+    def _from_catalogue(cls, reference: str, changes: dict[str, Any]) -> Drive:
+        return cls.model_validate(merge(catalogue.drive_tables(reference), changes))
+
+    def replace(self, changes: dict[str, Any]) -> Drive:
+        """Return a drive with some values changed, checked anew.
+
+        Parameters
+        ----------
+        changes : dict
+            Dotted keys of the drive file, each with a quantity or a table: ``{"friction.coulomb": "31 N"}``.
+
+        Examples
+        --------
+        >>> Drive.load("catalogue:reference").replace({"supply.pressure": "5 bar gauge"}).supply_pressure_pa
+        601300.0
+        """
+        nested: dict[str, Any] = {}
+        for key, value in changes.items():
+            *tables, last = key.split(".")
+            at = nested
+            for table in tables:
+                at = at.setdefault(table, {})
+            at[last] = value.to_dict() if isinstance(value, Described) else value
+        return type(self).model_validate(merge(self.to_dict(), nested))
+
+    @property
+    def supply_pressure_pa(self) -> float:
+        """Absolute supply pressure, Pa."""
+        return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
+
+    @cached_property
+    def si_form(self) -> str:
+        """What `core_json` returns, made once."""
+        return json.dumps(self._core(), sort_keys=True)
+
+    def core_json(self) -> str:
+        """Return the SI form of the description that the core takes."""
+        return self.si_form
+
+    def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
+        """Copy without the cached form, which `update` may have made wrong."""
+        copy = super().model_copy(update=update, deep=deep)
+        vars(copy).pop("si_form", None)
+        return copy
+
+    @property
+    def description_hash(self) -> str:
+        """SHA-256 of what is simulated: name and labels do not count."""
+        return hashlib.sha256(self.core_json().encode()).hexdigest()
+
+    def _core(self) -> dict[str, Any]:
+        c, v, seals = self.cylinder, self.valve, self.friction.pressure
+        stop, spring = c.end_stop, self.carried.spring
+        return {
+            "gas": {
+                "heat_capacity_ratio": self.gas.heat_capacity_ratio,
+                "gas_constant_j_kg_k": self.gas.gas_constant_j_kg_k,
+            },
+            "ambient": {"pressure_pa": self.ambient.pressure_pa, "temperature_k": self.ambient.temperature_k},
+            "supply": {
+                "pressure_pa": self.supply_pressure_pa,
+                "temperature_k": _or(self.supply.temperature_k, self.ambient.temperature_k),
+            },
+            "cylinder": {
+                "kind": c.kind,
+                "bore_m": c.bore_m,
+                "rod_diameter_m": c.rod_diameter_m or 0.0,
+                "stroke_m": c.stroke_m,
+                "dead_volume_a_m3": c.dead_volume_m3.a,
+                "dead_volume_b_m3": c.dead_volume_m3.b,
+                "moving_mass_kg": c.moving_mass_kg,
+                "incline_rad": c.incline_rad,
+                "heat_transfer_w_m2_k": c.heat_transfer_w_m2_k,
+                "wall_temperature_k": _or(c.wall_temperature_k, self.ambient.temperature_k),
+                "end_stop": {
+                    "stiffness_n_m": stop.stiffness_n_m,
+                    "damping_n_s_m": stop.damping_n_s_m,
+                    "damping_depth_m": stop.damping_depth_m,
+                },
+                "chamber_law": c.chamber_law,
+            },
+            "valve": {
+                "kind": v.kind,
+                "conductance_m3_s_pa": v.conductance_m3_s_pa,
+                "critical_pressure_ratio": v.critical_pressure_ratio,
+                "subsonic_index": v.subsonic_index,
+                "linear_above": v.linear_above,
+            },
+            "friction": {
+                "law": self.friction.law,
+                "parameters": dict(self.friction.parameters),
+                "pressure": None
+                if seals is None
+                else {
+                    "coulomb_a": seals.coulomb.a,
+                    "coulomb_b": seals.coulomb.b,
+                    "breakaway_a": seals.breakaway.a,
+                    "breakaway_b": seals.breakaway.b,
+                },
+            },
+            "load": {
+                "mass_kg": self.carried.mass_kg,
+                "force_n": self.carried.force_n,
+                "spring": None
+                if spring is None
+                else {"stiffness_n_m": spring.stiffness_n_m, "rest_position_m": spring.rest_position_m},
+            },
+        }
+
+    def core_initial(self, initial: Initial | None) -> dict[str, float]:
+        """Return the SI start state that the core takes; pressures become absolute here.
+
+        Raises
+        ------
+        DescriptionError
+            The position lies outside the stroke, or a pressure below vacuum.
+        """
+        start = initial or Initial()
+        stroke, ambient = self.cylinder.stroke_m, self.ambient
+        position = _or(start.position_m, 0.5 * stroke)
+        if not 0.0 <= position <= stroke:
+            raise wrong(
+                "initial.position",
+                f"initial position = {position * 1e3:g} mm lies outside the stroke",
+                rule=f"0 mm <= position <= cylinder.stroke = {stroke * 1e3:g} mm",
+            )
+        state = {"position_m": position, "velocity_m_s": start.velocity_m_s}
+        for chamber, pressure, temperature in (
+            ("a", start.pressure_a, start.temperature_a_k),
+            ("b", start.pressure_b, start.temperature_b_k),
+        ):
+            absolute = ambient.pressure_pa if pressure is None else pressure.absolute_pa(ambient.pressure_pa)
+            if not absolute > 0.0:
+                raise wrong(f"initial.pressure_{chamber}", f"initial pressure_{chamber} = {pressure} is below vacuum")
+            state[f"pressure_{chamber}_pa"] = absolute
+            state[f"temperature_{chamber}_k"] = _or(temperature, ambient.temperature_k)
+        return state
+
+    def assumed(self) -> list[str]:
+        """Return the defaults that were used and that no source backs, as ``key = value``."""
+        out = []
+        for table, keys in _ASSUMED.items():
+            part = getattr(self, table)
+            fields = {(field.alias or name): name for name, field in type(part).model_fields.items()}
+            out += [f"{table}.{key}" for key in keys if fields[key] not in part.model_fields_set]
+        return out
+
+    def to_toml(self) -> str:
+        """Write the drive as a file that `load` reads back to the same bits."""
+        return toml.write({"schema": self.schema_version} | self.to_dict())
+
+
+def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Put changes over a base, table by table.
+
+    What excludes another key removes it: another size of the valve, another friction law with parameters of its own.
+    """
+    out = dict(base)
+    sizes = ("conductance", "nominal_flow", "kv", "cv")
+    for key, value in changes.items():
+        old = out.get(key)
+        if not (isinstance(value, dict) and isinstance(old, dict)):
+            out[key] = value
+            continue
+        if key == "valve" and any(size in value for size in sizes):
+            old = {k: v for k, v in old.items() if k not in sizes}
+        if key == "friction" and value.get("law", old.get("law")) != old.get("law"):
+            old = {k: v for k, v in old.items() if k == "pressure"}
+        if key == "cylinder" and value.get("kind") == "rodless":
+            old = {k: v for k, v in old.items() if k != "rod_diameter"}
+        out[key] = merge(old, value)
+    return out
+
+
+def _or(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value

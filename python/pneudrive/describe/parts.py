@@ -1,0 +1,254 @@
+"""The tables of a drive description, one class each. Stored values are SI and carry the unit in their name."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from pneudrive import units
+from pneudrive.describe import valve_flow
+from pneudrive.describe.base import (
+    Angle,
+    Bounds,
+    Described,
+    EachChamber,
+    Force,
+    Fraction,
+    Length,
+    Mass,
+    PerChamber,
+    Position,
+    Quantity,
+    StatedPressure,
+    Stiffness,
+    Temperature,
+    WrongValueError,
+    wrong,
+)
+
+NOT_NEGATIVE = Bounds(at_least=0.0)
+
+
+class Gas(Described):
+    """The ideal gas in the drive; dry air where nothing is said."""
+
+    table: ClassVar[str] = "gas"
+    heat_capacity_ratio: Annotated[float, Quantity("", bounds=Bounds(above=1.0, below=2.0))] = 1.4
+    gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = Field(
+        default=287.05, alias="gas_constant"
+    )
+
+
+class Ambient(Described):
+    """The air around the drive, into which it exhausts."""
+
+    table: ClassVar[str] = "ambient"
+    pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(1.013e5, gauge=False)
+    temperature_k: Temperature = Field(default=293.15, alias="temperature")
+
+    @property
+    def pressure_pa(self) -> float:
+        """Absolute pressure, Pa."""
+        return self.pressure.value_pa
+
+
+class Supply(Described):
+    """The supply at the valve's inlet; its temperature is the ambient one where nothing is said."""
+
+    table: ClassVar[str] = "supply"
+    pressure: Annotated[units.Pressure, StatedPressure()]
+    temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
+        default=None, alias="temperature"
+    )
+
+
+class EndStop(Described):
+    """Contact with the end cover.
+
+    force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed, never pulling.
+    The defaults are assumed.
+    """
+
+    table: ClassVar[str] = "cylinder.end_stop"
+    stiffness_n_m: Stiffness = Field(default=1.0e6, alias="stiffness")
+    damping_n_s_m: Annotated[float, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = Field(default=2.0e3, alias="damping")
+    damping_depth_m: Length = Field(default=1.0e-4, alias="damping_depth")
+
+
+class Cylinder(Described):
+    """A double-acting cylinder. x grows towards the end of chamber b; chamber a grows with x."""
+
+    table: ClassVar[str] = "cylinder"
+    kind: Literal["rodless", "through-rod", "single-rod"]
+    bore_m: Length = Field(alias="bore")
+    rod_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = Field(
+        default=None, alias="rod_diameter"
+    )
+    stroke_m: Length = Field(alias="stroke")
+    dead_volume_m3: Annotated[PerChamber, EachChamber("m^3", "cm3", Bounds(above=0.0))] = Field(alias="dead_volume")
+    moving_mass_kg: Mass = Field(alias="moving_mass")
+    incline_rad: Angle = Field(default=0.0, alias="incline")
+    heat_transfer_w_m2_k: Annotated[float, Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = Field(
+        default=30.0, alias="heat_transfer"
+    )
+    wall_temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
+        default=None, alias="wall_temperature"
+    )
+    end_stop: EndStop = EndStop()
+    chamber_law: Literal["energy-balance", "as-printed"] = "energy-balance"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _not_yet(cls, data: Any) -> Any:  # noqa: ANN401
+        if isinstance(data, dict) and data.get("kind") == "single-acting":
+            raise wrong(
+                "cylinder.kind",
+                'cylinder.kind = "single-acting" cannot be simulated yet',
+                remedy="Available: rodless, through-rod, single-rod (all double-acting).",
+            )
+        return data
+
+    @model_validator(mode="after")
+    def _rod_fits(self) -> Cylinder:
+        key = "cylinder.rod_diameter"
+        if self.kind == "rodless":
+            if self.rod_diameter_m is not None:
+                raise wrong(
+                    key,
+                    f'{key} is given, but cylinder.kind = "rodless" has no rod',
+                    remedy="Leave it out, or change kind.",
+                )
+        elif self.rod_diameter_m is None:
+            raise wrong(
+                key, f'{key} is missing: cylinder.kind = "{self.kind}" has a rod', remedy='Add rod_diameter = "... mm".'
+            )
+        elif not self.rod_diameter_m < self.bore_m:
+            rod, bore = (units.write(d, "m", "mm") for d in (self.rod_diameter_m, self.bore_m))
+            raise wrong(
+                key, f"{key} = {rod} must be smaller than cylinder.bore = {bore}", remedy="Were bore and rod swapped?"
+            )
+        return self
+
+    @property
+    def area_a_m2(self) -> float:
+        """Piston area on chamber a's side, m2."""
+        return self._area(rod=self.kind == "through-rod")
+
+    @property
+    def area_b_m2(self) -> float:
+        """Piston area on chamber b's side, m2."""
+        return self._area(rod=self.kind in {"through-rod", "single-rod"})
+
+    def _area(self, *, rod: bool) -> float:
+        d = (self.rod_diameter_m or 0.0) if rod else 0.0
+        return 0.25 * math.pi * (self.bore_m**2 - d**2)
+
+
+class _FlowCoefficient(Quantity):
+    """A flow coefficient: a pure number, or a number with its own name as unit ("0.9 Cv")."""
+
+    def read(self, given: object) -> float:
+        if isinstance(given, str) and given.split()[1:] in (["Kv"], ["Cv"], ["m3/h"]):
+            text, unit = given.split()
+            if (unit in {"Kv", "m3/h"}) != (self.written == "Kv"):
+                raise WrongValueError(f'"{given}" is not a {self.written}')
+            try:
+                given = float(text)
+            except ValueError:
+                raise WrongValueError(f'"{given}" is not a number') from None
+        return super().read(given)
+
+
+_FLOW_KEYS = ("conductance", "nominal_flow", "kv", "cv")
+
+
+class Valve(Described):
+    """A 5/3 proportional valve.
+
+    A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance, u < 0 the mirror.
+    Its size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv
+    (`pneudrive.describe.valve_flow` says what each conversion assumes).
+    """
+
+    table: ClassVar[str] = "valve"
+    kind: Literal["proportional-5/3"]
+    conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
+        default=None, alias="conductance"
+    )
+    nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0))] = Field(
+        default=None, alias="nominal_flow"
+    )
+    kv: Annotated[float | None, _FlowCoefficient("", "Kv", Bounds(above=0.0))] = None
+    cv: Annotated[float | None, _FlowCoefficient("", "Cv", Bounds(above=0.0))] = None
+    critical_pressure_ratio: Fraction
+    subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
+    linear_above: Fraction = 0.999
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Valve:
+        given = [key for key, value in zip(_FLOW_KEYS, self._sizes(), strict=True) if value is not None]
+        if not given:
+            raise wrong(
+                "valve.conductance", "valve.conductance is missing", rule=f"exactly one of {', '.join(_FLOW_KEYS)}"
+            )
+        if len(given) > 1:
+            key = f"valve.{given[-1]}"
+            raise wrong(
+                key, f"the valve's flow is given {len(given)} times: {', '.join(given)}", remedy="Keep one of them."
+            )
+        if not self.critical_pressure_ratio < self.linear_above:
+            key = "valve.linear_above"
+            b = self.critical_pressure_ratio
+            raise wrong(key, f"{key} = {self.linear_above:g} must exceed valve.critical_pressure_ratio = {b:g}")
+        return self
+
+    def _sizes(self) -> tuple[float | None, ...]:
+        return self.conductance_given, self.nominal_flow_m3_s_anr, self.kv, self.cv
+
+    @property
+    def conductance_m3_s_pa(self) -> float:
+        """Sonic conductance C for air at full opening, m3/(s Pa)."""
+        c, flow, kv, cv = self._sizes()
+        if c is not None:
+            return c
+        if flow is not None:
+            return valve_flow.conductance_from_nominal_flow(flow, self.critical_pressure_ratio, self.subsonic_index)
+        return valve_flow.conductance_from_kv(kv) if kv is not None else valve_flow.conductance_from_cv(cv or 0.0)
+
+
+class Spring(Described):
+    """A linear spring between load and ground; it pushes in +x below its rest position."""
+
+    table: ClassVar[str] = "load.spring"
+    stiffness_n_m: Stiffness = Field(alias="stiffness")
+    rest_position_m: Position = Field(default=0.0, alias="rest_position")
+
+
+class Load(Described):
+    """What the piston carries beside its own moving mass; `force` acts in +x."""
+
+    table: ClassVar[str] = "load"
+    mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = Field(default=0.0, alias="mass")
+    force_n: Force = Field(default=0.0, alias="force")
+    spring: Spring | None = None
+
+
+class Initial(Described):
+    """The state at the start.
+
+    Where nothing is said: mid stroke, at rest, ambient pressure and temperature, bristles undeflected.
+    """
+
+    table: ClassVar[str] = "initial"
+    position_m: Annotated[float | None, Quantity("m", "mm")] = Field(default=None, alias="position")
+    velocity_m_s: Annotated[float, Quantity("m/s", "mm/s")] = Field(default=0.0, alias="velocity")
+    pressure_a: Annotated[units.Pressure | None, StatedPressure()] = None
+    pressure_b: Annotated[units.Pressure | None, StatedPressure()] = None
+    temperature_a_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
+        default=None, alias="temperature_a"
+    )
+    temperature_b_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
+        default=None, alias="temperature_b"
+    )

@@ -1,0 +1,187 @@
+"""TOML as users write it: where a key stands, what is wrong with a file, and how a table is written back."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.errors import DescriptionError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+if TYPE_CHECKING:
+    from pneudrive.errors import PneudriveError
+
+_HEADER = re.compile(r"\s*\[\[?\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
+_KEY = r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'"""
+_ASSIGNMENT = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=\s*(.*)$")
+_INLINE = re.compile(rf"(?:^|[{{,])\s*({_KEY})\s*=")
+
+
+def read(path: str | Path, kind: type[PneudriveError] = DescriptionError) -> tuple[dict[str, Any], str]:
+    """Read a TOML file.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    kind : type of PneudriveError
+        What to raise.
+
+    Returns
+    -------
+    dict, str
+        The tables and the text.
+
+    Raises
+    ------
+    PneudriveError
+        The file is not there, not readable, empty, binary or not TOML; the message names file and line.
+    """
+    path = Path(path)
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise kind(f"there is no file {path}", remedy=_beside(path)) from None
+    except IsADirectoryError:
+        raise kind(f"{path} is a folder, not a file", remedy="Name the TOML file inside it.") from None
+    except OSError as error:
+        raise kind(f"{path} cannot be read: {error.strerror}") from None
+    if b"\0" in raw:
+        raise kind(f"{path} is a binary file", rule="a TOML file is text in UTF-8")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise kind("the file is not text in UTF-8", where=f"{path}:{line}") from None
+    if not text.strip():
+        raise kind(f"{path} is empty", remedy="`pneudrive catalogue` shows drives to start from.")
+    try:
+        return tomllib.loads(text.replace("\r\n", "\n")), text
+    except tomllib.TOMLDecodeError as error:
+        what, line = _syntax(str(error), text)
+        shown = _line(text, line)
+        raise kind(f"the file is not TOML: {what}", where=f"{path}:{line}", value=shown) from None
+
+
+def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
+    """Add file, line and the line's text to an error that knows its key."""
+    line = line_of(text, error.key) if error.key else None
+    value = _line(text, line) if line else error.value
+    where = f"{path}:{line}" if line else str(path)
+    out = type(error)(error.what, where=where, value=value, rule=error.rule, remedy=error.remedy)
+    out.key = error.key
+    return out
+
+
+def line_of(text: str, key: str) -> int | None:
+    r"""Return the line (from 1) on which a dotted key is given, or that of its nearest table.
+
+    Examples
+    --------
+    >>> line_of('[cylinder]\nbore = "25 mm"', "cylinder.bore")
+    2
+    """
+    lines: dict[str, int] = {}
+    table = ""
+    fence = None  # inside a multi-line string nothing is a key
+    for number, line in enumerate(text.splitlines(), start=1):
+        if fence is not None:
+            fence = None if fence in line else fence
+            continue
+        header = _HEADER.match(line)
+        if header and not _ASSIGNMENT.match(line):
+            table = _dotted(header[1])
+            lines.setdefault(table, number)
+            continue
+        assignment = _ASSIGNMENT.match(line)
+        if not assignment:
+            continue
+        name = ".".join(part for part in (table, _dotted(assignment[1])) if part)
+        lines.setdefault(name, number)
+        value = assignment[2]
+        for mark in ('"""', "'''"):
+            if value.count(mark) % 2:
+                fence = mark
+        if value.startswith("{"):
+            for inner in _INLINE.finditer(value):
+                lines.setdefault(f"{name}.{_dotted(inner[1])}", number)
+    while key:
+        if key in lines:
+            return lines[key]
+        key = key.rpartition(".")[0]
+    return None
+
+
+def write(tables: dict[str, Any]) -> str:
+    """Write plain values and nested tables as TOML; small tables of plain values inside a table go on one line.
+
+    Examples
+    --------
+    >>> print(write({"name": "x", "cylinder": {"bore": "25 mm", "dead_volume": {"a": "1 cm3", "b": "1 cm3"}}}))
+    name = "x"
+    <BLANKLINE>
+    [cylinder]
+    bore = "25 mm"
+    dead_volume = { a = "1 cm3", b = "1 cm3" }
+    <BLANKLINE>
+    """
+    plain = [f"{_bare(key)} = {_value(value)}" for key, value in tables.items() if not isinstance(value, dict)]
+    blocks = ["\n".join(plain)] if plain else []
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            body = [f"{_bare(k)} = {_value(v)}" for k, v in value.items()]
+            blocks.append("\n".join([f"[{_bare(key)}]", *body]))
+    return "\n\n".join(blocks) + "\n"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        escaped = re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped)
+        return f'"{escaped}"'
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_bare(k)} = {_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_value(v) for v in value) + "]"
+    msg = f"{type(value).__name__} has no form in TOML"
+    raise TypeError(msg)
+
+
+def _bare(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
+
+
+def _dotted(name: str) -> str:
+    return ".".join(part.strip().strip("\"'") for part in name.split("."))
+
+
+def _line(text: str, number: int) -> str:
+    lines = text.splitlines()
+    return lines[number - 1].strip() if 0 < number <= len(lines) else ""
+
+
+def _syntax(message: str, text: str) -> tuple[str, int]:
+    """Split the parser's complaint into what and line; at the end of the document it names no line."""
+    place = re.search(r"\s*\(at (?:line (\d+), column \d+|end of document)\)", message)
+    line = int(place[1]) if place and place[1] else len(text.splitlines())
+    what = re.sub(r"\s*\(at [^)]*\)", "", message)
+    return what[:1].lower() + what[1:], max(line, 1)
+
+
+def _beside(path: Path) -> str:
+    """Name the files beside a missing one, which is usually mistyped."""
+    folder = path.parent
+    if not folder.is_dir():
+        return f"The folder {folder} is not there either."
+    found = sorted(p.name for p in folder.glob("*.toml"))[:6]
+    return f"TOML files in {folder}: {', '.join(found)}." if found else f"There is no TOML file in {folder}."

@@ -1,0 +1,322 @@
+"""Quantities with units, converted to SI once, at the boundary.
+
+A quantity is written as a number and a unit, ``"25 mm"``; a pressure also says against what, ``"3 bar abs"`` or
+``"2 bar gauge"``. Units of daily use are converted by the table below, every other one by pint, which is imported
+only then:
+its import and its first parse cost more than a whole simulation. A test proves the table equal to pint.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import DescriptionError
+
+if TYPE_CHECKING:
+    import pint
+
+# Normal litre: a volume of air at the standard reference atmosphere (100 kPa, 20 degC, 65 % relative humidity)
+# [iso8778-2003].
+ANR_PRESSURE_PA = 1.0e5
+ANR_TEMPERATURE_K = 293.15
+
+_BAR, _PSI, _L_MIN = 1.0e5, 6894.757293168361, 1.0e-3 / 60.0  # psi: 0.45359237 kg * 9.80665 m/s2 / (25.4 mm)2
+
+# unit as written -> (SI unit, factor, offset): SI value = number * factor + offset
+_TABLE: dict[str, tuple[str, float, float]] = {
+    **{u: ("m", f, 0.0) for u, f in {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}.items()},
+    **{u: ("m^2", f, 0.0) for u, f in {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6}.items()},
+    **{
+        u: ("m^3", f, 0.0) for u, f in {"m3": 1.0, "dm3": 1e-3, "l": 1e-3, "cm3": 1e-6, "ml": 1e-6, "mm3": 1e-9}.items()
+    },
+    **{u: ("kg", f, 0.0) for u, f in {"kg": 1.0, "g": 1e-3}.items()},
+    **{u: ("s", f, 0.0) for u, f in {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}.items()},
+    **{u: ("1/s", f, 0.0) for u, f in {"Hz": 1.0, "kHz": 1e3, "1/s": 1.0}.items()},
+    **{u: ("N", f, 0.0) for u, f in {"N": 1.0, "mN": 1e-3, "kN": 1e3}.items()},
+    **{u: ("m/s", f, 0.0) for u, f in {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "um/s": 1e-6}.items()},
+    **{u: ("m/s^2", f, 0.0) for u, f in {"m/s2": 1.0, "mm/s2": 1e-3}.items()},
+    **{u: ("rad", f, 0.0) for u, f in {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}.items()},
+    **{u: ("K", 1.0, o) for u, o in {"K": 0.0, "degC": 273.15, "°C": 273.15}.items()},
+    **{
+        u: ("Pa", f, 0.0) for u, f in {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": _BAR, "psi": _PSI}.items()
+    },
+    **{u: ("N/m", f, 0.0) for u, f in {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3}.items()},
+    **{u: ("N s/m", f, 0.0) for u, f in {"N s/m": 1.0, "N s/mm": 1e3, "kg/s": 1.0}.items()},
+    **{u: ("N/Pa", f, 0.0) for u, f in {"N/Pa": 1.0, "N/bar": 1e-5, "N/kPa": 1e-3, "N/MPa": 1e-6}.items()},
+    "W/(m2 K)": ("W/(m^2 K)", 1.0, 0.0),
+    "J/(kg K)": ("J/(kg K)", 1.0, 0.0),
+    "dm3/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
+    "l/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
+    "m3/(s Pa)": ("m^3/(s Pa)", 1.0, 0.0),
+    # volume flow stated at the standard reference atmosphere: not a plain volume flow, so a dimension of its own
+    **{f"{u} ANR": ("m^3/s ANR", f, 0.0) for u, f in {"l/min": _L_MIN, "l/s": 1e-3, "dm3/min": _L_MIN}.items()},
+    **{f"{u} ANR": ("m^3/s ANR", f, 0.0) for u, f in {"dm3/s": 1e-3, "m3/h": 1 / 3600.0, "m3/s": 1.0}.items()},
+}
+
+# SI unit -> what a message calls it, with an example that a user can copy
+_KINDS: dict[str, tuple[str, str]] = {
+    "m": ("a length", "25 mm"),
+    "m^2": ("an area", "4.9 cm2"),
+    "m^3": ("a volume", "10 cm3"),
+    "kg": ("a mass", "2 kg"),
+    "s": ("a time", "2 s"),
+    "1/s": ("a frequency", "1 kHz"),
+    "N": ("a force", "30 N"),
+    "m/s": ("a velocity", "20 mm/s"),
+    "m/s^2": ("an acceleration", "1 m/s2"),
+    "rad": ("an angle", "30 deg"),
+    "K": ("a temperature", "20 degC"),
+    "Pa": ("a pressure", "7 bar abs"),
+    "N/m": ("a stiffness", "1e6 N/m"),
+    "N s/m": ("a viscous coefficient", "40 N s/m"),
+    "N/Pa": ("a force per pressure", "1.0 N/bar"),
+    "W/(m^2 K)": ("a heat transfer coefficient", "30 W/(m2 K)"),
+    "J/(kg K)": ("a specific gas constant", "287.05 J/(kg K)"),
+    "m^3/(s Pa)": ("a sonic conductance", "2 dm3/(s bar)"),
+    "m^3/s ANR": ("a flow of normal litres", "700 l/min ANR"),
+}
+
+_NUMBER = re.compile(
+    r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:infinity|inf|nan)\b)(?![\d.,])\s*(.*?)\s*$", re.IGNORECASE
+)
+_ZERO_CELSIUS_LITRE = re.compile(r"\b(Nl|NL|Nm3|sl|slm|slpm|scfm|SCFM|NLPM|nl)\b")
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure and what it is measured against.
+
+    Parameters
+    ----------
+    value_pa : float
+        Pa, as stated.
+    gauge : bool
+        Above ambient pressure rather than above vacuum.
+    """
+
+    value_pa: float
+    gauge: bool
+
+    def absolute_pa(self, ambient_pa: float) -> float:
+        """Return Pa above vacuum, given the ambient pressure in Pa above vacuum.
+
+        Examples
+        --------
+        >>> parse_pressure("6 bar gauge").absolute_pa(1.0e5)
+        700000.0
+        """
+        return self.value_pa + ambient_pa if self.gauge else self.value_pa
+
+    def __str__(self) -> str:
+        """Write it so that `parse_pressure` gives the same bits."""
+        return f"{write(self.value_pa, 'Pa')} {'gauge' if self.gauge else 'abs'}"
+
+
+def kind(si_unit: str) -> str:
+    """Say what is needed, with an example, for messages: ``a length is needed, e.g. "25 mm"``."""
+    name, example = _KINDS.get(si_unit, (f"a quantity in {si_unit}", f"1 {si_unit}"))
+    return f'{name} is needed, e.g. "{example}"'
+
+
+@lru_cache(maxsize=4096)
+def parse(text: str, si_unit: str) -> float:
+    """Convert a quantity to SI.
+
+    Parameters
+    ----------
+    text : str
+        Number and unit.
+    si_unit : str
+        The SI unit that is wanted, as in the messages' table: ``"m"``, ``"N s/m"``, ``"m^3/(s Pa)"``, ...
+
+    Returns
+    -------
+    float
+        The value in `si_unit`.
+
+    Raises
+    ------
+    DescriptionError
+        No number, no unit, a unit of another dimension, or a value that is not finite.
+
+    Examples
+    --------
+    >>> parse("25 mm", "m")
+    0.025
+    >>> parse("20 degC", "K")
+    293.15
+    """
+    number, unit = _split(text, si_unit)
+    return _apply(number, *converter(unit, si_unit))
+
+
+def parse_pressure(text: str) -> Pressure:
+    """Read a pressure that says ``abs`` or ``gauge``.
+
+    Raises
+    ------
+    DescriptionError
+        Neither is said, or it is no pressure.
+
+    Examples
+    --------
+    >>> parse_pressure("3 bar abs")
+    Pressure(value_pa=300000.0, gauge=False)
+    """
+    words = text.split()
+    if not words or words[-1] not in {"abs", "gauge"}:
+        number, unit = _split(text, "Pa")
+        converter(unit, "Pa")  # another dimension is the greater mistake: say that first
+        raise DescriptionError(
+            f'pressure "{text}" does not say abs or gauge',
+            rule="a pressure is absolute (abs) or above ambient (gauge)",
+            remedy=f'Write "{number:g} {unit} abs" or "{number:g} {unit} gauge".',
+        )
+    return Pressure(parse(" ".join(words[:-1]), "Pa"), gauge=words[-1] == "gauge")
+
+
+def parse_range(text: str, si_unit: str) -> tuple[float, float]:
+    """Read ``"5 mm .. 30 mm"`` as two SI values, the lower one first.
+
+    Raises
+    ------
+    DescriptionError
+        Not two quantities, or the first is not below the second.
+    """
+    ends = text.split("..")
+    if len(ends) != 2:
+        raise DescriptionError(f'"{text}" is not a range', remedy='Write two quantities, e.g. "5 mm .. 30 mm".')
+    low, high = (parse(end.strip(), si_unit) for end in ends)
+    if not low < high:
+        raise DescriptionError(f'range "{text}" is empty', rule="the first end lies below the second")
+    return low, high
+
+
+@lru_cache(maxsize=1024)
+def converter(unit: str, si_unit: str) -> tuple[float, float]:
+    """Return (factor, offset) with SI value = number * factor + offset.
+
+    Parameters
+    ----------
+    unit : str
+        A unit as users write it, without ``abs`` or ``gauge``.
+    si_unit : str
+        The SI unit that is wanted.
+
+    Raises
+    ------
+    DescriptionError
+        Unknown unit, or one of another dimension.
+    """
+    known = _TABLE.get(_canonical(unit))
+    if known is None:
+        return _converter_pint(unit, si_unit)
+    si, factor, offset = known
+    if si != si_unit:
+        raise _wrong_dimension(unit, si_unit, _KINDS[si][0])
+    return factor, offset
+
+
+def write(value: float, si_unit: str, unit: str | None = None) -> str:
+    """Write an SI value as a quantity that `parse` reads back to the same bits.
+
+    Parameters
+    ----------
+    value : float
+        In `si_unit`.
+    si_unit : str
+        As in `parse`.
+    unit : str, optional
+        The unit preferred for reading; SI where the conversion would not be exact.
+
+    Examples
+    --------
+    >>> write(0.025, "m", "mm")
+    '25 mm'
+    """
+    if unit is not None:
+        _, factor, offset = _TABLE[unit]
+        for digits in (12, 15, 17):
+            number = f"{(value - offset) / factor:.{digits}g}"
+            if _apply(float(number), factor, offset) == value:
+                return f"{number} {unit}"
+    plain = {"m^3/s ANR": "m3/s ANR"}.get(si_unit, si_unit.replace("^", ""))
+    return f"{value!r} {plain}"
+
+
+def _apply(number: float, factor: float, offset: float) -> float:
+    """Convert so that "25.7 mm" gives the very float 0.0257.
+
+    Dividing by 1000 rounds once, multiplying by 1e-3 twice.
+    """
+    inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
+    scaled = number / inverse if inverse and 1.0 / inverse == factor else number * factor
+    return scaled + offset
+
+
+def _canonical(unit: str) -> str:
+    return unit.strip().replace("²", "2").replace("³", "3").replace("^", "").replace("*", " ").replace("·", " ")
+
+
+def _split(text: str, si_unit: str) -> tuple[float, str]:
+    if not isinstance(text, str):
+        raise DescriptionError(f"{text!r} has no unit", rule=kind(si_unit))
+    match = _NUMBER.match(text)
+    if match is None:
+        comma = re.match(r"\s*[+-]?\d+,\d", text)
+        remedy = "Use a decimal point, not a comma." if comma else "Write a number, a space and a unit."
+        raise DescriptionError(f'"{text}" is not a quantity', rule=kind(si_unit), remedy=remedy)
+    number, unit = float(match[1]), match[2]
+    if not math.isfinite(number):
+        raise DescriptionError(f'"{text}" is not finite', rule=kind(si_unit))
+    if not unit:
+        raise DescriptionError(f'"{text}" has no unit', rule=kind(si_unit))
+    return number, unit
+
+
+def _wrong_dimension(unit: str, si_unit: str, is_a: str) -> DescriptionError:
+    return DescriptionError(f'unit "{unit}" is {is_a}', rule=kind(si_unit))
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
+    import pint
+
+    if unit.endswith((" abs", " gauge")) and si_unit != "Pa":
+        raise _wrong_dimension(unit, si_unit, "a pressure")
+    if _ZERO_CELSIUS_LITRE.search(unit) or (si_unit == "m^3/s ANR" and not unit.endswith("ANR")):
+        raise DescriptionError(
+            f'"{unit}" does not say at which pressure and temperature the volume is meant',
+            rule=f"{kind('m^3/s ANR')} (ISO 8778: 100 kPa, 20 degC)",
+            remedy='Write "l/min ANR" for ISO 8778; multiply litres at 0 degC and 1.01325 bar by 1.0874 first.',
+        )
+    registry = _registry()
+    wanted = si_unit.removesuffix(" ANR")
+    target = registry.Unit(_pint_form(wanted))
+    try:
+        parsed = registry.Unit(_pint_form(unit.removesuffix(" ANR")))
+    except Exception:  # pint raises many kinds, down to tokenizer errors, for what it cannot read
+        raise DescriptionError(f'unit "{unit}" is not known', rule=kind(si_unit)) from None
+    try:
+        zero = registry.Quantity(0.0, parsed).to(target).magnitude
+        one = registry.Quantity(1.0, parsed).to(target).magnitude
+    except pint.DimensionalityError:
+        is_a = f"of dimension {parsed.dimensionality}"
+        raise _wrong_dimension(unit, si_unit, is_a) from None
+    return one - zero, zero
+
+
+def _pint_form(unit: str) -> str:
+    """Write powers and products as pint reads them: ``N s/m2`` -> ``N*s/m**2``."""
+    powers = re.sub(r"(?<=[A-Za-zµ])\^?(\d)", r"**\1", _canonical(unit).replace("°C", "degC").replace("°", "deg"))
+    return re.sub(r"(?<=[\w)])\s+(?=[A-Za-z(])", "*", powers.strip())
