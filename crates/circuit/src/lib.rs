@@ -1,1 +1,22 @@
-//! placeholder
+//! Volumes, restrictions, pistons and springs joined into one system of equations.
+//!
+//! A [`Circuit`] is parts and the nodes that join them: gas nodes carry pressure, temperature, mass
+//! and enthalpy flow; axes carry position, velocity and force. [`Drive`] and [`Rig`] are assemblies
+//! made of nothing but public parts.
+
+mod assembly;
+mod circuit;
+mod ledger;
+mod net;
+mod part;
+mod run;
+pub mod specification;
+
+pub use assembly::{Drive, Rig, Servo, friction_law};
+pub use circuit::{AxisId, CarriageId, Circuit, GasId, RestrictionId, balance};
+pub use ledger::{Balance, Channel, Kind};
+pub use net::{AxisNode, GasNode, Net};
+pub use part::{
+    Axis, Carriage, ChamberLaw, EndStops, Face, Link, Part, Reservoir, Restriction, Spring, Volume,
+};
+pub use run::{Error, Recorder, Run, advance, sample_times};

@@ -122,7 +122,6 @@ impl<const N: usize> Real for Lanes<N> {
 
 impl<const N: usize> Lane for Lanes<N> {
     const L: usize = N;
-    const PAD: usize = 1;
     #[inline(always)]
     fn get(&self, lane: usize) -> f64 {
         self.0[lane]

@@ -98,8 +98,6 @@ impl<P: Real, S: Real<Mask = P::Mask> + From<P>> Over<P> for S {}
 pub trait Lane: Real {
     /// How many lanes.
     const L: usize;
-    /// State vectors are padded to a multiple of this, so that a loop over states fills registers.
-    const PAD: usize;
     fn get(&self, lane: usize) -> f64;
     fn put(&mut self, lane: usize, value: f64);
 
@@ -165,7 +163,6 @@ impl Real for f64 {
 
 impl Lane for f64 {
     const L: usize = 1;
-    const PAD: usize = 4;
     #[inline(always)]
     fn get(&self, _lane: usize) -> f64 {
         *self

@@ -1,1 +1,17 @@
-//! placeholder
+//! Stiff integration of `y' = f(t, y)` that never asks what the states mean.
+//!
+//! A [`System`] is written once, generic over the scalar; the [`Stepper`] takes its Jacobian from
+//! dual numbers, its sparsity from dependency sets, and runs one or several lanes in the same loop.
+
+mod control;
+mod event;
+mod rosenbrock;
+mod stepper;
+mod structure;
+mod system;
+
+pub use control::{Failure, Options, Statistics};
+pub use rosenbrock::{RODAS5P, Rosenbrock};
+pub use stepper::{NoOutput, Output, Paused, Step, Stepper};
+pub use structure::Structure;
+pub use system::System;

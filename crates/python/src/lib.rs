@@ -1,7 +1,378 @@
-//! The seam to Python.
+//! The seam to Python: conversion and error mapping, nothing else.
+
+use circuit::{Balance, Drive, Error, Kind, Rig, Run, Servo, friction_law, specification};
+use numpy::{PyArray1, PyReadonlyArray1};
+use ode::{Options, Statistics};
+use physics::friction::{At, LAWS, Levels};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+fn to_python(error: Error) -> PyErr {
+    match error {
+        Error::Specification(message) => PyValueError::new_err(message),
+        Error::Stopped(message) => PyRuntimeError::new_err(message),
+        Error::Interrupted { t } => {
+            PyKeyboardInterrupt::new_err(format!("interrupted at t = {t} s"))
+        }
+    }
+}
+
+fn parse<'a, T: serde::Deserialize<'a>>(json: &'a str) -> PyResult<T> {
+    serde_json::from_str(json).map_err(|error| {
+        PyValueError::new_err(format!("the description does not fit the core: {error}"))
+    })
+}
+
+/// Runs `work` without the interpreter's lock; `work` is told when the user wants to stop.
+fn detached<T: Send>(
+    py: Python<'_>,
+    work: impl Send + FnOnce(&mut dyn FnMut() -> bool) -> Result<T, Error>,
+) -> PyResult<T> {
+    py.detach(|| {
+        let mut interrupted = || Python::attach(|py| py.check_signals().is_err());
+        work(&mut interrupted)
+    })
+    .map_err(to_python)
+}
+
+fn statistics<'py>(py: Python<'py>, s: &Statistics) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    out.set_item("steps", s.steps)?;
+    out.set_item("rejected", s.rejected)?;
+    out.set_item("right_hand_sides", s.right_hand_sides)?;
+    out.set_item("jacobians", s.jacobians)?;
+    out.set_item("factorisations", s.factorisations)?;
+    out.set_item("events", s.events)?;
+    Ok(out)
+}
+
+fn ledger<'py>(py: Python<'py>, balance: &Balance) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    out.set_item("mass_error", balance.mass_error)?;
+    out.set_item("energy_error", balance.energy_error)?;
+    out.set_item("entropy_error", balance.entropy_error)?;
+    out.set_item("least_entropy_production_j_k", balance.least_production)?;
+    out.set_item("energy_turnover_j", balance.turnover)?;
+    let accounts = PyDict::new(py);
+    for (name, kind, total) in &balance.accounts {
+        let unit = match kind {
+            Kind::Mass => "kg",
+            Kind::Energy => "J",
+            Kind::EntropyIn | Kind::EntropyOfGas | Kind::EntropyOfSolid => "J/K",
+        };
+        accounts.set_item(format!("{name} [{unit}]"), total)?;
+    }
+    out.set_item("accounts", accounts)?;
+    Ok(out)
+}
+
+fn run_to_dict<'py>(py: Python<'py>, names: &[String], run: Run) -> PyResult<Bound<'py, PyDict>> {
+    let columns = PyDict::new(py);
+    for (name, column) in names.iter().zip(run.columns) {
+        columns.set_item(name, PyArray1::from_vec(py, column))?;
+    }
+    let out = PyDict::new(py);
+    out.set_item("columns", columns)?;
+    out.set_item("statistics", statistics(py, &run.statistics)?)?;
+    out.set_item(
+        "ledger",
+        run.balance
+            .as_ref()
+            .map(|balance| ledger(py, balance))
+            .transpose()?,
+    )?;
+    Ok(out)
+}
+
+fn options(rtol: f64) -> Options {
+    Options {
+        rtol,
+        ..Options::default()
+    }
+}
+
+/// A drive, assembled from its description in SI (JSON).
+#[pyclass(name = "Drive", frozen)]
+struct PyDrive {
+    spec: specification::Drive,
+    drive: Drive,
+}
+
+#[pymethods]
+impl PyDrive {
+    #[new]
+    fn new(json: &str) -> PyResult<Self> {
+        let spec: specification::Drive = parse(json)?;
+        let drive = Drive::assemble(&spec, false).map_err(to_python)?;
+        Ok(PyDrive { spec, drive })
+    }
+
+    /// Simulates a piecewise constant command.
+    #[pyo3(signature = (times, commands, duration, sample_rate, initial, rtol, ledger=false))]
+    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        duration: f64,
+        sample_rate: f64,
+        initial: &Bound<'py, PyDict>,
+        rtol: f64,
+        ledger: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let initial = initial_state(initial)?;
+        let with_ledger;
+        let drive = if ledger {
+            with_ledger = Drive::assemble(&self.spec, true).map_err(to_python)?;
+            &with_ledger
+        } else {
+            &self.drive
+        };
+        let run = detached(py, |interrupted| {
+            drive.simulate(
+                &times,
+                &commands,
+                (duration, sample_rate),
+                &initial,
+                options(rtol),
+                interrupted,
+            )
+        })?;
+        let out = run_to_dict(py, drive.columns(), run)?;
+        out.set_item("warnings", drive.warnings())?;
+        out.set_item("citations", drive.citations())?;
+        Ok(out)
+    }
+
+    /// The bare solution, for benchmarks: positions, velocities, pressures and temperatures only are
+    /// not singled out; this is `simulate` without conversion to Python objects.
+    fn bench(
+        &self,
+        py: Python<'_>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        duration: f64,
+        sample_rate: f64,
+        initial: &Bound<'_, PyDict>,
+        rtol: f64,
+    ) -> PyResult<f64> {
+        let initial = initial_state(initial)?;
+        let start = std::time::Instant::now();
+        let run = detached(py, |interrupted| {
+            self.drive.simulate(
+                &times,
+                &commands,
+                (duration, sample_rate),
+                &initial,
+                options(rtol),
+                interrupted,
+            )
+        })?;
+        std::hint::black_box(&run.columns);
+        Ok(start.elapsed().as_secs_f64())
+    }
+
+    /// A sampled servo loop tracking a sine around mid stroke.
+    #[allow(clippy::too_many_arguments)]
+    fn servo<'py>(
+        &self,
+        py: Python<'py>,
+        kp: f64,
+        kd: f64,
+        amplitude_m: f64,
+        frequency_hz: f64,
+        duration_s: f64,
+        sample_rate_hz: f64,
+        initial: &Bound<'py, PyDict>,
+        rtol: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let initial = initial_state(initial)?;
+        let middle = 0.5 * self.spec.cylinder.stroke_m;
+        let servo = Servo {
+            kp,
+            kd,
+            middle,
+            amplitude: amplitude_m,
+            frequency: frequency_hz,
+        };
+        let run = detached(py, |interrupted| {
+            self.drive.servo(
+                &servo,
+                (duration_s, sample_rate_hz),
+                &initial,
+                options(rtol),
+                interrupted,
+            )
+        })?;
+        run_to_dict(py, self.drive.columns(), run)
+    }
+
+    /// What the user should know about this description.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.drive.warnings().to_vec()
+    }
+
+    /// Keys in references.bib of the laws and methods used.
+    #[getter]
+    fn citations(&self) -> Vec<&'static str> {
+        self.drive.citations().to_vec()
+    }
+}
+
+fn initial_state(initial: &Bound<'_, PyDict>) -> PyResult<specification::Initial> {
+    let value = |key: &str| -> PyResult<f64> {
+        match initial.get_item(key)? {
+            Some(value) => value.extract(),
+            None => Err(PyValueError::new_err(format!("initial.{key} is missing"))),
+        }
+    };
+    Ok(specification::Initial {
+        position_m: value("position_m")?,
+        velocity_m_s: initial
+            .get_item("velocity_m_s")?
+            .map_or(Ok(0.0), |v| v.extract())?,
+        pressure_a_pa: value("pressure_a_pa")?,
+        pressure_b_pa: value("pressure_b_pa")?,
+        temperature_a_k: value("temperature_a_k")?,
+        temperature_b_k: value("temperature_b_k")?,
+    })
+}
+
+/// A friction rig, assembled from its description in SI (JSON).
+#[pyclass(name = "Rig", frozen)]
+struct PyRig {
+    rig: Rig,
+}
+
+#[pymethods]
+impl PyRig {
+    #[new]
+    fn new(json: &str) -> PyResult<Self> {
+        let spec: specification::Rig = parse(json)?;
+        Ok(PyRig {
+            rig: Rig::assemble(&spec).map_err(to_python)?,
+        })
+    }
+
+    /// Runs a motion of piecewise constant jerk.
+    fn run<'py>(
+        &self,
+        py: Python<'py>,
+        durations: Vec<f64>,
+        jerks: Vec<f64>,
+        sample_times: Vec<f64>,
+        initial_position: f64,
+        rtol: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let run = detached(py, |interrupted| {
+            self.rig.run(
+                &durations,
+                &jerks,
+                &sample_times,
+                initial_position,
+                options(rtol),
+                interrupted,
+            )
+        })?;
+        run_to_dict(py, self.rig.columns(), run)
+    }
+}
+
+/// Every friction law that a description can name.
+#[pyfunction]
+fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let laws = PyList::empty(py);
+    for meta in LAWS {
+        let law = PyDict::new(py);
+        law.set_item("name", meta.key)?;
+        law.set_item("title", meta.title)?;
+        law.set_item("source", meta.source)?;
+        law.set_item("modes", i32::from(meta.sticks))?;
+        law.set_item(
+            "states",
+            meta.states
+                .iter()
+                .map(|state| state.name)
+                .collect::<Vec<_>>(),
+        )?;
+        let parameters = PyList::empty(py);
+        for p in meta.parameters {
+            let parameter = PyDict::new(py);
+            parameter.set_item("key", p.key)?;
+            parameter.set_item("unit", p.unit)?;
+            parameter.set_item("lower", p.bounds.lower)?;
+            parameter.set_item("upper", p.bounds.upper)?;
+            parameter.set_item("open", p.bounds.open)?;
+            parameter.set_item("default", p.default)?;
+            parameter.set_item("meaning", p.meaning.trim())?;
+            parameters.append(parameter)?;
+        }
+        law.set_item("parameters", parameters)?;
+        laws.append(law)?;
+    }
+    Ok(laws)
+}
+
+/// Steady sliding friction of a law, N, at each velocity m/s, at given gauge pressures Pa.
+#[pyfunction]
+#[pyo3(signature = (law, parameters, velocity, gauge_a_pa=0.0, gauge_b_pa=0.0, pressure=None))]
+fn steady_friction<'py>(
+    py: Python<'py>,
+    law: &str,
+    parameters: std::collections::BTreeMap<String, f64>,
+    velocity: PyReadonlyArray1<'py, f64>,
+    gauge_a_pa: f64,
+    gauge_b_pa: f64,
+    pressure: Option<std::collections::BTreeMap<String, f64>>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let coefficient = |key: &str| {
+        pressure
+            .as_ref()
+            .and_then(|p| p.get(key))
+            .copied()
+            .unwrap_or(0.0)
+    };
+    let spec = specification::Friction {
+        law: law.to_string(),
+        parameters,
+        pressure: pressure.as_ref().map(|_| specification::SealPressure {
+            coulomb_a: coefficient("coulomb_a"),
+            coulomb_b: coefficient("coulomb_b"),
+            breakaway_a: coefficient("breakaway_a"),
+            breakaway_b: coefficient("breakaway_b"),
+        }),
+    };
+    let (law, lips) = friction_law(&spec).map_err(to_python)?;
+    let force = |v: f64| {
+        let at = At {
+            v,
+            x: 0.0,
+            gauge_a: gauge_a_pa,
+            gauge_b: gauge_b_pa,
+            applied: 0.0,
+        };
+        let levels: Levels<f64> = law.levels();
+        law.steady(
+            v,
+            &lips
+                .as_ref()
+                .map_or(levels, |lips| lips.apply(&levels, &at)),
+        )
+    };
+    Ok(PyArray1::from_iter(
+        py,
+        velocity.as_array().iter().map(|&v| force(v)),
+    ))
+}
 
 #[pymodule]
-fn _core(_m: &Bound<'_, PyModule>) -> PyResult<()> {
+fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_class::<PyDrive>()?;
+    m.add_class::<PyRig>()?;
+    m.add_function(wrap_pyfunction!(friction_laws, m)?)?;
+    m.add_function(wrap_pyfunction!(steady_friction, m)?)?;
     Ok(())
 }

@@ -1,0 +1,369 @@
+use super::friction_law;
+use crate::circuit::{AxisId, Circuit, GasId, RestrictionId};
+use crate::net::Net;
+use crate::part::ChamberLaw;
+use crate::run::{Error, Recorder, Run, advance, sample_times};
+use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
+use ode::{Options, Stepper};
+use physics::IdealGas;
+use physics::flow::Iso6358;
+use physics::mechanics::EndStop;
+use std::f64::consts::PI;
+
+/// A double-acting cylinder on a 5/3 proportional valve.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    circuit: Circuit<f64>,
+    axis: AxisId,
+    a: GasId,
+    b: GasId,
+    /// Edges of the valve: supply to a, a to exhaust, supply to b, b to exhaust.
+    edges: [RestrictionId; 4],
+    columns: Vec<String>,
+    warnings: Vec<String>,
+    citations: Vec<&'static str>,
+}
+
+/// What one side of a piston has: area m2, wetted perimeter m, end faces m2.
+struct Side {
+    area: f64,
+    perimeter: f64,
+    end_wall: f64,
+}
+
+/// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both
+/// end faces and the rod's surface; the dead volume has no surface of its own.
+fn side(bore: f64, rod: f64) -> Side {
+    let area = 0.25 * PI * (bore * bore - rod * rod);
+    Side {
+        area,
+        perimeter: PI * (bore + rod),
+        end_wall: 2.0 * area,
+    }
+}
+
+impl Drive {
+    /// Assembles the drive; with `ledger`, its accounts are integrated along.
+    pub fn assemble(spec: &specification::Drive, ledger: bool) -> Result<Self, Error> {
+        let cylinder = &spec.cylinder;
+        let gas = IdealGas {
+            heat_capacity_ratio: spec.gas.heat_capacity_ratio,
+            gas_constant: spec.gas.gas_constant_j_kg_k,
+        };
+        let (law, lips) = friction_law(&spec.friction)?;
+        let rod = |has_rod: bool| {
+            if has_rod {
+                cylinder.rod_diameter_m
+            } else {
+                0.0
+            }
+        };
+        let mut sides = [
+            side(
+                cylinder.bore_m,
+                rod(cylinder.kind == CylinderKind::ThroughRod),
+            ),
+            side(cylinder.bore_m, rod(cylinder.kind != CylinderKind::Rodless)),
+        ];
+        let chamber_law = match cylinder.chamber_law {
+            ChamberLawName::EnergyBalance => ChamberLaw::EnergyBalance,
+            ChamberLawName::AsPrinted => {
+                // pi (D x + 0.25 D^3) as printed, in metres: the second term is no area at all.
+                for side in &mut sides {
+                    (side.perimeter, side.end_wall) =
+                        (PI * cylinder.bore_m, 0.25 * PI * cylinder.bore_m.powi(3));
+                }
+                ChamberLaw::AsPrinted
+            }
+        };
+        if ledger && chamber_law == ChamberLaw::AsPrinted {
+            return Err(Error::Specification(
+                "chamber law \"as-printed\" has no ledger: it does not conserve energy".into(),
+            ));
+        }
+        let mut warnings: Vec<String> = law.warning().into_iter().collect();
+        if chamber_law == ChamberLaw::AsPrinted {
+            warnings.push("chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only".into());
+        }
+        let inner = law.meta().states;
+        let citations = vec![
+            law.meta().source,
+            "iso6358-2013",
+            "bejan2016",
+            "steinebach2023",
+            "hairer1996",
+        ];
+
+        let mut circuit = Circuit::new(&gas, spec.ambient.pressure_pa, spec.ambient.temperature_k);
+        let supply = circuit.reservoir(spec.supply.pressure_pa, spec.supply.temperature_k);
+        let exhaust = circuit.reservoir(spec.ambient.pressure_pa, spec.ambient.temperature_k);
+        let mut chamber = |dead_volume: f64| {
+            circuit.volume(
+                chamber_law,
+                dead_volume,
+                0.0,
+                cylinder.heat_transfer_w_m2_k,
+                cylinder.wall_temperature_k,
+            )
+        };
+        let (a, b) = (
+            chamber(cylinder.dead_volume_a_m3),
+            chamber(cylinder.dead_volume_b_m3),
+        );
+        let mass = cylinder.moving_mass_kg + spec.load.mass_kg;
+        let axis = circuit.axis(
+            mass,
+            cylinder.incline_rad,
+            spec.load.force_n,
+            Some(law),
+            lips,
+        );
+        for (gas, side, grows) in [(a, &sides[0], true), (b, &sides[1], false)] {
+            circuit.face(
+                gas,
+                axis,
+                grows,
+                cylinder.stroke_m,
+                side.area,
+                side.perimeter,
+                side.end_wall,
+            );
+        }
+        let stop = &cylinder.end_stop;
+        let stop = EndStop {
+            stiffness: stop.stiffness_n_m,
+            damping: stop.damping_n_s_m,
+            damping_depth: stop.damping_depth_m,
+        };
+        circuit.end_stops(axis, stop, cylinder.stroke_m);
+        if let Some(spring) = &spec.load.spring {
+            circuit.spring(axis, spring.stiffness_n_m, spring.rest_position_m);
+        }
+        let Valve::Proportional53(valve) = &spec.valve;
+        let is_air = gas.heat_capacity_ratio == 1.4 && gas.gas_constant == 287.05;
+        let edge_law = Iso6358::for_gas(
+            valve.conductance_m3_s_pa,
+            valve.critical_pressure_ratio,
+            valve.subsonic_index,
+            valve.linear_above,
+            valve.subsonic_index == 0.5,
+            &gas,
+            is_air,
+        );
+        let mut edge = |from, to| circuit.restriction(edge_law.clone(), from, to);
+        let edges = [
+            edge(supply, a),
+            edge(a, exhaust),
+            edge(supply, b),
+            edge(b, exhaust),
+        ];
+        let mut columns: Vec<String> = COLUMNS.iter().map(ToString::to_string).collect();
+        columns.extend(inner.iter().map(|state| state.name.to_string()));
+        Ok(Drive {
+            circuit: circuit.build(ledger),
+            axis,
+            a,
+            b,
+            edges,
+            columns,
+            warnings,
+            citations,
+        })
+    }
+
+    /// Names of the columns of a run.
+    pub fn columns(&self) -> &[String] {
+        &self.columns
+    }
+
+    /// What the user should know about this description.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Keys in references.bib of the laws and methods that this drive uses.
+    pub fn citations(&self) -> &[&'static str] {
+        &self.citations
+    }
+
+    /// The drive's equations, and their state at `initial` with the command `u`.
+    pub fn start(&self, initial: &Initial, u: f64) -> (Circuit<f64>, Vec<f64>) {
+        let mut circuit = self.circuit.clone();
+        set_command(&mut circuit, &self.edges, 0, u);
+        let y = circuit.initial(
+            &[
+                (self.a, initial.pressure_a_pa, initial.temperature_a_k),
+                (self.b, initial.pressure_b_pa, initial.temperature_b_k),
+            ],
+            &[(self.axis, initial.position_m, initial.velocity_m_s)],
+        );
+        (circuit, y)
+    }
+
+    /// Opens the valve of one lane: u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
+    pub fn set_command<R: math::Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: f64) {
+        set_command(circuit, &self.edges, lane, u);
+    }
+
+    /// Simulates a command that is constant from each of `times` to the next (the first at 0).
+    pub fn simulate(
+        &self,
+        times: &[f64],
+        commands: &[f64],
+        sampling: (f64, f64),
+        initial: &Initial,
+        options: Options,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Run, Error> {
+        let (duration, rate) = sampling;
+        let (circuit, y) = self.start(initial, commands[0]);
+        let command = std::cell::Cell::new(commands[0]);
+        let mut recorder = Recorder::new(
+            &circuit,
+            sample_times(duration, rate),
+            self.columns.len(),
+            |c, t, y, net, row| {
+                self.row(c, t, command.get(), y, net, row);
+            },
+        );
+        let mut stepper = Stepper::new(circuit, 0.0, &y, options);
+        for (i, &u) in commands.iter().enumerate() {
+            if times[i] >= duration {
+                break;
+            }
+            command.set(u);
+            if i > 0 {
+                set_command(stepper.system_mut(), &self.edges, 0, u);
+            }
+            let until = times.get(i + 1).map_or(duration, |&t| t.min(duration));
+            advance(&mut stepper, until, &mut recorder, interrupted)?;
+        }
+        recorder.finish(stepper.system(), stepper.state());
+        let balance = recorder.balance(stepper.system());
+        Ok(Run {
+            columns: recorder.columns,
+            statistics: stepper.statistics(0),
+            balance,
+        })
+    }
+
+    /// A sampled servo loop: every 1/rate seconds the command is computed from position and velocity
+    /// and held.
+    pub fn servo(
+        &self,
+        servo: &Servo,
+        sampling: (f64, f64),
+        initial: &Initial,
+        options: Options,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Run, Error> {
+        let times = sample_times(sampling.0, sampling.1);
+        let (circuit, y) = self.start(initial, 0.0);
+        let command = std::cell::Cell::new(0.0);
+        let mut recorder = Recorder::new(
+            &circuit,
+            times.clone(),
+            self.columns.len(),
+            |c, t, y, net, row| {
+                self.row(c, t, command.get(), y, net, row);
+            },
+        );
+        let mut stepper = Stepper::new(circuit, 0.0, &y, options);
+        for pair in times.windows(2) {
+            let u = servo.command(pair[0], stepper.state()[0], stepper.state()[1]);
+            command.set(u);
+            set_command(stepper.system_mut(), &self.edges, 0, u);
+            advance(&mut stepper, pair[1], &mut recorder, interrupted)?;
+        }
+        recorder.finish(stepper.system(), stepper.state());
+        Ok(Run {
+            columns: recorder.columns,
+            statistics: stepper.statistics(0),
+            balance: None,
+        })
+    }
+
+    fn row(
+        &self,
+        circuit: &Circuit<f64>,
+        t: f64,
+        u: f64,
+        y: &[f64],
+        net: &mut Net<f64>,
+        row: &mut [f64],
+    ) {
+        circuit.observe(y, net);
+        let (axis, a, b) = (
+            &net.axis[self.axis.0],
+            &net.gas[self.a.0],
+            &net.gas[self.b.0],
+        );
+        let values = [
+            t,
+            axis.x,
+            axis.v,
+            axis.a,
+            a.p,
+            a.t,
+            b.p,
+            b.t,
+            axis.friction,
+            axis.end_stop,
+            u,
+            a.m_dot,
+            b.m_dot,
+        ];
+        row[..values.len()].copy_from_slice(&values);
+        row[values.len()..].copy_from_slice(circuit.inner_states(self.axis, y));
+    }
+}
+
+/// Columns of a trajectory, before the inner states.
+const COLUMNS: [&str; 13] = [
+    "time_s",
+    "position_m",
+    "velocity_m_s",
+    "acceleration_m_s2",
+    "pressure_a_pa",
+    "temperature_a_k",
+    "pressure_b_pa",
+    "temperature_b_k",
+    "friction_force_n",
+    "end_stop_force_n",
+    "command",
+    "mass_flow_a_kg_s",
+    "mass_flow_b_kg_s",
+];
+
+fn set_command<R: math::Lane>(
+    circuit: &mut Circuit<R>,
+    edges: &[RestrictionId; 4],
+    lane: usize,
+    u: f64,
+) {
+    let (extend, retract) = (u.max(0.0), (-u).max(0.0));
+    for (edge, opening) in edges.iter().zip([extend, retract, retract, extend]) {
+        circuit.set_opening(*edge, lane, opening);
+    }
+}
+
+/// Proportional-derivative position control of a sine, u clipped to [-1, 1].
+#[derive(Clone, Copy, Debug)]
+pub struct Servo {
+    /// Gains, 1/m and s/m.
+    pub kp: f64,
+    pub kd: f64,
+    /// Middle, amplitude, m, and frequency, Hz, of the reference.
+    pub middle: f64,
+    pub amplitude: f64,
+    pub frequency: f64,
+}
+
+impl Servo {
+    fn command(&self, t: f64, x: f64, v: f64) -> f64 {
+        let omega = 2.0 * PI * self.frequency;
+        let reference = self.middle + self.amplitude * math::elementary::sin(omega * t);
+        let rate = self.amplitude * omega * math::elementary::cos(omega * t);
+        (self.kp * (reference - x) + self.kd * (rate - v)).clamp(-1.0, 1.0)
+    }
+}

@@ -1,0 +1,565 @@
+//! Parts and nodes as one system of equations.
+
+use crate::ledger::{Balance, Channel, Kind};
+use crate::net::Net;
+use crate::part::*;
+use math::{Deps, Lane, Over, Real};
+use ode::{Structure, System};
+use physics::friction::AnyLaw;
+use physics::{IdealGas, STANDARD_GRAVITY};
+use std::sync::Arc;
+
+/// A gas node of a circuit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GasId(pub(crate) usize);
+/// An axis of a circuit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AxisId(pub(crate) usize);
+/// A restriction of a circuit, to set its opening.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RestrictionId(pub(crate) usize);
+/// A carriage of a circuit, to set its jerk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CarriageId(pub(crate) usize);
+
+/// What does not change while a circuit runs; shared by all its copies.
+#[derive(Debug)]
+struct Topology {
+    names: Vec<String>,
+    scale: Vec<f64>,
+    n_states: usize,
+    channels: Vec<Channel>,
+    structure: Arc<Structure>,
+    /// Axes whose law has modes, one event each.
+    sticking: Vec<usize>,
+}
+
+/// A system of equations made of parts. `P` is `f64`, or lanes: one drive in each.
+#[derive(Clone, Debug)]
+pub struct Circuit<P> {
+    topology: Arc<Topology>,
+    parts: Parts<P>,
+    common: Common<P>,
+    /// Restrictions that are open in some lane.
+    open: Vec<usize>,
+    gas_nodes: usize,
+    axis_nodes: usize,
+}
+
+impl Circuit<f64> {
+    /// An empty circuit; the ambient pressure Pa acts on the outside of every piston.
+    pub fn new(gas: &IdealGas<f64>, ambient_pressure: f64, ambient_temperature: f64) -> Self {
+        Circuit {
+            topology: Arc::new(Topology {
+                names: Vec::new(),
+                scale: Vec::new(),
+                n_states: 0,
+                channels: Vec::new(),
+                structure: Arc::new(Structure::of(&[], &[], false)),
+                sticking: Vec::new(),
+            }),
+            parts: Parts::default(),
+            common: Common {
+                gas: IdealGasConstants::new(gas),
+                ambient_pressure,
+                ambient_temperature,
+            },
+            open: Vec::new(),
+            gas_nodes: 0,
+            axis_nodes: 0,
+        }
+    }
+
+    fn next_gas(&mut self) -> usize {
+        self.gas_nodes += 1;
+        self.gas_nodes - 1
+    }
+
+    fn next_axis(&mut self) -> usize {
+        self.axis_nodes += 1;
+        self.axis_nodes - 1
+    }
+
+    /// Gas at constant pressure Pa and temperature K.
+    pub fn reservoir(&mut self, pressure: f64, temperature: f64) -> GasId {
+        let node = self.next_gas();
+        self.parts.reservoirs.push((
+            Place::default(),
+            Reservoir {
+                pressure,
+                temperature,
+                node,
+            },
+        ));
+        GasId(node)
+    }
+
+    /// A volume that obeys `law`: a tank, or the dead volume of a chamber that faces enlarge.
+    pub fn volume(
+        &mut self,
+        law: ChamberLaw,
+        dead_volume: f64,
+        dead_wall: f64,
+        heat_transfer: f64,
+        wall_temperature: f64,
+    ) -> GasId {
+        let node = self.next_gas();
+        let mut part = Volume {
+            dead_volume,
+            dead_wall,
+            heat_transfer,
+            wall_temperature,
+            node,
+            law,
+            scales: [1.0; 2],
+        };
+        part.set_scales(self.common.gas.k, self.common.gas.r);
+        self.parts.volumes.push((Place::default(), part));
+        GasId(node)
+    }
+
+    /// A restriction between two gas nodes, closed at first.
+    pub fn restriction(
+        &mut self,
+        law: physics::flow::Iso6358<f64>,
+        from: GasId,
+        to: GasId,
+    ) -> RestrictionId {
+        let is_reservoir = |id: GasId| {
+            self.parts
+                .reservoirs
+                .iter()
+                .any(|(_, part)| part.node == id.0)
+        };
+        let part = Restriction {
+            law,
+            opening: 0.0,
+            from: from.0,
+            to: to.0,
+            from_boundary: is_reservoir(from),
+            to_boundary: is_reservoir(to),
+        };
+        self.parts.restrictions.push((Place::default(), part));
+        RestrictionId(self.parts.restrictions.len() - 1)
+    }
+
+    /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.
+    pub fn axis(
+        &mut self,
+        mass: f64,
+        incline: f64,
+        external_force: f64,
+        friction: Option<AnyLaw<f64>>,
+        seal_lips: Option<physics::friction::SealLips<f64>>,
+    ) -> AxisId {
+        let node = self.next_axis();
+        let weight = mass * STANDARD_GRAVITY * math::elementary::sin(incline);
+        let part = Axis {
+            mass,
+            weight,
+            external_force,
+            friction,
+            seal_lips,
+            mode: 0.0,
+            node,
+        };
+        self.parts.axes.push((Place::default(), part));
+        AxisId(node)
+    }
+
+    /// A servo axis driven by its jerk.
+    pub fn carriage(&mut self) -> (AxisId, CarriageId) {
+        let node = self.next_axis();
+        self.parts
+            .carriages
+            .push((Place::default(), Carriage { jerk: 0.0, node }));
+        (AxisId(node), CarriageId(self.parts.carriages.len() - 1))
+    }
+
+    /// A piston's face: `grows` where the chamber grows with x, else it ends at `stroke`.
+    pub fn face(
+        &mut self,
+        gas: GasId,
+        axis: AxisId,
+        grows: bool,
+        stroke: f64,
+        area: f64,
+        perimeter: f64,
+        end_wall: f64,
+    ) {
+        let offset = if grows { 0.0 } else { stroke };
+        let part = Face {
+            area,
+            perimeter,
+            end_wall,
+            offset,
+            gas: gas.0,
+            axis: axis.0,
+            grows,
+        };
+        self.parts.faces.push((Place::default(), part));
+    }
+
+    pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<f64>, stroke: f64) {
+        self.parts.end_stops.push((
+            Place::default(),
+            EndStops {
+                law,
+                stroke,
+                axis: axis.0,
+            },
+        ));
+    }
+
+    pub fn spring(&mut self, axis: AxisId, stiffness: f64, rest_position: f64) {
+        self.parts.springs.push((
+            Place::default(),
+            Spring {
+                stiffness,
+                rest_position,
+                axis: axis.0,
+            },
+        ));
+    }
+
+    /// Spring and damper between two axes; returns its index among the links.
+    pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: f64, damping: f64) -> usize {
+        let driven = self
+            .parts
+            .carriages
+            .iter()
+            .any(|(_, part)| part.node == from.0);
+        let part = Link {
+            stiffness,
+            damping,
+            from: from.0,
+            to: to.0,
+            driven,
+        };
+        self.parts.links.push((Place::default(), part));
+        self.parts.links.len() - 1
+    }
+
+    /// Finishes the circuit; with `ledger`, its mass, energy and entropy accounts are integrated along
+    /// without touching a step or a bit of the states.
+    pub fn build(mut self, ledger: bool) -> Self {
+        let (states, channels) = self.parts.lay_out();
+        let n_states = states.len();
+        let (names, mut scale): (Vec<_>, Vec<_>) = states
+            .into_iter()
+            .map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale))
+            .unzip();
+        let channels = if ledger { channels } else { Vec::new() };
+        scale.extend(channels.iter().map(|_| f64::INFINITY));
+        let sticking = (0..self.parts.axes.len())
+            .filter(|&i| self.parts.axes[i].1.sticks())
+            .collect();
+        let topology = |structure| Topology {
+            names,
+            scale,
+            n_states,
+            channels,
+            structure,
+            sticking,
+        };
+        // The pattern is that of everything open: it holds for every input and mode.
+        self.open = (0..self.parts.restrictions.len()).collect();
+        self.topology = Arc::new(topology(Arc::new(Structure::of(&[], &[], false))));
+        let n = self.topology.scale.len();
+        let y: Vec<Deps> = (0..n).map(Deps::of).collect();
+        let mut dy = vec![Deps::c(0.0); n];
+        let mut net = self.work::<Deps>();
+        self.rhs(Deps::c(0.0), &y, &mut dy, &mut net);
+        let structure = Arc::new(Structure::of(&dy, &self.topology.scale, false));
+        Arc::get_mut(&mut self.topology)
+            .expect("not shared yet")
+            .structure = structure;
+        self.open.clear();
+        self
+    }
+
+    /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
+    /// Sets the modes of friction to match.
+    pub fn initial(&mut self, gas: &[(GasId, f64, f64)], axes: &[(AxisId, f64, f64)]) -> Vec<f64> {
+        let mut y = vec![0.0; self.topology.scale.len()];
+        for &(id, x, v) in axes {
+            let axes = self
+                .parts
+                .axes
+                .iter()
+                .map(|(place, part)| (place, part.node));
+            let carriages = self
+                .parts
+                .carriages
+                .iter()
+                .map(|(place, part)| (place, part.node));
+            let (place, _) = axes
+                .chain(carriages)
+                .find(|(_, node)| *node == id.0)
+                .expect("an axis of this circuit");
+            (y[place.first], y[place.first + 1]) = (x, v);
+        }
+        let mut net = self.work::<f64>();
+        self.parts.place(&y, &mut net, &self.common);
+        self.parts.shape(&mut net);
+        for &(id, p, t) in gas {
+            let (place, part) = self
+                .parts
+                .volumes
+                .iter()
+                .find(|(_, part)| part.node == id.0)
+                .expect("a volume of this circuit");
+            let values = match part.law {
+                ChamberLaw::EnergyBalance => physics::chamber::EnergyBalance::initial(
+                    &self.common.gas.law(),
+                    p,
+                    t,
+                    net.gas[id.0].volume,
+                ),
+                ChamberLaw::AsPrinted => [p, t],
+            };
+            y[place.first..place.first + 2].copy_from_slice(&values);
+        }
+        self.evaluate(&y, &mut net);
+        for &i in &self.topology.sticking {
+            let (place, axis) = &mut self.parts.axes[i];
+            let v = y[place.first + 1];
+            axis.mode = if v == 0.0 { 0.0 } else { v.signum() };
+            if v == 0.0 && axis.event(&net) < 0.0 {
+                axis.switch(0, &mut y[place.first + 1], &net);
+            }
+        }
+        y
+    }
+}
+
+impl<R: Lane> Circuit<R> {
+    /// One circuit of lanes: lane `i` is `each[i]`; all must have the same parts.
+    pub fn gather(each: &[&Circuit<f64>]) -> Self {
+        assert_eq!(each.len(), R::L, "one circuit for each lane");
+        let number = |f: &dyn Fn(&Common<f64>) -> f64| R::from_lanes(|lane| f(&each[lane].common));
+        Circuit {
+            topology: each[0].topology.clone(),
+            parts: Parts::gather(
+                &each
+                    .iter()
+                    .map(|circuit| &circuit.parts)
+                    .collect::<Vec<_>>(),
+            ),
+            common: Common {
+                gas: IdealGasConstants {
+                    k: number(&|c| c.gas.k),
+                    r: number(&|c| c.gas.r),
+                    cv: number(&|c| c.gas.cv),
+                    cp: number(&|c| c.gas.cp),
+                },
+                ambient_pressure: number(&|c| c.ambient_pressure),
+                ambient_temperature: number(&|c| c.ambient_temperature),
+            },
+            open: {
+                let mut open: Vec<usize> = each
+                    .iter()
+                    .flat_map(|circuit| circuit.open.clone())
+                    .collect();
+                open.sort_unstable();
+                open.dedup();
+                open
+            },
+            gas_nodes: each[0].gas_nodes,
+            axis_nodes: each[0].axis_nodes,
+        }
+    }
+
+    /// Opens a restriction in one lane: 0 closed, 1 full.
+    pub fn set_opening(&mut self, id: RestrictionId, lane: usize, opening: f64) {
+        self.parts.restrictions[id.0].1.opening.put(lane, opening);
+        let is_open =
+            (0..R::L).any(|lane| self.parts.restrictions[id.0].1.opening.get(lane) != 0.0);
+        self.open.retain(|&i| i != id.0);
+        if is_open {
+            // Kept in order: sums of flows do not depend on when an edge opened.
+            let at = self.open.partition_point(|&i| i < id.0);
+            self.open.insert(at, id.0);
+        }
+    }
+
+    /// Sets the jerk of a carriage in one lane, m/s3.
+    pub fn set_jerk(&mut self, id: CarriageId, lane: usize, jerk: f64) {
+        self.parts.carriages[id.0].1.jerk.put(lane, jerk);
+    }
+
+    /// The name and unit of each state.
+    pub fn state_names(&self) -> &[String] {
+        &self.topology.names
+    }
+
+    /// How many states there are beside the accounts.
+    pub fn n_states(&self) -> usize {
+        self.topology.n_states
+    }
+
+    pub fn channels(&self) -> &[Channel] {
+        &self.topology.channels
+    }
+
+    /// The nodes at state `y`, with flows, forces and accelerations.
+    pub fn observe(&self, y: &[R], net: &mut Net<R>) {
+        self.evaluate(y, net);
+        let mut dy = vec![R::zero(); self.topology.n_states];
+        self.parts.rate(y, &mut dy, net, &self.common);
+    }
+
+    /// Force of a link at the nodes, N in +x on its second axis.
+    pub fn link_force(&self, link: usize, net: &Net<R>) -> R {
+        self.parts.links[link].1.force(net)
+    }
+
+    /// Mode of an axis' friction: -1, 0, +1.
+    pub fn mode(&self, axis: AxisId) -> R {
+        let (_, part) = self
+            .parts
+            .axes
+            .iter()
+            .find(|(_, part)| part.node == axis.0)
+            .expect("an axis");
+        part.mode
+    }
+
+    /// The inner states of an axis' friction within `y`.
+    pub fn inner_states<'y>(&self, axis: AxisId, y: &'y [R]) -> &'y [R] {
+        let (place, _) = self
+            .parts
+            .axes
+            .iter()
+            .find(|(_, part)| part.node == axis.0)
+            .expect("an axis");
+        &y[place.first + 2..place.first + place.count]
+    }
+
+    /// (mass, energy, entropy of the gas) stored at state `y`.
+    pub fn stored(&self, y: &[R]) -> [R; 3] {
+        let mut net = self.work::<R>();
+        self.observe(y, &mut net);
+        self.parts.stored(y, &net, &self.common)
+    }
+}
+
+impl<P: Real> Circuit<P> {
+    #[inline(always)]
+    fn evaluate<S: Over<P>>(&self, y: &[S], net: &mut Net<S>) {
+        self.parts.place(y, net, &self.common);
+        self.parts.shape(net);
+        self.parts.potential(y, net, &self.common);
+        for &i in &self.open {
+            self.parts.restrictions[i].1.pass(net);
+        }
+        self.parts.exchange(net, &self.common);
+    }
+}
+
+impl<R: Lane> System<R> for Circuit<R> {
+    type Work<S: Over<R>> = Net<S>;
+
+    fn work<S: Over<R>>(&self) -> Net<S> {
+        Net::new(self.gas_nodes, self.axis_nodes, S::from(self.common.gas.cp))
+    }
+
+    #[inline(always)]
+    fn rhs<S: Over<R>>(&self, _t: S, y: &[S], dy: &mut [S], net: &mut Net<S>) {
+        self.evaluate(y, net);
+        self.parts.rate(y, dy, net, &self.common);
+        if !self.topology.channels.is_empty() {
+            let (states, accounts) = dy.split_at_mut(self.topology.n_states);
+            let _ = states;
+            self.parts.account(y, net, &self.common, accounts);
+        }
+    }
+
+    fn structure(&self) -> &Arc<Structure> {
+        &self.topology.structure
+    }
+
+    fn scale(&self) -> &[f64] {
+        &self.topology.scale
+    }
+
+    fn n_events(&self) -> usize {
+        self.topology.sticking.len()
+    }
+
+    fn events(&self, _t: R, y: &[R], out: &mut [R], net: &mut Net<R>) {
+        self.evaluate(y, net);
+        for (out, &i) in out.iter_mut().zip(&self.topology.sticking) {
+            *out = self.parts.axes[i].1.event(net);
+        }
+    }
+
+    /// Newton in stick, m/s in slip: 1e-9 of either is far below what any step resolves.
+    fn event_tolerance(&self, _event: usize) -> f64 {
+        1e-9
+    }
+
+    fn switch(&mut self, lane: usize, event: usize, y: &mut [R], net: &mut Net<R>) {
+        self.evaluate(y, net);
+        let (place, axis) = &mut self.parts.axes[self.topology.sticking[event]];
+        axis.switch(lane, &mut y[place.first + 1], net);
+    }
+}
+
+/// The accounts of a run closed, from its states at the samples (accounts included).
+pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
+    let n = circuit.n_states();
+    let stored: Vec<[f64; 3]> = samples.iter().map(|y| circuit.stored(y)).collect();
+    let (first, last) = (
+        &samples[0],
+        samples.last().expect("at least the initial state"),
+    );
+    let (start, end) = (stored[0], *stored.last().expect("as many as samples"));
+    let total = |kind: Kind| -> f64 { sum(circuit, kind, |i| last[n + i] - first[n + i]) };
+    let turned = |kind: Kind| -> f64 { sum(circuit, kind, |i| (last[n + i] - first[n + i]).abs()) };
+    let produced = total(Kind::EntropyOfGas);
+    let mut least_production = f64::INFINITY;
+    for pair in samples.windows(2) {
+        for (i, channel) in circuit.channels().iter().enumerate() {
+            if matches!(channel.kind, Kind::EntropyOfGas | Kind::EntropyOfSolid) {
+                least_production = least_production.min(pair[1][n + i] - pair[0][n + i]);
+            }
+        }
+    }
+    let turnover = turned(Kind::Energy);
+    let entropy_turnover = turned(Kind::EntropyIn) + produced.abs();
+    let relative = |error: f64, size: f64| if size > 0.0 { error / size } else { error };
+    Balance {
+        mass_error: relative(
+            end[0] - start[0] - total(Kind::Mass),
+            start[0].max(end[0]).max(turned(Kind::Mass)),
+        ),
+        energy_error: relative(end[1] - start[1] - total(Kind::Energy), turnover),
+        entropy_error: relative(
+            end[2] - start[2] - total(Kind::EntropyIn) - produced,
+            entropy_turnover,
+        ),
+        least_production,
+        turnover,
+        accounts: circuit
+            .channels()
+            .iter()
+            .enumerate()
+            .map(|(i, channel)| {
+                (
+                    channel.name.clone(),
+                    channel.kind,
+                    last[n + i] - first[n + i],
+                )
+            })
+            .collect(),
+    }
+}
+
+fn sum(circuit: &Circuit<f64>, kind: Kind, value: impl Fn(usize) -> f64) -> f64 {
+    let channels = circuit.channels().iter().enumerate();
+    channels
+        .filter(|(_, channel)| channel.kind == kind)
+        .map(|(i, _)| value(i))
+        .sum()
+}

@@ -1,0 +1,85 @@
+//! What parts share while the right-hand side is evaluated.
+
+use math::Real;
+
+/// A point where gas is: a volume or a reservoir.
+#[derive(Clone, Copy, Debug)]
+pub struct GasNode<S> {
+    /// Volume, m3, and its rate, m3/s.
+    pub volume: S,
+    pub volume_rate: S,
+    /// Wetted wall, m2.
+    pub wall: S,
+    /// Pressure, Pa absolute.
+    pub p: S,
+    /// Temperature, K.
+    pub t: S,
+    /// 1/sqrt(T), shared by all restrictions of the node.
+    pub inverse_sqrt_t: S,
+    /// Net mass flow into the node, kg/s.
+    pub m_dot: S,
+    /// Net enthalpy flow into the node, W.
+    pub h_dot: S,
+    /// Heat from the wall, W.
+    pub heat: S,
+}
+
+/// A moving mass, or a carriage whose motion is prescribed.
+#[derive(Clone, Copy, Debug)]
+pub struct AxisNode<S> {
+    /// Position, m, and velocity, m/s.
+    pub x: S,
+    pub v: S,
+    /// Sum of all forces in +x but friction, N.
+    pub force: S,
+    /// Friction force, N, positive where it opposes v > 0.
+    pub friction: S,
+    /// Force of the end stops in +x, N.
+    pub end_stop: S,
+    /// Acceleration, m/s2.
+    pub a: S,
+    /// Gauge pressures at the seals, Pa.
+    pub gauge_a: S,
+    pub gauge_b: S,
+}
+
+/// All nodes of a circuit, and its gas constants in the scalar of the evaluation.
+#[derive(Clone, Debug)]
+pub struct Net<S> {
+    pub gas: Vec<GasNode<S>>,
+    pub axis: Vec<AxisNode<S>>,
+    /// Specific heat capacity at constant pressure, J/(kg K).
+    pub cp: S,
+}
+
+impl<S: Real> Net<S> {
+    pub(crate) fn new(gas: usize, axes: usize, cp: S) -> Self {
+        let o = S::zero();
+        let gas_node = GasNode {
+            volume: o,
+            volume_rate: o,
+            wall: o,
+            p: S::one(),
+            t: S::one(),
+            inverse_sqrt_t: S::one(),
+            m_dot: o,
+            h_dot: o,
+            heat: o,
+        };
+        let axis_node = AxisNode {
+            x: o,
+            v: o,
+            force: o,
+            friction: o,
+            end_stop: o,
+            a: o,
+            gauge_a: o,
+            gauge_b: o,
+        };
+        Net {
+            gas: vec![gas_node; gas],
+            axis: vec![axis_node; axes],
+            cp,
+        }
+    }
+}

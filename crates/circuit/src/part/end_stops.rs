@@ -1,0 +1,74 @@
+use super::{Common, Part};
+use crate::ledger::Kind;
+use crate::net::Net;
+use math::{Lane, Over, Real};
+use physics::mechanics::EndStop;
+
+/// An end stop at x = 0 and one at x = stroke.
+#[derive(Clone, Debug)]
+pub struct EndStops<P> {
+    pub law: EndStop<P>,
+    /// Stroke, m.
+    pub stroke: P,
+    pub axis: usize,
+}
+
+impl<R: Lane> EndStops<R> {
+    pub(crate) fn gather(each: &[&EndStops<f64>]) -> Self {
+        EndStops {
+            law: EndStop::gather(&each.iter().map(|part| &part.law).collect::<Vec<_>>()),
+            stroke: R::from_lanes(|lane| each[lane].stroke),
+            axis: each[0].axis,
+        }
+    }
+}
+
+impl<P: Real> EndStops<P> {
+    /// (penetration, closing speed) of whichever stop is nearer, and that stop's direction of push.
+    #[inline(always)]
+    fn contact<S: Over<P>>(&self, x: S, v: S) -> (S, S, S) {
+        let over = x - S::from(self.stroke);
+        let far = (-x).lt(over);
+        (
+            S::select(far, over, -x),
+            S::select(far, v, -v),
+            S::select(far, -S::one(), S::one()),
+        )
+    }
+}
+
+impl<P: Real> Part<P> for EndStops<P> {
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let node = &mut net.axis[self.axis];
+        let (depth, closing, direction) = self.contact(node.x, node.v);
+        node.end_stop = direction * self.law.force(depth, closing);
+        node.force += node.end_stop;
+    }
+
+    fn stored<S: Over<P>>(&self, _y: &[S], net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        let node = &net.axis[self.axis];
+        let depth = self.contact(node.x, node.v).0.max(S::zero());
+        [
+            S::zero(),
+            S::c(0.5) * S::from(self.law.stiffness) * depth * depth,
+            S::zero(),
+        ]
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![
+            ("damper heat", Kind::Energy),
+            ("damper", Kind::EntropyOfSolid),
+        ]
+    }
+
+    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let node = &net.axis[self.axis];
+        let (depth, closing, _) = self.contact(node.x, node.v);
+        let spring = S::from(self.law.stiffness) * depth.max(S::zero());
+        let heat = (self.law.force(depth, closing) - spring) * closing;
+        out[0] = -heat;
+        out[1] = heat / S::from(common.ambient_temperature);
+    }
+}

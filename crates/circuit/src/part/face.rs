@@ -1,0 +1,72 @@
+use super::{Common, Part};
+use crate::ledger::Kind;
+use crate::net::Net;
+use math::{Over, Real};
+
+physics::parameters! {
+    /// One side of a piston: joins a gas node to an axis.
+    ///
+    ///   V += A l,  l = x or stroke - x,  wall += perimeter l + ends,  F = +-(p - p_ambient) A
+    ///
+    /// Gauge pressure pushes: summed over both faces this is p_a A_a - p_b A_b - p_ambient (A_a - A_b),
+    /// as the ambient acts on the rods' ends. Source: [bejan2016].
+    pub struct Face {
+        /// Area on which the pressure acts
+        area: "m2", physics::above(0.0);
+        /// Wetted perimeter of barrel and rod, per length of the chamber
+        perimeter: "m", physics::at_least(0.0);
+        /// Wetted end faces
+        end_wall: "m2", physics::at_least(0.0);
+        /// Stroke at which the chamber's length is zero (side b), or zero (side a)
+        offset: "m", physics::at_least(0.0);
+    } with {
+        gas: usize,
+        axis: usize,
+        /// The chamber grows with x (side a)
+        grows: bool,
+    }
+}
+
+impl<P: Real> Face<P> {
+    #[inline(always)]
+    fn signed<S: Real>(&self, value: S) -> S {
+        if self.grows { value } else { -value }
+    }
+}
+
+impl<P: Real> Part<P> for Face<P> {
+    #[inline(always)]
+    fn shape<S: Over<P>>(&self, net: &mut Net<S>) {
+        let axis = &net.axis[self.axis];
+        let (area, length) = (
+            S::from(self.area),
+            S::from(self.offset) + self.signed(axis.x),
+        );
+        let rate = self.signed(area * axis.v);
+        let node = &mut net.gas[self.gas];
+        node.volume = area.fma(length, node.volume);
+        node.volume_rate += rate;
+        node.wall = S::from(self.perimeter).fma(length, node.wall + S::from(self.end_wall));
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
+        let gauge = net.gas[self.gas].p - S::from(common.ambient_pressure);
+        let push = self.signed(S::from(self.area) * gauge);
+        let axis = &mut net.axis[self.axis];
+        axis.force += push;
+        if self.grows {
+            axis.gauge_a = gauge;
+        } else {
+            axis.gauge_b = gauge;
+        }
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![("ambient work", Kind::Energy)]
+    }
+
+    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        out[0] = -self.signed(S::from(common.ambient_pressure * self.area) * net.axis[self.axis].v);
+    }
+}

@@ -1,0 +1,91 @@
+use super::{Common, Part, volume::specific_entropy};
+use crate::ledger::Kind;
+use crate::net::Net;
+use math::{Lane, Over, Real};
+use physics::flow::Iso6358;
+
+/// A component that throttles the flow between two gas nodes: an edge of a valve, a fitting, a leak.
+/// Isenthalpic, without volume; gas arrives with the temperature of where it comes from.
+#[derive(Clone, Debug)]
+pub struct Restriction<P> {
+    pub law: Iso6358<P>,
+    /// Opening, 0 to 1: the share of the full conductance. An input: it may change at any time.
+    pub opening: P,
+    pub from: usize,
+    pub to: usize,
+    /// An end is a reservoir: what passes it crosses the boundary.
+    pub from_boundary: bool,
+    pub to_boundary: bool,
+}
+
+impl<R: Lane> Restriction<R> {
+    pub(crate) fn gather(each: &[&Restriction<f64>]) -> Self {
+        Restriction {
+            law: Iso6358::gather(&each.iter().map(|part| &part.law).collect::<Vec<_>>()),
+            opening: R::from_lanes(|lane| each[lane].opening),
+            from: each[0].from,
+            to: each[0].to,
+            from_boundary: each[0].from_boundary,
+            to_boundary: each[0].to_boundary,
+        }
+    }
+}
+
+impl<P: Real> Restriction<P> {
+    /// Mass flow from `from` to `to`, kg/s.
+    #[inline(always)]
+    fn flow<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
+        S::from(self.opening)
+            * self
+                .law
+                .mass_flow(one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+    }
+
+    #[inline(always)]
+    pub(crate) fn pass<S: Over<P>>(&self, net: &mut Net<S>) {
+        let m_dot = self.flow(net);
+        let (t1, t2) = (net.gas[self.from].t, net.gas[self.to].t);
+        let h_dot = m_dot * net.cp * S::select(m_dot.lt(S::zero()), t2, t1);
+        net.gas[self.from].m_dot -= m_dot;
+        net.gas[self.from].h_dot -= h_dot;
+        net.gas[self.to].m_dot += m_dot;
+        net.gas[self.to].h_dot += h_dot;
+    }
+}
+
+impl<P: Real> Part<P> for Restriction<P> {
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![
+            ("mass over the boundary", Kind::Mass),
+            ("enthalpy over the boundary", Kind::Energy),
+            ("entropy over the boundary", Kind::EntropyIn),
+            ("throttling", Kind::EntropyOfGas),
+            ("mixing", Kind::EntropyOfGas),
+        ]
+    }
+
+    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let m_dot = self.flow(net);
+        let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
+        let backward = m_dot.lt(S::zero());
+        let t_up = S::select(backward, two.t, one.t);
+        let h_dot = m_dot * S::from(common.gas.cp) * t_up;
+        let zero = S::zero();
+        let sign = |boundary: bool, s: S| if boundary { s } else { zero };
+        // Into the circuit: out of a reservoir at `from`, or back from one at `to`.
+        let one_in = |flow: S| sign(self.from_boundary, flow) - sign(self.to_boundary, flow);
+        let s_from = specific_entropy(t_up, one.p, common);
+        let s_to = specific_entropy(t_up, two.p, common);
+        out[0] = one_in(m_dot);
+        out[1] = one_in(h_dot);
+        out[2] = sign(self.from_boundary, m_dot * s_from) - sign(self.to_boundary, m_dot * s_to);
+        out[3] = m_dot * S::from(common.gas.r) * (one.p / two.p).ln();
+        let receiver = S::select(backward, one.t, two.t);
+        let ratio = t_up / receiver;
+        let mixing = m_dot.abs() * S::from(common.gas.cp) * (ratio - S::one() - ratio.ln());
+        let into_forward = if self.to_boundary { zero } else { mixing };
+        let into_backward = if self.from_boundary { zero } else { mixing };
+        out[4] = S::select(backward, into_backward, into_forward);
+    }
+}

@@ -1,0 +1,159 @@
+use super::{Common, Part, State};
+use crate::ledger::Kind;
+use crate::net::Net;
+use math::{Over, Real};
+use physics::chamber::{AsPrinted, EnergyBalance, Exchange};
+use physics::heat;
+
+/// The balance that a volume obeys, with its own states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChamberLaw {
+    /// Mass and energy, states (m, U).
+    EnergyBalance,
+    /// The source paper's equations, states (p, T); for reproducing the paper only.
+    AsPrinted,
+}
+
+physics::parameters! {
+    /// Uniform gas in a rigid volume plus whatever the faces of pistons leave free.
+    pub struct Volume {
+        /// Volume that no piston takes
+        dead_volume: "m3", physics::above(0.0);
+        /// Wetted wall of the dead volume
+        dead_wall: "m2", physics::at_least(0.0);
+        /// Heat-transfer coefficient to the wall
+        heat_transfer: "W/(m2 K)", physics::at_least(0.0);
+        /// Wall temperature
+        wall_temperature: "K", physics::above(0.0);
+    } with {
+        node: usize,
+        law: ChamberLaw,
+        /// Absolute error scales of the two states
+        scales: [f64; 2],
+    }
+}
+
+/// Reference pressure and temperature of the error scales and of the zero of entropy.
+const P_0: f64 = 1e5;
+const T_0: f64 = 293.15;
+
+impl Volume<f64> {
+    pub(crate) fn set_scales(&mut self, k: f64, r: f64) {
+        self.scales = match self.law {
+            ChamberLaw::EnergyBalance => [
+                P_0 / (r * T_0) * self.dead_volume,
+                P_0 * self.dead_volume / (k - 1.0),
+            ],
+            ChamberLaw::AsPrinted => [P_0, T_0],
+        };
+    }
+}
+
+/// Entropy per mass relative to the reference state, J/(kg K).
+pub(super) fn specific_entropy<P: Real, S: Over<P>>(t: S, p: S, common: &Common<P>) -> S {
+    let (cp, r) = (S::from(common.gas.cp), S::from(common.gas.r));
+    cp * (t / S::c(T_0)).ln() - r * (p / S::c(P_0)).ln()
+}
+
+impl<P: Real> Part<P> for Volume<P> {
+    fn states(&self) -> Vec<State> {
+        let [first, second] = self.scales;
+        match self.law {
+            ChamberLaw::EnergyBalance => vec![
+                State {
+                    name: "mass",
+                    unit: "kg",
+                    scale: first,
+                },
+                State {
+                    name: "internal energy",
+                    unit: "J",
+                    scale: second,
+                },
+            ],
+            ChamberLaw::AsPrinted => vec![
+                State {
+                    name: "pressure",
+                    unit: "Pa",
+                    scale: first,
+                },
+                State {
+                    name: "temperature",
+                    unit: "K",
+                    scale: second,
+                },
+            ],
+        }
+    }
+
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, _y: &[S], net: &mut Net<S>, _common: &Common<P>) {
+        let node = &mut net.gas[self.node];
+        node.volume = S::from(self.dead_volume);
+        node.wall = S::from(self.dead_wall);
+        node.volume_rate = S::zero();
+        node.m_dot = S::zero();
+        node.h_dot = S::zero();
+    }
+
+    #[inline(always)]
+    fn potential<S: Over<P>>(&self, y: &[S], net: &mut Net<S>, common: &Common<P>) {
+        let node = &mut net.gas[self.node];
+        (node.p, node.t) = match self.law {
+            ChamberLaw::EnergyBalance => {
+                EnergyBalance::p_t(&common.gas.law(), [y[0], y[1]], node.volume)
+            }
+            ChamberLaw::AsPrinted => (y[0], y[1]),
+        };
+        node.inverse_sqrt_t = S::one() / node.t.sqrt();
+    }
+
+    #[inline(always)]
+    fn rate<S: Over<P>>(&self, _y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>) {
+        let node = &mut net.gas[self.node];
+        node.heat = heat::newton(
+            S::from(self.heat_transfer),
+            node.wall,
+            S::from(self.wall_temperature),
+            node.t,
+        );
+        let exchange = Exchange {
+            m_dot: node.m_dot,
+            h_dot: node.h_dot,
+            volume: node.volume,
+            volume_rate: node.volume_rate,
+            heat: node.heat,
+        };
+        let rate = match self.law {
+            ChamberLaw::EnergyBalance => EnergyBalance::rate(node.p, &exchange),
+            ChamberLaw::AsPrinted => AsPrinted::rate(&common.gas.law(), node.p, node.t, &exchange),
+        };
+        dy.copy_from_slice(&rate);
+    }
+
+    fn stored<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>) -> [S; 3] {
+        let node = &net.gas[self.node];
+        let m = node.p * node.volume / (S::from(common.gas.r) * node.t);
+        [
+            m,
+            m * S::from(common.gas.cv) * node.t,
+            m * specific_entropy(node.t, node.p, common),
+        ]
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![
+            ("wall heat", Kind::Energy),
+            ("wall heat over wall temperature", Kind::EntropyIn),
+            ("heat transfer", Kind::EntropyOfGas),
+        ]
+    }
+
+    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
+        let node = &net.gas[self.node];
+        let wall = S::from(self.wall_temperature);
+        out[0] = node.heat;
+        out[1] = node.heat / wall;
+        out[2] = node.heat * (wall - node.t) / (wall * node.t);
+    }
+}

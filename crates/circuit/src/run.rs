@@ -1,0 +1,148 @@
+//! Short callers of `Stepper::advance`: segments of constant inputs, samples, errors in words.
+
+use crate::circuit::{Circuit, balance};
+use crate::ledger::Balance;
+use crate::net::Net;
+use ode::{Failure, Output, Paused, Statistics, Stepper, System};
+
+/// Why a description or a run cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    #[error("{0}")]
+    Specification(String),
+    #[error("{0}")]
+    Stopped(String),
+    #[error("interrupted at t = {t} s")]
+    Interrupted { t: f64 },
+}
+
+/// Attempts between two looks at whether the user wants to stop: some 20 ms of work.
+const ATTEMPTS_PER_LOOK: u64 = 20_000;
+
+/// What a run leaves behind.
+pub struct Run {
+    /// One vector for each column, in the order of the recorder's names.
+    pub columns: Vec<Vec<f64>>,
+    pub statistics: Statistics,
+    pub balance: Option<Balance>,
+}
+
+/// Turns states into columns while the integration runs.
+pub struct Recorder<F> {
+    times: Vec<f64>,
+    next: usize,
+    net: Net<f64>,
+    /// Writes one row: (circuit, time, state, nodes, row).
+    row: F,
+    pub columns: Vec<Vec<f64>>,
+    buffer: Vec<f64>,
+    states: Option<Vec<Vec<f64>>>,
+}
+
+impl<F: FnMut(&Circuit<f64>, f64, &[f64], &mut Net<f64>, &mut [f64])> Recorder<F> {
+    pub fn new(circuit: &Circuit<f64>, times: Vec<f64>, n_columns: usize, row: F) -> Self {
+        let columns = vec![Vec::with_capacity(times.len()); n_columns];
+        let states = (!circuit.channels().is_empty()).then(Vec::new);
+        Recorder {
+            next: 0,
+            net: circuit.work(),
+            row,
+            columns,
+            buffer: vec![0.0; n_columns],
+            states,
+            times,
+        }
+    }
+
+    /// The samples that are due now: at the end of a run, those at its last instant.
+    pub fn finish(&mut self, circuit: &Circuit<f64>, y: &[f64]) {
+        while self.next < self.times.len() {
+            let t = self.times[self.next];
+            self.sample(0, t, y, circuit);
+        }
+    }
+
+    /// The accounts of the run, where the circuit keeps them.
+    pub fn balance(&self, circuit: &Circuit<f64>) -> Option<Balance> {
+        self.states.as_ref().map(|states| balance(circuit, states))
+    }
+}
+
+impl<F: FnMut(&Circuit<f64>, f64, &[f64], &mut Net<f64>, &mut [f64])> Output<f64, Circuit<f64>>
+    for Recorder<F>
+{
+    fn due(&self, _lane: usize) -> f64 {
+        self.times.get(self.next).copied().unwrap_or(f64::INFINITY)
+    }
+
+    fn sample(&mut self, _lane: usize, t: f64, y: &[f64], circuit: &Circuit<f64>) {
+        (self.row)(circuit, t, y, &mut self.net, &mut self.buffer);
+        for (column, value) in self.columns.iter_mut().zip(&self.buffer) {
+            column.push(*value);
+        }
+        if let Some(states) = &mut self.states {
+            states.push(y.to_vec());
+        }
+        self.next += 1;
+    }
+}
+
+/// k/rate for k = 0 .. round(duration rate), the last one at the duration.
+pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
+    let n = (duration * rate).round().max(1.0) as usize;
+    let mut times: Vec<f64> = (0..=n).map(|k| k as f64 / rate).collect();
+    times[n] = duration;
+    times.retain(|&t| t <= duration);
+    times
+}
+
+/// Advances to `until`, looking at `interrupted` now and then.
+pub fn advance(
+    stepper: &mut Stepper<f64, Circuit<f64>>,
+    until: f64,
+    output: &mut impl Output<f64, Circuit<f64>>,
+    interrupted: &mut dyn FnMut() -> bool,
+) -> Result<(), Error> {
+    loop {
+        let paused = stepper.advance(until, ATTEMPTS_PER_LOOK, output);
+        if let Some(failure) = stepper.failure(0) {
+            return Err(Error::Stopped(in_words(failure, stepper)));
+        }
+        if paused == Paused::Arrived {
+            return Ok(());
+        }
+        if interrupted() {
+            return Err(Error::Interrupted { t: stepper.time(0) });
+        }
+    }
+}
+
+/// When, in which state, with which value, and what to try.
+fn in_words(failure: Failure, stepper: &Stepper<f64, Circuit<f64>>) -> String {
+    let names = stepper.system().state_names();
+    let state = |i: usize| match names.get(i) {
+        Some(name) => format!("{name} = {:.6e}", stepper.state()[i]),
+        None => "an account".to_string(),
+    };
+    match failure {
+        Failure::StepTooSmall { t, h, state: i } => format!(
+            "the simulation cannot go on at t = {t:.6} s: the step fell to {h:.1e} s in {}. \
+             Try a looser rtol, a softer end stop or a larger dead volume.",
+            state(i)
+        ),
+        Failure::NotFinite { t, state: i } => format!(
+            "the simulation cannot go on at t = {t:.6} s: a rate is not finite near {}. \
+             Try a larger dead volume or a stiffer end stop: a chamber may have vanished.",
+            state(i)
+        ),
+        Failure::Chatter { t, .. } => format!(
+            "the simulation cannot go on at t = {t:.6} s: stick and slip alternate without time passing, at {}. \
+             Try law = \"lugre\", or a breakaway force above the Coulomb force.",
+            state(0)
+        ),
+        Failure::TooManyAttempts { t, attempts } => format!(
+            "the simulation cannot go on at t = {t:.6} s: {attempts} attempts at a step are used up. \
+             Try a shorter duration or a looser rtol."
+        ),
+    }
+}

@@ -1,0 +1,42 @@
+//! Where in a step an event lies.
+
+/// Interior points at which the event functions are looked at, so that a dip below zero within a
+/// step is seen, not only a change of sign over the step.
+pub(crate) const LOOKOUTS: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+
+/// The point in (low, high] where `g` passes below its target, by the Illinois form of regula falsi
+/// (superlinear, never leaves the bracket). `g_low > target >= g_high`. `g` is already shifted.
+pub(crate) fn locate(
+    mut low: f64,
+    mut g_low: f64,
+    mut high: f64,
+    mut g_high: f64,
+    mut g: impl FnMut(f64) -> f64,
+) -> f64 {
+    debug_assert!(g_low > 0.0 && g_high <= 0.0);
+    let mut side = 0;
+    for _ in 0..60 {
+        let middle = (low * g_high - high * g_low) / (g_high - g_low);
+        if !(middle > low && middle < high) {
+            break;
+        }
+        let value = g(middle);
+        if value > 0.0 {
+            (low, g_low) = (middle, value);
+            if side == 1 {
+                g_high *= 0.5;
+            }
+            side = 1;
+        } else {
+            (high, g_high) = (middle, value);
+            if side == -1 {
+                g_low *= 0.5;
+            }
+            side = -1;
+        }
+        if high - low < 1e-14 * high {
+            break;
+        }
+    }
+    high
+}

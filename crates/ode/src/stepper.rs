@@ -1,0 +1,694 @@
+//! The integration loop: one for a single system, for lanes, for every caller.
+
+use crate::control::{Control, Failure, Options, Statistics};
+use crate::event::{LOOKOUTS, locate};
+use crate::rosenbrock::{RODAS5P, Rosenbrock};
+use crate::structure::{DIRECTIONS, Structure};
+use crate::system::System;
+use math::{Dual, Lane, Real};
+use std::sync::Arc;
+
+const S: usize = 8;
+const METHOD: Rosenbrock<S> = RODAS5P;
+/// States are stored in blocks of this many, so that a loop over them fills vector registers.
+const BLOCK: usize = 4;
+/// A step below this fraction of the present time (or of 1) no longer moves the clock reliably.
+const MIN_RELATIVE_STEP: f64 = 4.0 * f64::EPSILON;
+
+type Block<R> = [R; BLOCK];
+type Direction<R> = Dual<R, DIRECTIONS>;
+
+/// Receives samples while the integration runs.
+pub trait Output<R: Lane, Sys> {
+    /// The next time at which this lane wants a sample; infinity where it wants none.
+    fn due(&self, lane: usize) -> f64;
+    /// The state of this lane at the time that was due.
+    fn sample(&mut self, lane: usize, t: f64, y: &[R], system: &Sys);
+}
+
+/// No samples.
+pub struct NoOutput;
+
+impl<R: Lane, Sys> Output<R, Sys> for NoOutput {
+    fn due(&self, _lane: usize) -> f64 {
+        f64::INFINITY
+    }
+    fn sample(&mut self, _lane: usize, _t: f64, _y: &[R], _system: &Sys) {}
+}
+
+/// Why `advance` came back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Paused {
+    /// Every lane is at the target or has failed; see [`Stepper::failure`].
+    Arrived,
+    /// The budget of attempts is used up; call again to go on.
+    Budget,
+}
+
+/// One step of all lanes, for dense output.
+#[derive(Clone, Debug)]
+pub struct Step<R> {
+    y0: Vec<Block<R>>,
+    y1: Vec<Block<R>>,
+    k: [Vec<Block<R>>; 3],
+    at: Vec<Block<R>>,
+}
+
+impl<R: Lane> Step<R> {
+    fn new(blocks: usize) -> Self {
+        let zeros = || vec![[R::zero(); BLOCK]; blocks];
+        Step {
+            y0: zeros(),
+            y1: zeros(),
+            k: [zeros(), zeros(), zeros()],
+            at: zeros(),
+        }
+    }
+
+    /// The state at `t0 + theta h`, of the method's dense order.
+    fn interpolate(&mut self, theta: f64) -> &[R] {
+        let (th, s) = (R::c(theta), R::c(1.0 - theta));
+        for b in 0..self.at.len() {
+            for l in 0..BLOCK {
+                let inner = self.k[2][b][l].fma(th, self.k[1][b][l]);
+                let inner = inner.fma(th, self.k[0][b][l]);
+                let inner = inner.fma(s, self.y1[b][l]);
+                self.at[b][l] = inner.fma(th, s * self.y0[b][l]);
+            }
+        }
+        self.at.as_flattened()
+    }
+}
+
+/// An integration in progress: resumable, cloneable, keeping step size and Jacobian.
+pub struct Stepper<R: Lane, Sys: System<R>> {
+    system: Sys,
+    options: Options,
+    structure: Arc<Structure>,
+    lanes: Vec<Control>,
+    t: Vec<f64>,
+    y: Vec<Block<R>>,
+    f0: Vec<Block<R>>,
+    f_t: Vec<Block<R>>,
+    jacobian: Vec<R>,
+    lu: Vec<R>,
+    reciprocal: Vec<Block<R>>,
+    u: Vec<Block<R>>,
+    stage: Vec<Block<R>>,
+    rhs: Vec<Block<R>>,
+    step: Step<R>,
+    scale: Vec<Block<f64>>,
+    g0: Vec<R>,
+    g1: Vec<R>,
+    g_look: Vec<R>,
+    fresh: bool,
+    started: bool,
+    work: Sys::Work<R>,
+    dual_work: Sys::Work<Direction<R>>,
+    dual_y: Vec<Direction<R>>,
+    dual_dy: Vec<Direction<R>>,
+}
+
+impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
+    /// Starts at time `t0` with state `y0` (one entry for each state).
+    pub fn new(system: Sys, t0: f64, y0: &[R], options: Options) -> Self {
+        let structure = system.structure().clone();
+        let n = structure.n();
+        assert_eq!(y0.len(), n, "one initial value for each state");
+        let blocks = n.div_ceil(BLOCK);
+        let zeros = |count: usize| vec![[R::zero(); BLOCK]; count];
+        let mut y = zeros(blocks);
+        y.as_flattened_mut()[..n].copy_from_slice(y0);
+        let mut scale = vec![[1.0; BLOCK]; blocks];
+        scale.as_flattened_mut()[..n].copy_from_slice(system.scale());
+        let n_events = system.n_events();
+        let (work, dual_work) = (system.work::<R>(), system.work::<Direction<R>>());
+        Stepper {
+            options,
+            lanes: vec![Control::new(); R::L],
+            t: vec![t0; R::L],
+            y,
+            f0: zeros(blocks),
+            f_t: zeros(if structure.depends_on_time { blocks } else { 0 }),
+            jacobian: vec![R::zero(); structure.n_slots],
+            lu: vec![R::zero(); structure.n_slots],
+            reciprocal: zeros(blocks),
+            u: zeros(S * blocks),
+            stage: zeros(blocks),
+            rhs: zeros(blocks),
+            step: Step::new(blocks),
+            scale,
+            g0: vec![R::zero(); n_events],
+            g1: vec![R::zero(); n_events],
+            g_look: vec![R::zero(); n_events],
+            fresh: false,
+            started: false,
+            work,
+            dual_work,
+            dual_y: vec![Direction::zero(); n],
+            dual_dy: vec![Direction::zero(); n],
+            structure,
+            system,
+        }
+    }
+
+    pub fn system(&self) -> &Sys {
+        &self.system
+    }
+
+    /// The system, to set its inputs; the next step starts from them, with the step size kept.
+    pub fn system_mut(&mut self) -> &mut Sys {
+        self.fresh = false;
+        &mut self.system
+    }
+
+    pub fn time(&self, lane: usize) -> f64 {
+        self.t[lane]
+    }
+
+    /// The present state, one entry for each state.
+    pub fn state(&self) -> &[R] {
+        &self.y.as_flattened()[..self.structure.n()]
+    }
+
+    pub fn failure(&self, lane: usize) -> Option<Failure> {
+        self.lanes[lane].failure
+    }
+
+    pub fn statistics(&self, lane: usize) -> Statistics {
+        self.lanes[lane].statistics
+    }
+
+    /// Integrates every lane up to `until`, or `budget` attempts far. A sample due before `until`
+    /// is given as soon as its step is accepted; one due at `until` belongs to what comes after.
+    pub fn advance(&mut self, until: f64, budget: u64, output: &mut impl Output<R, Sys>) -> Paused {
+        for _ in 0..budget {
+            if (0..R::L).all(|lane| self.finished(lane, until)) {
+                return Paused::Arrived;
+            }
+            if !self.fresh {
+                self.refresh();
+            }
+            if !self.started {
+                self.start(until);
+            }
+            let h = self.proposals(until);
+            self.attempt(h);
+            self.conclude(h, until, output);
+        }
+        if (0..R::L).all(|lane| self.finished(lane, until)) {
+            Paused::Arrived
+        } else {
+            Paused::Budget
+        }
+    }
+
+    fn finished(&self, lane: usize, until: f64) -> bool {
+        self.t[lane] >= until || self.lanes[lane].failure.is_some()
+    }
+
+    /// f, its Jacobian and the event functions at the present state.
+    fn refresh(&mut self) {
+        let structure = self.structure.clone();
+        let n = structure.n();
+        let t = R::from_lanes(|lane| self.t[lane]);
+        for pass in &structure.passes {
+            for (dual, y) in self.dual_y.iter_mut().zip(self.y.as_flattened()) {
+                *dual = Direction::from(*y);
+            }
+            for &(state, direction) in &pass.seeds {
+                self.dual_y[state as usize].eps[direction as usize] = R::one();
+            }
+            let time = match pass.time {
+                Some(direction) => Direction::variable(t, direction as usize),
+                None => Direction::from(t),
+            };
+            self.system
+                .rhs(time, &self.dual_y, &mut self.dual_dy, &mut self.dual_work);
+            for &(row, direction, slot) in &pass.results {
+                self.jacobian[slot as usize] = self.dual_dy[row as usize].eps[direction as usize];
+            }
+            if let Some(direction) = pass.time {
+                for (f_t, dual) in self.f_t.as_flattened_mut().iter_mut().zip(&self.dual_dy) {
+                    *f_t = dual.eps[direction as usize];
+                }
+            }
+        }
+        if structure.passes.is_empty() {
+            self.system.rhs(
+                t,
+                &self.y.as_flattened()[..n],
+                &mut self.f0.as_flattened_mut()[..n],
+                &mut self.work,
+            );
+        } else {
+            for (f0, dual) in self.f0.as_flattened_mut().iter_mut().zip(&self.dual_dy) {
+                *f0 = dual.re;
+            }
+        }
+        if !self.g0.is_empty() {
+            self.system
+                .events(t, &self.y.as_flattened()[..n], &mut self.g0, &mut self.work);
+        }
+        for lane in &mut self.lanes {
+            lane.statistics.jacobians += 1;
+        }
+        self.fresh = true;
+    }
+
+    /// A first step from the size of the state and its rate.
+    fn start(&mut self, until: f64) {
+        let rtol = self.options.rtol;
+        for lane in 0..R::L {
+            let (mut size, mut rate) = (0.0_f64, 0.0_f64);
+            let states = self.y.as_flattened().iter().zip(self.f0.as_flattened());
+            for ((y, f), scale) in states.zip(self.scale.as_flattened()) {
+                let (y, f) = (y.get(lane).abs(), f.get(lane).abs());
+                size = size.max(y / (scale + y));
+                rate = rate.max(f / (scale + y));
+            }
+            let h = 0.01 * size.max(rtol) / rate.max(1e-9);
+            self.lanes[lane].wish = h.min(until - self.t[lane]).max(1e-9);
+        }
+        self.started = true;
+    }
+
+    fn proposals(&mut self, until: f64) -> R {
+        let mut h = R::one();
+        for lane in 0..R::L {
+            let idle = self.finished(lane, until);
+            let control = &mut self.lanes[lane];
+            // A lane with nothing to do repeats a step that is never taken.
+            h.put(
+                lane,
+                if idle {
+                    1e-9
+                } else {
+                    control.propose(self.t[lane], until, self.options.max_step)
+                },
+            );
+        }
+        h
+    }
+
+    /// W = I/(h gamma) - J, factorised in the fixed order.
+    fn factorise(&mut self, h: R) {
+        let diagonal = R::one() / (h * R::c(METHOD.gamma));
+        for (w, j) in self.lu.iter_mut().zip(&self.jacobian) {
+            *w = -*j;
+        }
+        let structure = &*self.structure;
+        for pivot in &structure.pivots {
+            self.lu[pivot.diagonal as usize] += diagonal;
+        }
+        let reciprocal = self.reciprocal.as_flattened_mut();
+        for pivot in &structure.pivots {
+            let inverse = R::one() / self.lu[pivot.diagonal as usize];
+            reciprocal[pivot.row as usize] = inverse;
+            for below in &pivot.below {
+                let factor = self.lu[below.slot as usize] * inverse;
+                self.lu[below.slot as usize] = factor;
+                let negative = -factor;
+                for &(target, right) in &below.updates {
+                    self.lu[target as usize] =
+                        negative.fma(self.lu[right as usize], self.lu[target as usize]);
+                }
+            }
+        }
+        for entry in &structure.upper {
+            self.lu[entry.slot as usize] *= reciprocal[entry.row as usize];
+        }
+    }
+
+    /// Solves W x = b in place, for stage `i`.
+    fn solve(&mut self, i: usize) {
+        let blocks = self.y.len();
+        let b = &mut self.u[i * blocks..(i + 1) * blocks];
+        let x = b.as_flattened_mut();
+        for e in &self.structure.lower {
+            x[e.row as usize] =
+                (-self.lu[e.slot as usize]).fma(x[e.column as usize], x[e.row as usize]);
+        }
+        for (x, d) in b.iter_mut().zip(&self.reciprocal) {
+            for l in 0..BLOCK {
+                x[l] *= d[l];
+            }
+        }
+        let x = b.as_flattened_mut();
+        for e in &self.structure.upper {
+            x[e.row as usize] =
+                (-self.lu[e.slot as usize]).fma(x[e.column as usize], x[e.row as usize]);
+        }
+    }
+
+    /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
+    fn attempt(&mut self, h: R) {
+        self.factorise(h);
+        let n = self.structure.n();
+        let blocks = self.y.len();
+        let inverse_h = R::one() / h;
+        let t = R::from_lanes(|lane| self.t[lane]);
+        for i in 0..S {
+            let (done, rest) = self.u.split_at_mut(i * blocks);
+            if i == 0 {
+                rest[..blocks].copy_from_slice(&self.f0);
+            } else {
+                combine(&mut self.stage, &self.y, &METHOD.a[i][..i], done);
+                let time = h.fma(R::c(METHOD.alpha[i]), t);
+                let stage = &self.stage.as_flattened()[..n];
+                self.system.rhs(
+                    time,
+                    stage,
+                    &mut self.rhs.as_flattened_mut()[..n],
+                    &mut self.work,
+                );
+                combine_scaled(
+                    &mut rest[..blocks],
+                    &self.rhs,
+                    &METHOD.c[i][..i],
+                    inverse_h,
+                    done,
+                );
+            }
+            if self.structure.depends_on_time {
+                let weight = h * R::c(METHOD.gamma_t[i]);
+                for (b, f_t) in rest.iter_mut().zip(&self.f_t) {
+                    for l in 0..BLOCK {
+                        b[l] = f_t[l].fma(weight, b[l]);
+                    }
+                }
+            }
+            self.solve(i);
+        }
+        let last = &self.u[(S - 1) * blocks..];
+        for ((y1, stage), u) in self.step.y1.iter_mut().zip(&self.stage).zip(last) {
+            for l in 0..BLOCK {
+                y1[l] = stage[l] + u[l];
+            }
+        }
+        self.step.y0.copy_from_slice(&self.y);
+    }
+
+    /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
+    fn error(&self) -> R {
+        let rtol = R::c(self.options.rtol);
+        let blocks = self.y.len();
+        let (mut worst, mut poison) = ([R::zero(); BLOCK], [R::zero(); BLOCK]);
+        let errors = &self.u[(S - 1) * blocks..];
+        for b in 0..blocks {
+            for l in 0..BLOCK {
+                let size = self.y[b][l].abs().max(self.step.y1[b][l].abs());
+                let ratio = errors[b][l].abs() / (rtol * (R::c(self.scale[b][l]) + size));
+                worst[l] = worst[l].max(ratio);
+                poison[l] += ratio * R::zero();
+            }
+        }
+        let (mut w, mut p) = (worst[0], poison[0]);
+        for l in 1..BLOCK {
+            w = w.max(worst[l]);
+            p += poison[l];
+        }
+        w + p
+    }
+
+    /// Accepts, rejects or cuts the attempt, lane by lane.
+    fn conclude(&mut self, h: R, until: f64, output: &mut impl Output<R, Sys>) {
+        let error = self.error();
+        let mut dense_ready = false;
+        let mut any_accepted = false;
+        let exponent = 1.0 / f64::from(METHOD.error_order + 1);
+        for lane in 0..R::L {
+            if self.finished(lane, until) {
+                continue;
+            }
+            let (t0, h_lane) = (self.t[lane], h.get(lane));
+            let control = &mut self.lanes[lane];
+            control.statistics.right_hand_sides += S as u64 - 1;
+            control.statistics.factorisations += 1;
+            if !control.judge(h_lane, error.get(lane), exponent) {
+                self.check_progress(lane, error.get(lane));
+                continue;
+            }
+            let mut taken = None;
+            if !self.g0.is_empty() {
+                self.prepare_dense(&mut dense_ready);
+                match self.look_for_event(lane, t0, h_lane) {
+                    Found::Nothing => {}
+                    Found::AtEnd(event) => taken = Some(event),
+                    Found::Inside(theta, event) => {
+                        let control = &mut self.lanes[lane];
+                        control.statistics.steps -= 1;
+                        control.statistics.rejected += 1;
+                        if theta * h_lane > MIN_RELATIVE_STEP * t0.abs().max(1.0) {
+                            control.cut = Some(theta * h_lane);
+                        } else {
+                            self.switch(lane, event, false);
+                            any_accepted = true;
+                        }
+                        continue;
+                    }
+                }
+            }
+            let t1 = if self.lanes[lane].last {
+                until
+            } else {
+                t0 + h_lane
+            };
+            if output.due(lane) < t1 {
+                self.prepare_dense(&mut dense_ready);
+                while output.due(lane) < t1 {
+                    let t = output.due(lane);
+                    let theta = ((t - t0) / h_lane).clamp(0.0, 1.0);
+                    let n = self.structure.n();
+                    output.sample(lane, t, &self.step.interpolate(theta)[..n], &self.system);
+                }
+            }
+            for (y, y1) in self
+                .y
+                .as_flattened_mut()
+                .iter_mut()
+                .zip(self.step.y1.as_flattened())
+            {
+                y.put(lane, y1.get(lane));
+            }
+            self.t[lane] = t1;
+            any_accepted = true;
+            match taken {
+                Some(event) => self.switch(lane, event, true),
+                None => self.lanes[lane].idle_switches = 0,
+            }
+        }
+        if any_accepted {
+            self.fresh = false;
+        }
+    }
+
+    /// Fails a lane whose step has become too small or whose budget is used up.
+    fn check_progress(&mut self, lane: usize, error: f64) {
+        let (t, state) = (self.t[lane], self.worst_state(lane));
+        let control = &mut self.lanes[lane];
+        let attempts = control.statistics.steps + control.statistics.rejected;
+        if control.wish < MIN_RELATIVE_STEP * t.abs().max(1e-3) {
+            control.failure = Some(if error.is_finite() {
+                Failure::StepTooSmall {
+                    t,
+                    h: control.wish,
+                    state,
+                }
+            } else {
+                Failure::NotFinite { t, state }
+            });
+        } else if attempts > self.options.max_attempts {
+            control.failure = Some(Failure::TooManyAttempts { t, attempts });
+        }
+    }
+
+    fn worst_state(&self, lane: usize) -> usize {
+        let errors = &self.u[(S - 1) * self.y.len()..].as_flattened()[..self.structure.n()];
+        let relative = |i: usize| {
+            let size = self.y.as_flattened()[i].get(lane).abs();
+            let ratio = errors[i].get(lane).abs() / (self.scale.as_flattened()[i] + size);
+            if ratio.is_nan() { f64::INFINITY } else { ratio }
+        };
+        (0..errors.len())
+            .max_by(|&a, &b| relative(a).total_cmp(&relative(b)))
+            .unwrap_or(0)
+    }
+
+    fn prepare_dense(&mut self, ready: &mut bool) {
+        if !*ready {
+            for (k, coefficients) in self.step.k.iter_mut().zip(&METHOD.dense) {
+                combine_zero(k, coefficients, &self.u);
+            }
+            *ready = true;
+        }
+    }
+
+    /// Event functions of one lane at `t0 + theta h` of the present attempt, into `g_look`.
+    fn look(&mut self, lane: usize, t0: f64, h: f64, theta: f64) {
+        let n = self.structure.n();
+        let t = R::from_lanes(|l| if l == lane { t0 + theta * h } else { self.t[l] });
+        let y = if theta == 1.0 {
+            self.step.y1.as_flattened()
+        } else {
+            self.step.interpolate(theta)
+        };
+        self.system
+            .events(t, &y[..n], &mut self.g_look, &mut self.work);
+    }
+
+    fn look_for_event(&mut self, lane: usize, t0: f64, h: f64) -> Found {
+        self.g1.copy_from_slice(&self.g0);
+        let mut before = 0.0;
+        for theta in LOOKOUTS {
+            self.look(lane, t0, h, theta);
+            let mut first: Option<(f64, usize)> = None;
+            for event in 0..self.g0.len() {
+                let tolerance = self.system.event_tolerance(event);
+                if self.g_look[event].get(lane) >= -tolerance {
+                    continue;
+                }
+                let shift = 0.5 * tolerance;
+                let (low, high) = (
+                    self.g1[event].get(lane) + shift,
+                    self.g_look[event].get(lane) + shift,
+                );
+                let at = if low <= 0.0 {
+                    before
+                } else {
+                    let saved = self.g_look.clone();
+                    let at = locate(before, low, theta, high, |middle| {
+                        self.look(lane, t0, h, middle);
+                        self.g_look[event].get(lane) + shift
+                    });
+                    self.g_look = saved;
+                    at
+                };
+                if first.is_none_or(|(earliest, _)| at < earliest) {
+                    first = Some((at, event));
+                }
+            }
+            if let Some((at, event)) = first {
+                return Found::Inside(at, event);
+            }
+            std::mem::swap(&mut self.g1, &mut self.g_look);
+            before = theta;
+        }
+        match (0..self.g1.len())
+            .find(|&event| self.g1[event].get(lane) <= 0.0 && self.g0[event].get(lane) > 0.0)
+        {
+            Some(event) => Found::AtEnd(event),
+            None => Found::Nothing,
+        }
+    }
+
+    fn switch(&mut self, lane: usize, event: usize, moved: bool) {
+        let n = self.structure.n();
+        self.system.switch(
+            lane,
+            event,
+            &mut self.y.as_flattened_mut()[..n],
+            &mut self.work,
+        );
+        self.lanes[lane].note_switch(self.t[lane], event, moved);
+    }
+}
+
+enum Found {
+    Nothing,
+    /// The step ends on the event.
+    AtEnd(usize),
+    /// The event lies at this fraction of the step.
+    Inside(f64, usize),
+}
+
+impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
+    fn clone(&self) -> Self {
+        Stepper {
+            system: self.system.clone(),
+            options: self.options,
+            structure: self.structure.clone(),
+            lanes: self.lanes.clone(),
+            t: self.t.clone(),
+            y: self.y.clone(),
+            f0: self.f0.clone(),
+            f_t: self.f_t.clone(),
+            jacobian: self.jacobian.clone(),
+            lu: self.lu.clone(),
+            reciprocal: self.reciprocal.clone(),
+            u: self.u.clone(),
+            stage: self.stage.clone(),
+            rhs: self.rhs.clone(),
+            step: self.step.clone(),
+            scale: self.scale.clone(),
+            g0: self.g0.clone(),
+            g1: self.g1.clone(),
+            g_look: self.g_look.clone(),
+            fresh: self.fresh,
+            started: self.started,
+            work: self.work.clone(),
+            dual_work: self.dual_work.clone(),
+            dual_y: self.dual_y.clone(),
+            dual_dy: self.dual_dy.clone(),
+        }
+    }
+}
+
+/// out = base + sum_j coefficient_j u_j, unrolled for the number of stages done.
+#[inline]
+fn combine<R: Lane>(out: &mut [Block<R>], base: &[Block<R>], coefficients: &[f64], u: &[Block<R>]) {
+    macro_rules! unrolled {
+        ($($k:literal)*) => { match coefficients.len() {
+            $($k => sum::<R, $k>(out, coefficients, u, |b, l, sum| sum + base[b][l]),)*
+            _ => unreachable!("a method has at most {S} stages"),
+        }};
+    }
+    unrolled!(1 2 3 4 5 6 7);
+}
+
+/// out = base + factor sum_j coefficient_j u_j.
+#[inline]
+fn combine_scaled<R: Lane>(
+    out: &mut [Block<R>],
+    base: &[Block<R>],
+    coefficients: &[f64],
+    factor: R,
+    u: &[Block<R>],
+) {
+    macro_rules! unrolled {
+        ($($k:literal)*) => { match coefficients.len() {
+            $($k => sum::<R, $k>(out, coefficients, u, |b, l, sum| sum.fma(factor, base[b][l])),)*
+            _ => unreachable!("a method has at most {S} stages"),
+        }};
+    }
+    unrolled!(1 2 3 4 5 6 7);
+}
+
+/// out = sum_j coefficient_j u_j over all stages.
+#[inline]
+fn combine_zero<R: Lane>(out: &mut [Block<R>], coefficients: &[f64; S], u: &[Block<R>]) {
+    sum::<R, S>(out, coefficients, u, |_, _, sum| sum);
+}
+
+#[inline(always)]
+fn sum<R: Lane, const K: usize>(
+    out: &mut [Block<R>],
+    coefficients: &[f64],
+    u: &[Block<R>],
+    finish: impl Fn(usize, usize, R) -> R,
+) {
+    let blocks = out.len();
+    let c: [R; K] = std::array::from_fn(|j| R::c(coefficients[j]));
+    for (b, out) in out.iter_mut().enumerate() {
+        let mut acc = [R::zero(); BLOCK];
+        for j in 0..K {
+            let row = &u[j * blocks + b];
+            for l in 0..BLOCK {
+                acc[l] = row[l].fma(c[j], acc[l]);
+            }
+        }
+        for l in 0..BLOCK {
+            out[l] = finish(b, l, acc[l]);
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! Sparsity of a system, found once and shared: colouring of the Jacobian's columns, and the
+//! elimination of `W = I/(h gamma) - J` in a fixed order as flat lists of operations.
+
+use math::Deps;
+
+/// How many directions one pass of dual numbers carries.
+pub(crate) const DIRECTIONS: usize = 4;
+
+/// Slot of a matrix entry in the array of stored values.
+type Slot = u32;
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entry {
+    pub slot: Slot,
+    pub row: u32,
+    pub column: u32,
+}
+
+/// One pass of dual numbers: which states carry which direction, and where the results go.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pass {
+    /// (state, direction)
+    pub seeds: Vec<(u32, u32)>,
+    /// (row, direction, slot)
+    pub results: Vec<(u32, u32, Slot)>,
+    /// The direction of time, where this pass carries it.
+    pub time: Option<u32>,
+}
+
+/// One pivot of the elimination.
+#[derive(Clone, Debug)]
+pub(crate) struct Pivot {
+    pub row: u32,
+    pub diagonal: Slot,
+    /// Entries below the pivot: each is divided by the pivot, then `updates` follow.
+    pub below: Vec<Below>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Below {
+    pub slot: Slot,
+    /// (target, entry right of the pivot): target -= below * right
+    pub updates: Vec<(Slot, Slot)>,
+}
+
+/// The sparsity of a system's Jacobian and all that follows from it.
+#[derive(Clone, Debug)]
+pub struct Structure {
+    pub(crate) n: usize,
+    /// Number of stored values: the pattern with its fill-in.
+    pub(crate) n_slots: usize,
+    pub(crate) passes: Vec<Pass>,
+    pub(crate) pivots: Vec<Pivot>,
+    /// Strictly lower entries in elimination order, for the forward substitution.
+    pub(crate) lower: Vec<Entry>,
+    /// Strictly upper entries in reverse elimination order, for the backward substitution.
+    pub(crate) upper: Vec<Entry>,
+    pub(crate) depends_on_time: bool,
+}
+
+impl Structure {
+    /// From the dependencies of each component of `f` on the states, and the scale of each state:
+    /// quadratures (infinite scale) come last in the elimination, so that adding one changes no bit
+    /// of the rest. `depends_on_time` says that `f` contains `t` itself.
+    ///
+    /// Panics if a state depends on a quadrature: nothing may.
+    pub fn of(rows: &[Deps], scale: &[f64], depends_on_time: bool) -> Self {
+        let n = rows.len();
+        let quadrature = |i: usize| scale[i].is_infinite();
+        let pattern: Vec<Vec<bool>> = (0..n)
+            .map(|i| (0..n).map(|j| rows[i].contains(j)).collect())
+            .collect();
+        for row in &pattern {
+            for (j, used) in row.iter().enumerate() {
+                assert!(
+                    !(*used && quadrature(j)),
+                    "state {j} is a quadrature, yet the right-hand side uses it"
+                );
+            }
+        }
+        let order = elimination_order(&pattern, &quadrature);
+        let filled = fill_in(&pattern, &order);
+        let mut slots = vec![vec![Slot::MAX; n]; n];
+        let mut n_slots = 0;
+        for (i, row) in filled.iter().enumerate() {
+            for j in (0..n).filter(|&j| row[j]) {
+                slots[i][j] = n_slots;
+                n_slots += 1;
+            }
+        }
+        let passes = colour(&pattern, &slots, &quadrature, depends_on_time);
+        let (pivots, lower, upper) = program(&filled, &slots, &order);
+        Structure {
+            n,
+            n_slots: n_slots as usize,
+            passes,
+            pivots,
+            lower,
+            upper,
+            depends_on_time,
+        }
+    }
+
+    /// Number of states.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Number of stored values of the factorised matrix (pattern and fill-in).
+    pub fn n_stored(&self) -> usize {
+        self.n_slots
+    }
+
+    /// How often the right-hand side runs on dual numbers for one Jacobian.
+    pub fn n_passes(&self) -> usize {
+        self.passes.len()
+    }
+}
+
+/// Markowitz order on the diagonal: the pivot with the least possible fill-in first; quadratures last.
+fn elimination_order(pattern: &[Vec<bool>], quadrature: &dyn Fn(usize) -> bool) -> Vec<usize> {
+    let n = pattern.len();
+    let mut work: Vec<Vec<bool>> = pattern.to_vec();
+    let mut left: Vec<usize> = (0..n).filter(|&i| !quadrature(i)).collect();
+    let mut order = Vec::with_capacity(n);
+    while !left.is_empty() {
+        let count = |k: usize| {
+            let row = left.iter().filter(|&&j| j != k && work[k][j]).count();
+            let column = left.iter().filter(|&&i| i != k && work[i][k]).count();
+            row * column
+        };
+        let at = (0..left.len())
+            .min_by_key(|&p| count(left[p]))
+            .expect("not empty");
+        let k = left.remove(at);
+        for &i in left.iter().filter(|&&i| work[i][k]).collect::<Vec<_>>() {
+            for &j in left.iter() {
+                let fill = work[k][j];
+                work[i][j] |= fill;
+            }
+        }
+        order.push(k);
+    }
+    order.extend((0..n).filter(|&i| quadrature(i)));
+    order
+}
+
+/// The pattern with its diagonal and the entries that elimination adds.
+fn fill_in(pattern: &[Vec<bool>], order: &[usize]) -> Vec<Vec<bool>> {
+    let mut filled = pattern.to_vec();
+    for (i, row) in filled.iter_mut().enumerate() {
+        row[i] = true;
+    }
+    for (p, &k) in order.iter().enumerate() {
+        for &i in order[p + 1..].iter() {
+            if filled[i][k] {
+                for &j in order[p + 1..].iter() {
+                    let fill = filled[k][j];
+                    filled[i][j] |= fill;
+                }
+            }
+        }
+    }
+    filled
+}
+
+/// Groups columns that share no row into one direction of a dual number, `DIRECTIONS` to a pass.
+fn colour(
+    pattern: &[Vec<bool>],
+    slots: &[Vec<Slot>],
+    quadrature: &dyn Fn(usize) -> bool,
+    depends_on_time: bool,
+) -> Vec<Pass> {
+    let n = pattern.len();
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for j in (0..n).filter(|&j| !quadrature(j) && pattern.iter().any(|row| row[j])) {
+        let clash = |group: &Vec<usize>| {
+            group
+                .iter()
+                .any(|&g| pattern.iter().any(|row| row[g] && row[j]))
+        };
+        match groups.iter_mut().find(|group| !clash(group)) {
+            Some(group) => group.push(j),
+            None => groups.push(vec![j]),
+        }
+    }
+    let n_directions = groups.len() + usize::from(depends_on_time);
+    let mut passes = vec![Pass::default(); n_directions.div_ceil(DIRECTIONS)];
+    for (g, group) in groups.iter().enumerate() {
+        let (pass, direction) = (&mut passes[g / DIRECTIONS], (g % DIRECTIONS) as u32);
+        for &j in group {
+            pass.seeds.push((j as u32, direction));
+            for i in (0..n).filter(|&i| pattern[i][j]) {
+                pass.results.push((i as u32, direction, slots[i][j]));
+            }
+        }
+    }
+    if depends_on_time {
+        passes[groups.len() / DIRECTIONS].time = Some((groups.len() % DIRECTIONS) as u32);
+    }
+    passes
+}
+
+/// The flat lists of operations of factorisation and substitutions.
+fn program(
+    filled: &[Vec<bool>],
+    slots: &[Vec<Slot>],
+    order: &[usize],
+) -> (Vec<Pivot>, Vec<Entry>, Vec<Entry>) {
+    let entry = |i: usize, j: usize| Entry {
+        slot: slots[i][j],
+        row: i as u32,
+        column: j as u32,
+    };
+    let (mut pivots, mut lower, mut upper) = (Vec::new(), Vec::new(), Vec::new());
+    for (p, &k) in order.iter().enumerate() {
+        let rest = &order[p + 1..];
+        let mut below = Vec::new();
+        for &i in rest.iter().filter(|&&i| filled[i][k]) {
+            lower.push(entry(i, k));
+            let updates = rest
+                .iter()
+                .filter(|&&j| filled[k][j])
+                .map(|&j| (slots[i][j], slots[k][j]))
+                .collect();
+            below.push(Below {
+                slot: slots[i][k],
+                updates,
+            });
+        }
+        pivots.push(Pivot {
+            row: k as u32,
+            diagonal: slots[k][k],
+            below,
+        });
+    }
+    for (p, &k) in order.iter().enumerate().rev() {
+        upper.extend(
+            order[p + 1..]
+                .iter()
+                .filter(|&&j| filled[k][j])
+                .map(|&j| entry(k, j)),
+        );
+    }
+    (pivots, lower, upper)
+}

@@ -1,0 +1,39 @@
+//! What an integrator needs to know of a system of equations.
+
+use crate::structure::Structure;
+use math::{Lane, Over};
+use std::sync::Arc;
+
+/// `y' = f(t, y)` with parameters, inputs and modes of type `R` held in `self`.
+pub trait System<R: Lane> {
+    /// Room for intermediate results, made once for each scalar type and reused at every call.
+    type Work<S: Over<R>>: Clone;
+
+    fn work<S: Over<R>>(&self) -> Self::Work<S>;
+
+    /// Writes `f(t, y)` into `dy`; both have one entry for each state.
+    fn rhs<S: Over<R>>(&self, t: S, y: &[S], dy: &mut [S], work: &mut Self::Work<S>);
+
+    /// Sparsity, colouring and elimination order; see [`Structure::of`].
+    fn structure(&self) -> &Arc<Structure>;
+
+    /// Absolute error scale of each state: its absolute tolerance is `rtol * scale`.
+    /// An infinite scale marks a quadrature: integrated alongside, never steering the step.
+    fn scale(&self) -> &[f64];
+
+    /// How many event functions there are.
+    fn n_events(&self) -> usize {
+        0
+    }
+
+    /// Event functions at `y`: positive while the present mode holds, an event where one turns negative.
+    fn events(&self, _t: R, _y: &[R], _out: &mut [R], _work: &mut Self::Work<R>) {}
+
+    /// How far below zero an event function may lie where the event is taken, in the function's unit.
+    fn event_tolerance(&self, _event: usize) -> f64 {
+        0.0
+    }
+
+    /// Changes the mode of one lane, and its state where the mode demands it (a stop sets v = 0).
+    fn switch(&mut self, _lane: usize, _event: usize, _y: &mut [R], _work: &mut Self::Work<R>) {}
+}

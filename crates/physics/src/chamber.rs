@@ -1,0 +1,18 @@
+//! Balances of a chamber, each in the states that it owns.
+
+mod as_printed;
+mod energy_balance;
+
+pub use as_printed::AsPrinted;
+pub use energy_balance::EnergyBalance;
+
+/// What a chamber exchanges: net mass flow kg/s and enthalpy flow W into it, its volume m3 with
+/// rate m3/s, and heat from the wall W.
+#[derive(Clone, Copy, Debug)]
+pub struct Exchange<S> {
+    pub m_dot: S,
+    pub h_dot: S,
+    pub volume: S,
+    pub volume_rate: S,
+    pub heat: S,
+}

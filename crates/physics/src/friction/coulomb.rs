@@ -1,0 +1,72 @@
+use super::{At, Law, Levels, dry};
+use crate::parameter::{above, at_least};
+use math::{Over, Real};
+
+crate::parameters! {
+    /// Coulomb and viscous friction.
+    ///
+    ///   F(v) = Fc sgn(v) + Fv v                                       [N], opposes v > 0
+    ///   at rest: F = applied force, as long as |applied| <= Fc
+    ///
+    /// Sticking is exact: v = 0 until the applied force reaches Fc. No Stribeck effect, no
+    /// presliding, no memory. Source: [armstrong1994].
+    pub struct Coulomb {
+        /// Coulomb force Fc
+        coulomb: "N", above(0.0);
+        /// Viscous coefficient Fv
+        viscous: "N s/m", at_least(0.0), default 0.0;
+    }
+}
+
+impl Coulomb<f64> {
+    pub(super) fn from_values(values: &[f64]) -> Self {
+        Coulomb {
+            coulomb: values[0],
+            viscous: values[1],
+        }
+    }
+
+    pub(super) fn warning(&self) -> Option<String> {
+        None
+    }
+}
+
+impl<P: Real> Law<P> for Coulomb<P> {
+    const KEY: &'static str = "coulomb";
+    const TITLE: &'static str = "Coulomb and viscous friction, exact sticking";
+    const SOURCE: &'static str = "armstrong1994";
+    const STICKS: bool = true;
+
+    fn levels(&self) -> Levels<P> {
+        Levels::equal(self.coulomb)
+    }
+
+    #[inline(always)]
+    fn force<S: Over<P>>(
+        &self,
+        at: &At<S>,
+        levels: &Levels<S>,
+        _z: &[S],
+        _dz: &mut [S],
+        mode: P,
+    ) -> S {
+        dry::force(
+            at,
+            mode,
+            S::from(mode) * levels.coulomb + S::from(self.viscous) * at.v,
+        )
+    }
+
+    fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, mode: P) -> S {
+        dry::event(at, levels.coulomb, mode)
+    }
+
+    fn next_mode(&self, mode: f64, applied: f64, levels: &Levels<f64>) -> f64 {
+        dry::next_mode(mode, applied, levels.coulomb)
+    }
+
+    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
+        let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
+        sign * levels.coulomb + S::from(self.viscous) * v
+    }
+}

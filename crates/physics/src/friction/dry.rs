@@ -1,0 +1,47 @@
+//! Stick and slip as modes: -1 and +1 slide in that direction, 0 sticks with v = 0 exactly.
+
+use super::{At, Levels};
+use math::{Over, Real};
+
+/// The force that a law gives in slip, or in stick the force that holds the mass.
+///
+/// `slip` must be smooth in v around zero, with the mode as the sign: so each mode can be
+/// integrated past its end, and the end located.
+#[inline(always)]
+pub(super) fn force<P: Real, S: Over<P>>(at: &At<S>, mode: P, slip: S) -> S {
+    S::select(is_stick(mode), at.applied, slip)
+}
+
+#[inline(always)]
+fn is_stick<P: Real>(mode: P) -> P::Mask {
+    (mode * mode).lt(P::c(0.5))
+}
+
+/// Stick holds while |applied| < breakaway, N; slip while the velocity has the mode's sign, m/s.
+pub(super) fn event<P: Real, S: Over<P>>(at: &At<S>, breakaway: S, mode: P) -> S {
+    S::select(
+        is_stick(mode),
+        breakaway - at.applied.abs(),
+        S::from(mode) * at.v,
+    )
+}
+
+/// From stick the mass leaves with the force; from slip it stops, unless the force is already
+/// strong enough to push it back.
+pub(super) fn next_mode(mode: f64, applied: f64, breakaway: f64) -> f64 {
+    if mode == 0.0 || applied.abs() > breakaway {
+        applied.signum()
+    } else {
+        0.0
+    }
+}
+
+impl<S: Real> Levels<S> {
+    /// The same force for starting and for sliding.
+    pub(super) fn equal(coulomb: S) -> Self {
+        Levels {
+            coulomb,
+            breakaway: coulomb,
+        }
+    }
+}

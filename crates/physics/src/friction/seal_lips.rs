@@ -1,0 +1,41 @@
+use super::{At, Levels};
+use crate::parameter::any;
+use math::{Over, Real};
+
+crate::parameters! {
+    /// Lip seals pressed against the bore by the pressure in each chamber: on any law,
+    ///
+    ///   Fc(p) = Fc + c_a (p_a - p_amb) + c_b (p_b - p_amb)
+    ///   Fs(p) = Fs + s_a (p_a - p_amb) + s_b (p_b - p_amb)                            [N]
+    ///
+    /// Affine, as the radial load of a lip is in the pressure difference over it. Below the ambient
+    /// pressure it goes on affinely; the levels never fall below a hundredth of their value without
+    /// pressure. Source: [assumed], lip seal under pressure: F = pi D mu (q0 + c_w dp).
+    pub struct SealLips {
+        /// Coulomb force per gauge pressure in chamber a
+        coulomb_a: "N/Pa", any(), default 0.0;
+        /// Coulomb force per gauge pressure in chamber b
+        coulomb_b: "N/Pa", any(), default 0.0;
+        /// Breakaway force per gauge pressure in chamber a
+        breakaway_a: "N/Pa", any(), default 0.0;
+        /// Breakaway force per gauge pressure in chamber b
+        breakaway_b: "N/Pa", any(), default 0.0;
+    }
+}
+
+/// Share of a level that is left at least, where a negative coefficient would take more.
+const FLOOR: f64 = 0.01;
+
+impl<P: Real> SealLips<P> {
+    #[inline(always)]
+    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>) -> Levels<S> {
+        let affine = |level: S, a: P, b: P| {
+            let sum = S::from(a).fma(at.gauge_a, S::from(b).fma(at.gauge_b, level));
+            sum.max(S::c(FLOOR) * level)
+        };
+        Levels {
+            coulomb: affine(base.coulomb, self.coulomb_a, self.coulomb_b),
+            breakaway: affine(base.breakaway, self.breakaway_a, self.breakaway_b),
+        }
+    }
+}

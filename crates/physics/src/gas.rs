@@ -1,0 +1,4 @@
+//! Gas properties.
+
+mod ideal;
+pub use ideal::IdealGas;

@@ -1,0 +1,114 @@
+//! A parameter is listed once: name, unit, bounds, default, meaning. From the list come the struct,
+//! its lift to lanes, the checks, and the tables of schema and documentation.
+
+/// The values that a parameter may take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    pub lower: f64,
+    pub upper: f64,
+    /// The bounds themselves are refused.
+    pub open: bool,
+}
+
+impl Bounds {
+    pub fn contain(&self, x: f64) -> bool {
+        if self.open {
+            x > self.lower && x < self.upper
+        } else {
+            x >= self.lower && x <= self.upper
+        }
+    }
+}
+
+/// Greater than `lower`.
+pub const fn above(lower: f64) -> Bounds {
+    Bounds {
+        lower,
+        upper: f64::INFINITY,
+        open: true,
+    }
+}
+
+/// Finite or infinite, not less than `lower`.
+pub const fn at_least(lower: f64) -> Bounds {
+    Bounds {
+        lower,
+        upper: f64::INFINITY,
+        open: false,
+    }
+}
+
+/// Strictly between `lower` and `upper`.
+pub const fn between(lower: f64, upper: f64) -> Bounds {
+    Bounds {
+        lower,
+        upper,
+        open: true,
+    }
+}
+
+/// Any finite number.
+pub const fn any() -> Bounds {
+    Bounds {
+        lower: f64::NEG_INFINITY,
+        upper: f64::INFINITY,
+        open: true,
+    }
+}
+
+/// One parameter of a law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    pub key: &'static str,
+    pub unit: &'static str,
+    pub bounds: Bounds,
+    pub default: Option<f64>,
+    pub meaning: &'static str,
+}
+
+/// Declares a law's or part's parameters: a struct generic over the scalar, `PARAMETERS`, `values`
+/// (in the order of the list) and `gather` (one struct of lanes from a struct for each lane).
+/// Fields after `with` are choices: they select code, are the same in every lane, and are no numbers.
+#[macro_export]
+macro_rules! parameters {
+    ($(#[$attribute:meta])* pub struct $name:ident {
+        $($(#[doc = $meaning:literal])+ $field:ident: $unit:literal, $bounds:expr $(, default $default:expr)?;)*
+    } $(with { $($(#[$choice_attribute:meta])* $choice:ident: $choice_type:ty),* $(,)? })?) => {
+        $(#[$attribute])*
+        #[derive(Clone, Debug)]
+        pub struct $name<P> {
+            $($(#[doc = $meaning])+ pub $field: P,)*
+            $($($(#[$choice_attribute])* pub $choice: $choice_type,)*)?
+        }
+
+        impl<P: Copy> $name<P> {
+            /// Name, unit, bounds, default and meaning of each parameter.
+            pub const PARAMETERS: &'static [$crate::Parameter] = &[
+                $($crate::Parameter {
+                    key: stringify!($field),
+                    unit: $unit,
+                    bounds: $bounds,
+                    default: $crate::parameters!(@default $($default)?),
+                    meaning: concat!($($meaning),+),
+                },)*
+            ];
+
+            /// The values in the order of `PARAMETERS`.
+            pub fn values(&self) -> Vec<P> {
+                vec![$(self.$field),*]
+            }
+        }
+
+        impl<R: math::Lane> $name<R> {
+            /// Lane `i` takes the parameters of `each[i]`.
+            pub fn gather(each: &[&$name<f64>]) -> Self {
+                $name {
+                    $($field: R::from_lanes(|lane| each[lane].$field),)*
+                    $($($choice: each[0].$choice.clone(),)*)?
+                }
+            }
+        }
+    };
+    (@default) => { None };
+    (@default $default:expr) => { Some($default) };
+}
