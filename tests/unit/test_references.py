@@ -20,8 +20,8 @@ NEEDED = {
     "article": {"author", "title", "journal", "year"},
     "book": {"author", "title", "publisher", "year"},
     "phdthesis": {"author", "title", "school", "year"},
-    "techreport": {"title", "institution", "year"},
-    "manual": {"title", "organization"},
+    "techreport": {"author", "title", "institution", "year"},
+    "manual": {"title"},
     "misc": {"author", "title"},
 }
 
