@@ -1,0 +1,222 @@
+"""What a friction map can and cannot determine, in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.model import FrictionModel
+from pneudrive.identify.observations import distinct
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.model import Observations
+    from pneudrive.identify.robust import Estimate
+
+    Array = NDArray[np.float64]
+
+#: Gauge pressures that differ by less are one level: about 0.5 % of a 10 bar transducer.
+SAME_PRESSURE_PA = 5e3
+#: Directions of the scaled Jacobian below this share of the largest are not determined.
+SINGULAR_SHARE = 1e-4
+#: Without a level below this multiple of vs the data see only the tail of the Stribeck curve, in which a larger
+#: Fs and a smaller vs look alike (at 2 vs the tail is exp(-4) = 2 % of the excess).
+TAIL = 2.0
+#: Without a level above this multiple of vs the plateau Fc + Fv v is never reached; 2.8 vs is the support point of
+#: the optimal design of four speeds.
+PLATEAU = 2.8
+
+
+@dataclass(frozen=True)
+class Undetermined:
+    """A parameter that the data cannot determine.
+
+    Attributes
+    ----------
+    parameter : str
+    reason : str
+        Why, in words.
+    remedy : str
+        What to measure.
+    """
+
+    parameter: str
+    reason: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.parameter} cannot be determined: {self.reason}. Remedy: {self.remedy}."
+
+
+def _mm_s(speed: float) -> str:
+    return f"{1e3 * speed:.3g} mm/s"
+
+
+def choose_model(
+    law: str, data: Observations, *, exponent: float | None, pressure_dependence: bool
+) -> tuple[FrictionModel, list[Undetermined]]:
+    """Choose the largest part of the law whose parameters these rows can determine in number; say what is left out."""
+    lost: list[Undetermined] = []
+    chambers: tuple[str, ...] = ()
+    if pressure_dependence:
+        chambers, lost = _chambers(data, law)
+    levels = distinct(data.speed_m_s)
+    speeds = ", ".join(_mm_s(v) for v in np.unique(np.round(data.speed_m_s, 5))[:6])
+    needed = 4 if exponent is not None else 5
+    if law == "stribeck" and (levels < needed or len(data) < needed + 2 * len(chambers)):
+        count = f"{levels} distinct speed{'s' * (levels != 1)} ({speeds})"
+        reason = f"the map has {count} and a Stribeck curve needs at least {needed}"
+        if levels >= needed:
+            reason = f"the map has {len(data)} independent values, fewer than the law has parameters"
+        remedy = "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest"
+        names = ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * (exponent is None)
+        lost += [Undetermined(name, reason, remedy) for name in names]
+        law = "coulomb"
+        lost = [s for s in lost if not s.parameter.startswith("breakaway_")]
+        lost += [Undetermined(f"breakaway_{c}", reason, remedy) for c in (("a", "b") if pressure_dependence else ())]
+    viscous = levels >= 2 and len(data) >= 2
+    if not viscous:
+        lost.append(
+            Undetermined(
+                "viscous",
+                f"all rows lie at one speed ({speeds}); what is called coulomb here is all the friction at that speed",
+                "measure at a second speed, at least three times higher",
+            )
+        )
+    model = FrictionModel(law, exponent if law == "stribeck" else 2.0, chambers, viscous)
+    if len(data) < len(model.names):
+        raise FitError(
+            "the friction map has fewer values than the law has parameters",
+            value=f"{len(data)} values, {len(model.names)} parameters ({', '.join(model.names)})",
+            remedy="measure more speeds and pressures, or fit law='coulomb' without pressure dependence",
+        )
+    return model, lost
+
+
+def _chambers(data: Observations, law: str) -> tuple[tuple[str, ...], list[Undetermined]]:
+    """Chambers whose slopes can be found, and statements on those that cannot."""
+    gauges = {"a": data.gauge_a_pa, "b": data.gauge_b_pa}
+    varying = tuple(c for c, g in gauges.items() if np.ptp(g) > SAME_PRESSURE_PA)
+    forces = ("coulomb", "breakaway") if law == "stribeck" else ("coulomb",)
+    lost = []
+    for c in gauges:
+        if c not in varying:
+            reason = f"the pressure in chamber {c} is the same in all rows ({1e-5 * gauges[c].mean():.3g} bar gauge)"
+            remedy = f"measure with chamber {c} at two or more pressures at least 1 bar apart"
+            lost += [Undetermined(f"{f}_{c}", reason, remedy) for f in forces]
+    if len(varying) == 2 and _collinear(data.gauge_a_pa, data.gauge_b_pa):
+        reason = (
+            "both chambers always had the same pressure: only the sum of both slopes is known, "
+            "half of it is given to each"
+        )
+        remedy = "measure with different pressures in the chambers, such as a grid of 0, 2, 4 and 6 bar gauge"
+        lost += [Undetermined(f"{f}_{c}", reason, remedy) for f in forces for c in "ab"]
+        return ("ab",), lost
+    return varying, lost
+
+
+def _collinear(a: Array, b: Array) -> bool:
+    slope, intercept = np.polyfit(a, b, 1)
+    return bool(np.std(b - slope * a - intercept) < 0.5 * SAME_PRESSURE_PA)
+
+
+def diagnose(
+    model: FrictionModel,
+    data: Observations,
+    found: Estimate,
+    intervals: dict[str, tuple[float, float]],
+    excess_p_value: float | None,
+) -> list[Undetermined]:
+    """Statements on parameters that were free but that the data do not bound.
+
+    Parameters
+    ----------
+    model, data, found, intervals
+        As of the fit.
+    excess_p_value : float or None
+        Probability of a Stribeck part as large as the one found where there is none.
+    """
+    statements: dict[str, Undetermined] = {}
+    theta = dict(zip(model.names, model.natural(found.q), strict=True))
+    if model.stribeck:
+        for statement in _stribeck(theta, data, intervals, excess_p_value):
+            statements.setdefault(statement.parameter, statement)
+    for name in _weak_directions(model, found):
+        statements.setdefault(
+            name,
+            Undetermined(
+                name,
+                "the rows do not tell it from the other parameters (a direction of the scaled Jacobian vanishes)",
+                "measure at more speeds and pressures, not all varied together",
+            ),
+        )
+    for name, (lower, upper) in intervals.items():
+        open_below = name in {"stribeck_velocity", "stribeck_exponent"} and lower <= 0.0
+        if open_below or not np.isfinite([lower, upper]).all():
+            statements.setdefault(
+                name,
+                Undetermined(
+                    name, "its 95 % interval is open", "measure where the law depends on it, with smaller noise"
+                ),
+            )
+    return [statements[n] for n in model.names if n in statements]
+
+
+def _stribeck(
+    theta: dict[str, float], data: Observations, intervals: dict[str, tuple[float, float]], p_value: float | None
+) -> list[Undetermined]:
+    slowest, fastest = float(data.speed_m_s.min()), float(data.speed_m_s.max())
+    vs = theta["stribeck_velocity"]
+    out = []
+    if p_value is not None and p_value > 0.05:
+        reason = (
+            f"friction does not fall with speed by more than chance between {_mm_s(slowest)} and {_mm_s(fastest)} "
+            f"(a falling part improves the fit with p = {p_value:.2g})"
+        )
+        remedy = f"add levels well below {_mm_s(slowest)} and repeat strokes to lower the noise"
+        return [
+            Undetermined(n, reason, remedy)
+            for n in ("breakaway", "stribeck_velocity", "stribeck_exponent")
+            if n in theta
+        ]
+    if slowest > TAIL * vs:
+        reason = (
+            f"the slowest level, {_mm_s(slowest)}, lies above {TAIL:g} vs (vs is near {_mm_s(vs)}): "
+            "a larger Fs with a smaller vs fits as well"
+        )
+        out += [
+            Undetermined(n, reason, f"add levels at and below {_mm_s(vs)}") for n in ("breakaway", "stribeck_velocity")
+        ]
+    if fastest < PLATEAU * vs:
+        reason = (
+            f"the fastest level, {_mm_s(fastest)}, lies below {PLATEAU:g} vs (vs is near {_mm_s(vs)}): "
+            "the plateau above the Stribeck part is not reached"
+        )
+        remedy = f"add levels above {_mm_s(PLATEAU * vs)}"
+        out += [Undetermined(n, reason, remedy) for n in ("coulomb", "viscous") if n in theta]
+    lower, upper = intervals["stribeck_velocity"]
+    if lower <= 0.0:
+        reason = f"a Stribeck velocity far below the slowest level, {_mm_s(slowest)}, fits as well"
+        remedy = f"add levels below {_mm_s(slowest)}"
+        out += [Undetermined(n, reason, remedy) for n in ("breakaway", "stribeck_velocity")]
+    if not np.isfinite(upper):
+        reason = f"a Stribeck velocity far above the fastest level, {_mm_s(fastest)}, fits as well"
+        out.append(Undetermined("stribeck_velocity", reason, f"add levels above {_mm_s(fastest)}"))
+    if not np.isfinite(intervals["breakaway"][1]):
+        reason = f"the slowest level, {_mm_s(slowest)}, is too fast to see the limit of friction at zero speed"
+        out.append(Undetermined("breakaway", reason, f"add levels below {_mm_s(0.5 * vs)}"))
+    return out
+
+
+def _weak_directions(model: FrictionModel, found: Estimate) -> list[str]:
+    size = np.linalg.norm(found.jacobian, axis=0)
+    dead = [n for n, s in zip(model.names, size, strict=True) if s == 0.0]
+    size[size == 0.0] = 1.0
+    _, singular, vt = np.linalg.svd(found.jacobian / size, full_matrices=False)
+    weak = vt[singular < SINGULAR_SHARE * singular[0]]
+    names = [n for k, n in enumerate(model.names) if weak.size and np.max(np.abs(weak[:, k])) > 0.3]
+    return dead + [n for n in names if n not in dead]

@@ -1,0 +1,152 @@
+"""fit.toml: a fit with covariance and provenance, written and read."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.diagnose import Undetermined
+from pneudrive.identify.model import UNITS, FrictionModel
+from pneudrive.identify.result import FrictionFit
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+SCHEMA = 1
+
+
+def write_fit(fit: FrictionFit, path: str | Path) -> None:
+    """Write `fit` as TOML: SI values, 95 % intervals, covariance, statements, provenance.
+
+    Raises
+    ------
+    FitError
+        If the file cannot be written.
+    """
+    target = Path(path)
+    part = target.with_name(target.name + ".part")
+    try:
+        part.write_text(fit_toml(fit), encoding="utf-8")
+        part.replace(target)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise FitError("the fit cannot be written", where=str(target), value=error.strerror or str(error)) from error
+
+
+def fit_toml(fit: FrictionFit) -> str:
+    """Return the text of fit.toml."""
+    out = [
+        "# Friction fit. SI units; intervals are 95 %, statistical; u_systematic is a standard uncertainty.",
+        *_table("", {"schema": SCHEMA, "law": fit.law, "notes": list(fit.notes)}),
+        *_table("model", _model_table(fit.model)),
+    ]
+    for name, value in fit.parameters.items():
+        entry: dict[str, object] = {"value": value, "unit": UNITS[name], "determined": name in fit.determined}
+        source = f"{name}b" if f"{name}b" in fit.free else name
+        if source in fit.free:
+            entry["standard_error"] = fit.standard_errors[source]
+            entry["interval"] = list(fit.intervals[source])
+            entry["u_systematic"] = fit.systematic[source]
+        out += _table(f"parameters.{name}", entry)
+    out += _table("covariance", {"names": list(fit.free), "matrix": fit.covariance.tolist()})
+    for statement in fit.undetermined:
+        out += _table(
+            "undetermined",
+            {"parameter": statement.parameter, "reason": statement.reason, "remedy": statement.remedy},
+            array=True,
+        )
+    out += _table("statistics", fit.statistics)
+    out += _table("provenance", fit.provenance)
+    return "\n".join(out).lstrip("\n") + "\n"
+
+
+def read_fit(path: str | Path) -> FrictionFit:
+    """Read a file that :func:`write_fit` wrote.
+
+    Raises
+    ------
+    FitError
+        If the file is not there, is no TOML, or lacks what a fit needs.
+    """
+    where = str(path)
+    try:
+        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise FitError("the fit cannot be read", where=where, value=str(error)) from error
+    try:
+        if content["schema"] != SCHEMA:
+            raise FitError(
+                "the fit has another schema", where=where, value=content["schema"], rule=f"schema = {SCHEMA}"
+            )
+        return _from_content(content)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FitError(
+            "the file is no complete friction fit", where=where, value=f"{type(error).__name__}: {error}"
+        ) from error
+
+
+def _from_content(content: dict) -> FrictionFit:
+    free = tuple(content["covariance"]["names"])
+    entries = content["parameters"]
+
+    def of(name: str, key: str) -> object:  # a slope shared by both chambers is written under each of them
+        return entries[name[:-1] if name.endswith("_ab") else name][key]
+
+    model = dict(content["model"])
+    exponent = model["stribeck_exponent"]
+    covariance = np.array(content["covariance"]["matrix"], dtype=float)
+    if covariance.shape != (len(free), len(free)):
+        raise ValueError(f"covariance of shape {covariance.shape} for {len(free)} parameters")
+    return FrictionFit(
+        law=content["law"],
+        parameters={name: float(entry["value"]) for name, entry in entries.items()},
+        free=free,
+        covariance=covariance,
+        intervals={name: tuple(map(float, of(name, "interval"))) for name in free},  # type: ignore[arg-type, misc]
+        systematic={name: float(of(name, "u_systematic")) for name in free},  # type: ignore[arg-type]
+        undetermined=tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
+        notes=tuple(content["notes"]),
+        statistics={name: float(value) for name, value in content["statistics"].items()},
+        provenance=dict(content["provenance"]),
+        model=FrictionModel(
+            model["law"], None if exponent == "free" else float(exponent), tuple(model["chambers"]), model["viscous"]
+        ),
+    )
+
+
+def _model_table(model: FrictionModel) -> dict[str, object]:
+    return {
+        "law": model.law,
+        "stribeck_exponent": "free" if model.exponent is None else model.exponent,
+        "chambers": list(model.chambers),
+        "viscous": model.viscous,
+    }
+
+
+def _table(name: str, entries: Mapping[str, object], *, array: bool = False) -> list[str]:
+    head = [] if not name else ["", f"[[{name}]]" if array else f"[{name}]"]
+    return head + [f"{key} = {_value(value)}" for key, value in entries.items()]
+
+
+def _value(value: object) -> str:
+    """One TOML value; floats keep all their digits."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (float, np.floating)):
+        number = float(value)
+        return repr(number)  # Python writes nan, inf and -inf as TOML does
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_value(item) for item in value) + "]"
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,267 @@
+"""The sliding friction laws as functions of their parameters, ready for least squares.
+
+The law itself lives in the core (``pneudrive._core.steady_friction``); nothing here repeats it. Every sliding
+law offered here is linear in its forces at a given Stribeck velocity and exponent,
+
+    F(|v|) = Fc b_c(|v|) + Fs b_s(|v|) + Fv b_v(|v|),
+
+so that differences of core values at unit forces give the three columns b exactly, at any force and pressure.
+Only the derivative by the Stribeck velocity and exponent is written out (a test holds it against the core).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: Names as in the drive file, in the order in which a fit reports them.
+FORCES = ("coulomb", "breakaway", "viscous")
+PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
+UNITS = {
+    "coulomb": "N",
+    "breakaway": "N",
+    "stribeck_velocity": "m/s",
+    "stribeck_exponent": "1",
+    "viscous": "N s/m",
+    "coulomb_a": "N/Pa",
+    "coulomb_b": "N/Pa",
+    "breakaway_a": "N/Pa",
+    "breakaway_b": "N/Pa",
+}
+#: Stribeck exponents found in the literature lie in 0.5 to 2 [armstrong1994]; the bounds leave room on both sides.
+EXPONENT_BOUNDS = (0.3, 4.0)
+#: Smallest excess Fs - Fc that the logarithm can reach, relative to the largest friction: far below any noise.
+EXCESS_FLOOR = 1e-9
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Friction means that a fit uses, one row per independent value.
+
+    Attributes
+    ----------
+    speed_m_s, friction_n, stderr_n : ndarray, shape (n,)
+        Speed (> 0), friction (> 0 opposes the motion), its standard error after moderation.
+    gauge_a_pa, gauge_b_pa : ndarray, shape (n,)
+        Gauge pressures of the chambers.
+    u_systematic_n : ndarray, shape (n,)
+        Standard uncertainty that all rows share in sign (zero where the map does not state it).
+    group : ndarray of int, shape (n,)
+        Recording to which the row belongs.
+    """
+
+    speed_m_s: Array
+    friction_n: Array
+    stderr_n: Array
+    gauge_a_pa: Array
+    gauge_b_pa: Array
+    u_systematic_n: Array
+    group: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return int(self.speed_m_s.size)
+
+
+@dataclass(frozen=True)
+class FrictionModel:
+    """One sliding law with the choice of what is free.
+
+    Parameters
+    ----------
+    law : str
+        ``coulomb`` (with viscous) or ``stribeck``.
+    exponent : float or None
+        Fixed Stribeck exponent; None makes it a free parameter.
+    chambers : tuple of str
+        Chambers whose gauge pressure the forces depend on: (), ("a",), ("b",), ("a", "b"), or ("ab",) where
+        only the sum of both slopes is free (equal slopes).
+    viscous : bool
+        Whether the viscous coefficient is free (else it is zero).
+    """
+
+    law: str
+    exponent: float | None = 2.0
+    chambers: tuple[str, ...] = ()
+    viscous: bool = True
+
+    @property
+    def stribeck(self) -> bool:
+        """Whether the law has a Stribeck part."""
+        return self.law == "stribeck"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free parameters in natural units, in the order of every vector and matrix of the fit."""
+        names = ["coulomb"]
+        if self.stribeck:
+            names += ["breakaway", "stribeck_velocity"]
+            if self.exponent is None:
+                names.append("stribeck_exponent")
+        if self.viscous:
+            names.append("viscous")
+        names += [f"coulomb_{c}" for c in self.chambers]
+        if self.stribeck:
+            names += [f"breakaway_{c}" for c in self.chambers]
+        return tuple(names)
+
+    # -- internal coordinates: log(Fs - Fc), log vs, log n; the rest as it is ---------------------------------
+
+    def natural(self, q: Array) -> Array:
+        """Convert internal coordinates to natural parameters."""
+        theta = np.array(q, dtype=float)
+        if self.stribeck:
+            theta[1] = q[0] + np.exp(q[1])
+            theta[2] = np.exp(q[2])
+            if self.exponent is None:
+                theta[3] = np.exp(q[3])
+        return theta
+
+    def internal(self, theta: Array) -> Array:
+        """Convert natural parameters to internal coordinates; an excess that is not positive goes to its floor."""
+        q = np.array(theta, dtype=float)
+        if self.stribeck:
+            floor = EXCESS_FLOOR * max(abs(theta[0]), abs(theta[1]), 1e-12)
+            q[1] = np.log(max(theta[1] - theta[0], floor))
+            q[2] = np.log(theta[2])
+            if self.exponent is None:
+                q[3] = np.log(theta[3])
+        return q
+
+    def natural_jacobian(self, q: Array) -> Array:
+        """Differentiate natural parameters by internal coordinates, shape (p, p)."""
+        jac = np.eye(q.size)
+        if self.stribeck:
+            jac[1, 0] = 1.0
+            jac[1, 1] = np.exp(q[1])
+            jac[2, 2] = np.exp(q[2])
+            if self.exponent is None:
+                jac[3, 3] = np.exp(q[3])
+        return jac
+
+    def bounds(self, data: Observations) -> tuple[Array, Array]:
+        """Lower and upper bounds of the internal coordinates for these data.
+
+        Forces are not negative. The Stribeck velocity may lie a factor 30 outside the measured speeds: beyond
+        that the law is a constant or a step for these data and the value has no meaning.
+        """
+        lower = np.full(len(self.names), -np.inf)
+        upper = np.full(len(self.names), np.inf)
+        lower[0] = 0.0
+        top = float(np.max(np.abs(data.friction_n)))
+        if self.stribeck:
+            lower[1], upper[1] = np.log(top * EXCESS_FLOOR), np.log(top * 1e3)
+            lower[2] = np.log(data.speed_m_s.min() / 30.0)
+            upper[2] = np.log(data.speed_m_s.max() * 30.0)
+            if self.exponent is None:
+                lower[3], upper[3] = np.log(EXPONENT_BOUNDS)
+        if self.viscous:
+            lower[self.names.index("viscous")] = 0.0
+        return lower, upper
+
+    # -- values and derivatives -------------------------------------------------------------------------------
+
+    def shape(self, speed: Array, q: Array) -> tuple[Array, Array, Array]:
+        """Columns b_c, b_s, b_v of the law at these speeds, from the core."""
+        velocity, exponent = 1.0, self.exponent or 2.0
+        if self.stribeck:
+            velocity = float(np.exp(q[2]))
+            if self.exponent is None:
+                exponent = float(np.exp(q[3]))
+        return columns(self.law, speed, velocity, exponent)
+
+    def value(self, q: Array, data: Observations) -> Array:
+        """Friction at the rows of `data`, shape (n,), N."""
+        return self.value_and_jacobian(q, data)[0]
+
+    def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
+        """Friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
+        b_c, b_s, b_v = self.shape(data.speed_m_s, q)
+        theta = dict(zip(self.names, self.natural(q), strict=True))
+        gauges = self._gauges(data)
+        fc = theta["coulomb"] + sum(theta[f"coulomb_{c}"] * g for c, g in gauges.items())
+        force = fc * b_c + theta.get("viscous", 0.0) * b_v
+        jac = np.zeros((len(data), len(self.names)))
+        column = {name: jac[:, k] for k, name in enumerate(self.names)}
+        column["coulomb"][:] = b_c + b_s
+        for c, g in gauges.items():
+            column[f"coulomb_{c}"][:] = b_c * g
+        if "viscous" in column:
+            column["viscous"][:] = b_v
+        if self.stribeck:
+            fs = theta["breakaway"] + sum(theta[f"breakaway_{c}"] * g for c, g in gauges.items())
+            force = force + fs * b_s
+            column["breakaway"][:] = np.exp(q[1]) * b_s
+            for c, g in gauges.items():
+                column[f"breakaway_{c}"][:] = b_s * g
+            exponent = theta.get("stribeck_exponent", self.exponent)
+            ratio = (data.speed_m_s / theta["stribeck_velocity"]) ** exponent
+            # b_s = exp(-ratio) and b_c = 1 - b_s, so both move together with -d ratio
+            decay = (fs - fc) * b_s * ratio
+            column["stribeck_velocity"][:] = decay * exponent
+            if "stribeck_exponent" in column:
+                column["stribeck_exponent"][:] = -decay * np.log(np.maximum(ratio, 1e-300))
+        return force, jac
+
+    def linear_columns(self, data: Observations, log_velocity: float, log_exponent: float | None) -> Array:
+        """Columns of the natural force parameters at a given Stribeck velocity: for starting values."""
+        q = np.zeros(len(self.names))
+        if self.stribeck:
+            q[2] = log_velocity
+            if self.exponent is None:
+                q[3] = log_exponent if log_exponent is not None else np.log(2.0)
+        b_c, b_s, b_v = self.shape(data.speed_m_s, q)
+        gauges = self._gauges(data)
+        columns_of = {"coulomb": b_c, "breakaway": b_s, "viscous": b_v}
+        columns_of |= {f"coulomb_{c}": b_c * g for c, g in gauges.items()}
+        columns_of |= {f"breakaway_{c}": b_s * g for c, g in gauges.items()}
+        return np.column_stack([columns_of[n] for n in self.names if not n.startswith("stribeck_")])
+
+    def _gauges(self, data: Observations) -> dict[str, Array]:
+        pressures = {"a": data.gauge_a_pa, "b": data.gauge_b_pa, "ab": data.gauge_a_pa + data.gauge_b_pa}
+        return {c: pressures[c] for c in self.chambers}
+
+
+def columns(law: str, speed: Array, stribeck_velocity: float, stribeck_exponent: float) -> tuple[Array, Array, Array]:
+    """Columns (b_c, b_s, b_v) of a sliding law that is linear in its forces, from core values.
+
+    Parameters
+    ----------
+    law : str
+        Name in the core's registry; ``coulomb`` has b_s = 0.
+    speed : ndarray, shape (n,)
+        Speed in m/s, > 0.
+    stribeck_velocity, stribeck_exponent : float
+        m/s and 1; without effect where the law has none.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n,)
+        Friction per unit of Coulomb force, of breakaway force and of the viscous coefficient.
+    """
+    from pneudrive import _core
+
+    speed = np.ascontiguousarray(speed, dtype=np.float64)
+
+    def friction(coulomb: float, breakaway: float, viscous: float) -> Array:
+        values = {"coulomb": coulomb, "viscous": viscous}
+        if law != "coulomb":
+            values |= {
+                "breakaway": breakaway,
+                "stribeck_velocity": stribeck_velocity,
+                "stribeck_exponent": stribeck_exponent,
+            }
+        return np.asarray(_core.steady_friction(law, values, speed, 0.0, 0.0))
+
+    base = friction(1.0, 1.0, 0.0)
+    b_v = friction(1.0, 1.0, 1.0) - base
+    if law == "coulomb":
+        return base, np.zeros_like(base), b_v
+    b_s = friction(1.0, 2.0, 0.0) - base
+    return base - b_s, b_s, b_v

@@ -1,0 +1,245 @@
+"""From a friction map to the independent values that a fit may use."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.model import Observations
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+REQUIRED = ("recording", "direction", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "balance_n", "friction_n")
+#: Speeds closer than this share count as one level when levels are counted.
+SAME_SPEED = 0.05
+#: Speed levels for each coefficient of the trend of variance over speed.
+ROWS_PER_TREND = 4
+
+
+def observations(
+    friction_map: xr.Dataset,
+    *,
+    direction: int | None,
+    ambient_pressure_pa: float,
+    exclude_flags: Collection[str],
+) -> tuple[Observations, list[str]]:
+    """Select and combine the rows of a friction map.
+
+    The two rows of a pair carry the same friction (half the difference of both directions): they are one value,
+    not two. A fit of one direction uses ``direction * balance_n`` of its rows instead.
+
+    Parameters
+    ----------
+    friction_map : xarray.Dataset
+        One dimension ``row``, variables of the friction map format, SI.
+    direction : int or None
+        None for the paired friction, +1 or -1 for one direction alone.
+    ambient_pressure_pa : float
+        Pressure from which gauge pressures count.
+    exclude_flags : collection of str
+        Rows with any of these flags are left out.
+
+    Returns
+    -------
+    Observations, list of str
+        The values and notes on what was left out or assumed.
+
+    Raises
+    ------
+    FitError
+        If a variable is missing, a value has no meaning, or no row is left.
+    """
+    column = _columns(friction_map)
+    notes: list[str] = []
+    keep, note = _usable(column, direction, exclude_flags)
+    notes += note
+    groups = _pairs(column, keep) if direction is None else [[int(i)] for i in np.flatnonzero(keep)]
+    if not groups:
+        raise FitError(
+            "no row of the friction map can be used",
+            value="; ".join(notes) or "the map is empty",
+            rule="a fit needs finite friction at non-zero speed",
+            remedy="look at the flags column of the map, or pass exclude_flags=()",
+        )
+    friction = column["friction_n"] if direction is None else direction * column["balance_n"]
+    mean = {name: np.array([column[name][g].mean() for g in groups]) for name in _AVERAGED}
+    speed = np.array([np.abs(column["velocity_m_s"][g]).mean() for g in groups])
+    value = np.array([friction[g].mean() for g in groups])
+    stderr, note = _standard_errors(column, groups, value, speed)
+    notes += note
+    number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
+    return (
+        Observations(
+            speed_m_s=speed,
+            friction_n=value,
+            stderr_n=stderr,
+            gauge_a_pa=mean["pressure_a_pa"] - ambient_pressure_pa,
+            gauge_b_pa=mean["pressure_b_pa"] - ambient_pressure_pa,
+            u_systematic_n=np.nan_to_num(mean["u_systematic_n"]),
+            group=np.array([number[g[0]] for g in groups], dtype=np.int64),
+        ),
+        notes,
+    )
+
+
+_AVERAGED = ("pressure_a_pa", "pressure_b_pa", "u_systematic_n")
+
+
+def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
+    missing = [name for name in REQUIRED if name not in friction_map]
+    if missing:
+        raise FitError(
+            "the friction map lacks " + ", ".join(missing),
+            where="friction map",
+            rule="one row per recording, speed level and direction, with the columns " + ", ".join(REQUIRED),
+            remedy="make the map with pneudrive.characterise, or add the columns in SI units",
+        )
+    rows = friction_map["friction_n"].shape
+    if len(rows) != 1:
+        raise FitError("the friction map must have one dimension, row", value=f"shape {rows}", where="friction map")
+    column = {str(name): np.asarray(friction_map[name].values) for name in friction_map.data_vars}
+    nothing = np.full(rows, np.nan)
+    for name in ("stderr_n", "u_systematic_n", "strokes"):
+        column.setdefault(name, nothing)
+    column.setdefault("flags", np.full(rows, "", dtype=object))
+    for name in (*REQUIRED[1:], "stderr_n", "u_systematic_n", "strokes"):
+        column[name] = column[name].astype(float)
+    bad = np.flatnonzero(~np.isin(column["direction"], (-1.0, 1.0)))
+    if bad.size:
+        raise FitError(
+            "direction must be +1 or -1",
+            where=f"friction map, row {bad[0]}",
+            value=f"direction = {column['direction'][bad[0]]:g}",
+        )
+    negative = np.flatnonzero(column["stderr_n"] < 0.0)
+    if negative.size:
+        raise FitError(
+            "a standard error is not negative",
+            where=f"friction map, row {negative[0]}",
+            value=f"stderr_n = {column['stderr_n'][negative[0]]:g} N",
+        )
+    return column
+
+
+def _usable(
+    column: dict[str, NDArray], direction: int | None, exclude_flags: Collection[str]
+) -> tuple[NDArray[np.bool_], list[str]]:
+    notes = []
+    value = column["friction_n"] if direction is None else column["balance_n"]
+    finite = np.isfinite(value) & np.isfinite(column["velocity_m_s"]) & (column["velocity_m_s"] != 0.0)
+    finite &= np.isfinite(column["pressure_a_pa"]) & np.isfinite(column["pressure_b_pa"])
+    if not finite.all():
+        notes.append(f"{np.sum(~finite)} rows left out: a value is not finite or the speed is zero")
+    unwanted = set(exclude_flags)
+    flagged = np.array([bool(unwanted & {f.strip() for f in str(text).split(",")}) for text in column["flags"]], bool)
+    if (flagged & finite).any():
+        notes.append(f"{np.sum(flagged & finite)} rows left out for their flags ({', '.join(sorted(unwanted))})")
+    keep = finite & ~flagged
+    if direction is not None:
+        keep &= column["direction"] == direction
+    return keep, notes
+
+
+def _pairs(column: dict[str, NDArray], keep: NDArray[np.bool_]) -> list[list[int]]:
+    """Rows that are one value: same recording, the very same friction, opposite directions."""
+    waiting: dict[tuple, int] = {}
+    groups: list[list[int]] = []
+    for i in np.flatnonzero(keep).tolist():
+        key = (str(column["recording"][i]), float(column["friction_n"][i]), -float(column["direction"][i]))
+        partner = waiting.pop(key, None)
+        if partner is not None:
+            groups[partner].append(i)
+        else:
+            waiting[(key[0], key[1], -key[2])] = len(groups)
+            groups.append([i])
+    return groups
+
+
+def _standard_errors(
+    column: dict[str, NDArray], groups: list[list[int]], friction: Array, speed: Array
+) -> tuple[Array, list[str]]:
+    """Combine the standard errors of each value; both rows of a pair state the same, that of the friction."""
+    with np.errstate(invalid="ignore"):
+        stated = np.array([np.sqrt(np.mean(column["stderr_n"][g] ** 2)) for g in groups])
+    strokes = np.array([np.sum(column["strokes"][g]) for g in groups])
+    known = np.isfinite(stated) & (stated > 0.0)
+    if not known.any():
+        typical = max(float(np.max(np.abs(friction))), 1e-12)
+        return np.full(len(groups), 0.01 * typical), ["the map states no standard errors: all rows weigh the same"]
+    notes = []
+    if not known.all():
+        stated = np.where(known, stated, np.median(stated[known]))
+        notes.append(f"{np.sum(~known)} rows state no standard error: the median of the others is used for them")
+    dof = np.where(np.isfinite(strokes), np.maximum(strokes - 2.0, 1.0), np.inf)
+    return np.sqrt(moderate(stated**2, dof, speed)), notes
+
+
+def moderate(variance: Array, dof: Array, speed: Array) -> Array:
+    """Shrink variances that come from few repetitions towards their trend over speed.
+
+    A weight 1/s^2 from three strokes can be wrong by a factor of ten; the empirical-Bayes estimate
+    (d0 s0^2 + d s^2) / (d0 + d) is not, with d0 and s0 from the spread of log s^2 about its trend [smyth2004].
+
+    Parameters
+    ----------
+    variance, dof : ndarray, shape (n,)
+        Variances (> 0) and the degrees of freedom behind each (inf: exact, left alone).
+    speed : ndarray, shape (n,)
+        Speeds (> 0); the trend is a parabola in log speed where there are rows enough, else less.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    from scipy.special import digamma, polygamma
+
+    variance, dof = np.broadcast_arrays(np.asarray(variance, float), np.asarray(dof, float))
+    few = np.isfinite(dof)
+    if few.sum() < 3:
+        return variance.copy()
+    d = dof[few]
+    e = np.log(variance[few]) - digamma(d / 2.0) + np.log(d / 2.0)
+    log_speed = np.log(speed[few])
+    levels = distinct(speed[few])
+    columns = np.vander(log_speed - log_speed.mean(), min(3, max(1, levels // ROWS_PER_TREND)))
+    trend = columns @ np.linalg.lstsq(columns, e, rcond=None)[0]
+    spread = float(np.sum((e - trend) ** 2)) / (e.size - columns.shape[1]) - float(np.mean(polygamma(1, d / 2.0)))
+    out = variance.copy()
+    if spread <= 0.0:
+        out[few] = np.exp(trend)
+        return out
+    d0 = 2.0 * _inverse_trigamma(spread)
+    s0 = np.exp(trend + digamma(d0 / 2.0) - np.log(d0 / 2.0))
+    out[few] = (d0 * s0 + d * variance[few]) / (d0 + d)
+    return out
+
+
+def _inverse_trigamma(x: float) -> float:
+    from scipy.special import polygamma
+
+    y = 0.5 + 1.0 / x
+    for _ in range(50):
+        tri = polygamma(1, y)
+        step = tri * (1.0 - tri / x) / polygamma(2, y)
+        y += step
+        if -step / y < 1e-10:
+            break
+    return float(y)
+
+
+def distinct(values: Array, share: float = SAME_SPEED) -> int:
+    """Count the levels among `values`; what is closer than `share` of the larger is one level."""
+    ordered = np.sort(np.abs(values))
+    count, start = 0, -np.inf
+    for value in ordered:
+        if count == 0 or value - start > share * value:
+            count, start = count + 1, value
+    return count

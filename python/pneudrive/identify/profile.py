@@ -1,0 +1,174 @@
+"""Profile-likelihood intervals of a sliding law.
+
+At a given Stribeck velocity and exponent the law is linear in everything else, so that the profile needs no
+repeated fits: over a grid of these two, the least squares problem of the forces gives in closed form the cost, the
+best forces and their variances; the interval of any parameter is the union over the grid of what lies under
+the threshold. Unlike value +- t * standard error it is open where the data do not bound a parameter.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.identify.model import EXPONENT_BOUNDS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.model import FrictionModel, Observations
+    from pneudrive.identify.robust import Estimate
+
+    Array = NDArray[np.float64]
+
+FINE_POINTS = 161
+COARSE_POINTS = 81
+EXPONENT_POINTS = 41
+#: Columns whose scaled singular value is below this share of the largest carry no information: far above rounding
+#: (1e-15), far below what any measurement resolves.
+SINGULAR_SHARE = 1e-7
+
+
+def profile_intervals(
+    model: FrictionModel, data: Observations, found: Estimate, quantile: float
+) -> dict[str, tuple[float, float]]:
+    """Intervals of all free parameters, natural units.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    data : Observations
+    found : Estimate
+        The estimate; its pseudo-values and variance define the equivalent plain least squares problem.
+    quantile : float
+        Two-sided Student quantile of the wanted probability.
+
+    Returns
+    -------
+    dict
+        Name -> (lower, upper); infinite (or zero, for what cannot be negative) where the data set no bound.
+    """
+    y = found.pseudo / data.stderr_n
+    allowed = found.variance * quantile**2
+    best = float(np.sum((y - model.value(found.q, data) / data.stderr_n) ** 2))
+    velocities, exponents = _grid(model, data, found, quantile)
+    linear = [n for n in model.names if not n.startswith("stribeck_")]
+    slack = np.empty((velocities.size, exponents.size))
+    low = dict.fromkeys(model.names, np.inf)
+    high = dict.fromkeys(model.names, -np.inf)
+    for i, log_velocity in enumerate(velocities):
+        for j, log_exponent in enumerate(exponents):
+            cost, value, spread = _forces(model, data, y, linear, log_velocity, log_exponent)
+            slack[i, j] = best + allowed - cost
+            if slack[i, j] < 0.0:
+                continue
+            reach = np.sqrt(slack[i, j] * spread)
+            for k, name in enumerate(linear):
+                low[name] = min(low[name], value[k] - reach[k])
+                high[name] = max(high[name], value[k] + reach[k])
+    if model.stribeck:
+        low["stribeck_velocity"], high["stribeck_velocity"] = _crossings(velocities, slack.max(axis=1))
+        if model.exponent is None:
+            low["stribeck_exponent"], high["stribeck_exponent"] = _crossings(exponents, slack.max(axis=0))
+    return _close(model, data, found, low, high)
+
+
+def _crossings(log_value: Array, slack: Array) -> tuple[float, float]:
+    """Outermost values at which the slack vanishes, interpolated between grid points."""
+    inside = np.flatnonzero(slack >= 0.0)
+    if inside.size == 0:
+        return np.inf, -np.inf
+
+    def edge(i: int, j: int) -> float:
+        if j < 0 or j >= slack.size:
+            return float(log_value[i])
+        share = slack[i] / (slack[i] - slack[j])
+        return float(log_value[i] + share * (log_value[j] - log_value[i]))
+
+    first, last = int(inside[0]), int(inside[-1])
+    return float(np.exp(edge(first, first - 1))), float(np.exp(edge(last, last + 1)))
+
+
+def _grid(model: FrictionModel, data: Observations, found: Estimate, quantile: float) -> tuple[Array, Array]:
+    """Grids of log vs and log n: the whole range coarsely, the neighbourhood of the estimate finely."""
+    nothing = np.zeros(1)
+    if not model.stribeck:
+        return nothing, nothing
+    lower, upper = model.bounds(data)
+    information = found.jacobian.T @ found.jacobian
+    covariance = found.variance * np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+
+    def around(k: int, coarse: int, fine: int) -> Array:
+        half = 1.6 * quantile * float(np.sqrt(max(covariance[k, k], 0.0)))
+        half = min(max(half, 1e-9), float(upper[k] - lower[k]))
+        near = np.linspace(found.q[k] - half, found.q[k] + half, fine)
+        far = np.linspace(lower[k], upper[k], coarse)
+        return np.unique(np.clip(np.r_[near, far, found.q[k]], lower[k], upper[k]))
+
+    if model.exponent is not None:
+        return around(2, COARSE_POINTS, FINE_POINTS), nothing
+    return around(2, EXPONENT_POINTS, EXPONENT_POINTS), around(3, EXPONENT_POINTS // 2, EXPONENT_POINTS // 2)
+
+
+def _forces(
+    model: FrictionModel,
+    data: Observations,
+    y: Array,
+    linear: list[str],
+    log_velocity: float,
+    log_exponent: float,
+) -> tuple[float, Array, Array]:
+    """Cost, forces and their unit variances of the linear problem; an excess below zero is held at zero."""
+    columns = model.linear_columns(data, log_velocity, log_exponent) / data.stderr_n[:, None]
+    cost, value, spread = _least_squares(columns, y)
+    if not model.stribeck:
+        return cost, value, spread
+    c, s = linear.index("coulomb"), linear.index("breakaway")
+    if value[s] >= value[c]:
+        return cost, value, spread
+    merged = columns.copy()
+    merged[:, c] += merged[:, s]
+    keep = [k for k in range(len(linear)) if k != s]
+    cost, part, part_spread = _least_squares(merged[:, keep], y)
+    value, spread = np.empty(len(linear)), np.empty(len(linear))
+    value[keep], spread[keep] = part, part_spread
+    value[s], spread[s] = value[c], spread[c]
+    return cost, value, spread
+
+
+def _least_squares(columns: Array, y: Array) -> tuple[float, Array, Array]:
+    """Linear least squares with infinite variance for what the columns do not determine."""
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0.0] = 1.0
+    u, singular, vt = np.linalg.svd(columns / size, full_matrices=False)
+    good = singular > SINGULAR_SHARE * singular[0]
+    inverse = np.zeros_like(singular)
+    inverse[good] = 1.0 / singular[good]
+    projected = u.T @ y
+    value = vt.T @ (inverse * projected) / size
+    spread = np.sum((vt.T * inverse) ** 2, axis=1) / size**2
+    lost = np.any(np.abs(vt[~good]) > 1e-3, axis=0) if (~good).any() else np.zeros(size.size, bool)
+    rest = y - u[:, good] @ projected[good]
+    return float(rest @ rest), value, np.where(lost, np.inf, spread)
+
+
+def _close(
+    model: FrictionModel, data: Observations, found: Estimate, low: dict[str, float], high: dict[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Bounds that the data did not set become open; what cannot be negative stops at zero."""
+    lower, upper = model.bounds(data)
+    estimate = dict(zip(model.names, model.natural(found.q), strict=True))
+    out = {}
+    for name in model.names:
+        lo, hi = min(low[name], estimate[name]), max(high[name], estimate[name])
+        if name == "stribeck_velocity":
+            lo = 0.0 if lo <= np.exp(lower[2]) * 1.001 else lo
+            hi = np.inf if hi >= np.exp(upper[2]) * 0.999 else hi
+        elif name == "stribeck_exponent":
+            lo = 0.0 if lo <= EXPONENT_BOUNDS[0] * 1.001 else lo
+            hi = np.inf if hi >= EXPONENT_BOUNDS[1] * 0.999 else hi
+        elif name in {"coulomb", "breakaway", "viscous"}:
+            lo = max(lo, 0.0)
+        out[name] = (float(lo), float(hi))
+    return out

@@ -1,0 +1,238 @@
+"""The fit of a sliding law: estimates with covariance, prediction, application to a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.model import PRESSURE_NAMES, UNITS, FrictionModel, Observations
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from pneudrive.describe import Drive
+    from pneudrive.identify.diagnose import Undetermined
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Friction predicted at given speeds, N; arrays of the shape of the speeds.
+
+    Attributes
+    ----------
+    friction_n : ndarray
+        The law at its estimates.
+    lower_n, upper_n : ndarray
+        Interval of the wanted probability (Student's t, first order).
+    stderr_n : ndarray
+        Standard error.
+    """
+
+    friction_n: Array
+    lower_n: Array
+    upper_n: Array
+    stderr_n: Array
+
+
+@dataclass(frozen=True)
+class FrictionFit:
+    """Parameters of a sliding law with their uncertainty.
+
+    Attributes
+    ----------
+    law : str
+        Law that was asked for. Where the data cannot carry it, `model` is the smaller law that was fitted.
+    parameters : dict
+        Name as in the drive file -> value in SI; NaN where the data do not determine it in number.
+    free : tuple of str
+        Order of `covariance`.
+    covariance : ndarray, shape (p, p)
+        Statistical covariance of the free parameters; directions that the data do not determine are left out of it.
+    intervals : dict
+        Free parameter -> (lower, upper), statistical, 95 %; open where the data set no bound.
+    systematic : dict
+        Free parameter -> standard uncertainty from what all rows share (sensor gain, pressure, area).
+    undetermined : tuple of Undetermined
+        Plain statements on what the data cannot determine, and what to measure.
+    notes : tuple of str
+        What was left out or assumed.
+    statistics : dict
+        values, degrees_of_freedom, scale (1: the stated standard errors are right), variance, rms_n, outlying,
+        fit_percent, aicc, bic.
+    provenance : dict
+        Version, hash of the values, options.
+    model : FrictionModel
+    observations : Observations or None
+        The values that were fitted (None when read from a file).
+    weights : ndarray or None
+        Huber weight of each value.
+    """
+
+    law: str
+    parameters: dict[str, float]
+    free: tuple[str, ...]
+    covariance: Array
+    intervals: dict[str, tuple[float, float]]
+    systematic: dict[str, float]
+    undetermined: tuple[Undetermined, ...]
+    notes: tuple[str, ...]
+    statistics: dict[str, float]
+    provenance: dict[str, object]
+    model: FrictionModel
+    observations: Observations | None = field(default=None, repr=False, compare=False)
+    weights: Array | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Statistical standard error of each free parameter (first order)."""
+        return dict(zip(self.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def determined(self) -> tuple[str, ...]:
+        """Names of `parameters` that the data determine (a fixed exponent is not among them)."""
+        lost = {s.parameter for s in self.undetermined}
+        fixed = {"stribeck_exponent"} if "stribeck_exponent" not in self.free else set()
+        return tuple(n for n, value in self.parameters.items() if n not in lost | fixed and np.isfinite(value))
+
+    def expanded_uncertainty(self, name: str) -> float:
+        """Return U = 2 sqrt(statistical^2 + systematic^2) of one free parameter (k = 2)."""
+        self._known(name)
+        return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic[name]))
+
+    def predict(
+        self,
+        speed_m_s: ArrayLike,
+        gauge_a_pa: ArrayLike = 0.0,
+        gauge_b_pa: ArrayLike = 0.0,
+        *,
+        stderr_n: float | None = None,
+    ) -> Prediction:
+        """Friction at given speeds with a 95 % interval.
+
+        Parameters
+        ----------
+        speed_m_s : array_like
+            Speeds in m/s; the sign is ignored, friction is that which opposes the motion.
+        gauge_a_pa, gauge_b_pa : array_like
+            Gauge pressures, broadcast with the speeds; without effect where the fit does not depend on pressure.
+        stderr_n : float, optional
+            None: interval of the law itself. A value: interval of a new mean with this standard error, which is
+            scaled as the residuals of the fit were.
+
+        Returns
+        -------
+        Prediction
+        """
+        from pneudrive.identify.fit import student
+
+        speed, a, b = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
+        flat = np.abs(speed).ravel()
+        if not np.isfinite(flat).all() or (flat <= 0.0).any():
+            raise FitError(
+                "friction is predicted at speeds that are finite and not zero",
+                value=f"speed_m_s = {np.asarray(speed_m_s)}",
+                rule="the laws describe steady sliding only",
+            )
+        one = np.ones_like(flat)
+        data = Observations(flat, one, one, a.ravel(), b.ravel(), 0.0 * one, np.zeros(flat.size, np.int64))
+        theta = np.array([self._free_values()[n] for n in self.free])
+        q = self.model.internal(theta)
+        value, jac = self.model.value_and_jacobian(q, data)
+        # by the natural parameters, in which the covariance is stated
+        natural = np.linalg.solve(self.model.natural_jacobian(q).T, jac.T).T
+        variance = np.einsum("ij,jk,ik->i", natural, self.covariance, natural)
+        if stderr_n is not None:
+            variance = variance + self.statistics["variance"] * stderr_n**2
+        stderr = np.sqrt(np.maximum(variance, 0.0))
+        reach = student(int(self.statistics["degrees_of_freedom"])) * stderr
+        value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
+        return Prediction(value, value - reach, value + reach, stderr)
+
+    def apply(self, drive: Drive) -> Drive:
+        """Return a new drive whose friction has the determined parameters of this fit.
+
+        What the data do not determine, and what a sliding measurement never sees (bristles), stays as it is.
+
+        Parameters
+        ----------
+        drive : Drive
+
+        Returns
+        -------
+        Drive
+
+        Raises
+        ------
+        FitError
+            If the drive's law lacks a determined parameter, or if the mixture of fitted and kept parameters breaks
+            a rule of the law (a breakaway force below the Coulomb force).
+        """
+        from pneudrive.identify.apply import apply_to_drive
+
+        return apply_to_drive(self, drive)
+
+    def to_toml(self, path: str | Path) -> None:
+        """Write the fit with covariance and provenance; :meth:`from_toml` reads it back."""
+        from pneudrive.identify.files import write_fit
+
+        write_fit(self, path)
+
+    @staticmethod
+    def from_toml(path: str | Path) -> FrictionFit:
+        """Read a fit that :meth:`to_toml` wrote (without the fitted values)."""
+        from pneudrive.identify.files import read_fit
+
+        return read_fit(path)
+
+    def _free_values(self) -> dict[str, float]:
+        values = dict(self.parameters)
+        for force in ("coulomb", "breakaway"):
+            if f"{force}_ab" in self.free:
+                values[f"{force}_ab"] = self.parameters[f"{force}_a"]
+        return values
+
+    def _known(self, name: str) -> None:
+        if name not in self.free:
+            raise FitError(f"{name} is no free parameter of this fit", rule="free parameters: " + ", ".join(self.free))
+
+    def __str__(self) -> str:
+        """Return a table of parameters with intervals, then what cannot be determined and the notes."""
+        s = self.statistics
+        lines = [
+            f"{self.law} friction from {s['values']:.0f} values "
+            f"(directions: {self.provenance['direction']}, rms {s['rms_n']:.3g} N, fit {s['fit_percent']:.1f} %, "
+            f"residuals {s['scale']:.2g} times the stated standard errors)"
+        ]
+        lost = {u.parameter for u in self.undetermined}
+        for name, value in self._free_values().items():
+            if name in PRESSURE_NAMES and name not in self.free:
+                continue
+            lines.append("  " + _line(self, name, value, name in lost))
+        lines += [f"  ! {statement}" for statement in self.undetermined]
+        lines += [f"  note: {note}" for note in self.notes]
+        return "\n".join(lines)
+
+
+#: Units in which people read the parameters: factor from SI, name.
+_SHOWN = {"m/s": (1e3, "mm/s"), "N/Pa": (1e5, "N/bar"), "1": (1.0, "")}
+
+
+def _line(fit: FrictionFit, name: str, value: float, lost: bool) -> str:
+    factor, unit = _SHOWN.get(UNITS.get(name, "N/Pa"), (1.0, UNITS.get(name, "")))
+    if not np.isfinite(value):
+        return f"{name:<18} not determined"
+    text = f"{name:<18} {factor * value:10.4g} {unit:<6}"
+    if name not in fit.free:
+        return f"{text} fixed"
+    lower, upper = fit.intervals[name]
+    text += f" 95 %: {factor * lower:.4g} .. {factor * upper:.4g}"
+    if fit.systematic[name] > 0.0:
+        text += f", U(k=2) {factor * fit.expanded_uncertainty(name):.2g}"
+    return text + (" (not determined)" if lost else "")

@@ -1,0 +1,245 @@
+"""Robust weighted least squares for the sliding laws: starting values, Huber estimate, scale, covariance.
+
+The estimate is Huber's M-estimator with his "proposal 2" for the scale; its covariance and the classical least
+squares problem that is equivalent to it (pseudo-values, which the profile intervals use) follow [huber2009].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.model import FrictionModel, Observations
+
+    Array = NDArray[np.float64]
+
+#: Huber's tuning constant: 95 % efficiency on normal errors [huber2009].
+HUBER_K = 1.345
+#: Residuals below this share of the largest friction are rounding, not noise: floor of the scale.
+SCALE_FLOOR = 1e-10
+#: Rounds of (estimate, scale); the scale settles to 1e-6 in three to five.
+MAX_ROUNDS = 20
+#: Starting values of a free Stribeck exponent: Tustin's exponential, Gauss, and one between.
+EXPONENT_STARTS = (1.0, 1.5, 2.0)
+STARTS_PER_DECADE = 8
+KEPT_STARTS = 3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A robust estimate in internal coordinates.
+
+    Attributes
+    ----------
+    q : ndarray, shape (p,)
+    scale : float
+        Robust standard deviation of the whitened residuals (1 where the stated standard errors are right).
+    residual : ndarray, shape (n,)
+        Whitened residuals (friction - model) / stderr.
+    jacobian : ndarray, shape (n, p)
+        Whitened derivative of the model by the internal coordinates.
+    weight : ndarray, shape (n,)
+        Huber weights in (0, 1]; below 1 the row is outlying.
+    pseudo : ndarray, shape (n,)
+        Pseudo-values: plain least squares on them has this estimate and this variance.
+    variance : float
+        Variance of the whitened pseudo-values about the model, with the small-sample factor.
+    active : ndarray of bool, shape (p,)
+        Coordinates at a bound.
+    cost : float
+        Sum of Huber's rho at `scale`.
+    """
+
+    q: Array
+    scale: float
+    residual: Array
+    jacobian: Array
+    weight: Array
+    pseudo: Array
+    variance: float
+    active: NDArray[np.bool_]
+    cost: float
+
+
+def estimate(model: FrictionModel, data: Observations, *, robust: bool = True, fixed_scale: bool = False) -> Estimate:
+    """Estimate the free parameters of `model`.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    data : Observations
+    robust : bool
+        Huber's loss; otherwise plain weighted least squares.
+    fixed_scale : bool
+        Take the stated standard errors as exact (the only choice where there are no more rows than parameters).
+
+    Returns
+    -------
+    Estimate
+    """
+    k = HUBER_K if robust else np.inf
+    dof = max(len(data) - len(model.names), 1)
+    floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
+    starts = starting_points(model, data)
+    scale = 1.0 if fixed_scale else max(_mad(_residual(model, starts[0], data), dof), floor)
+    candidates = [_polish(model, data, q, k * scale) for q in starts]
+    q = min(candidates, key=lambda c: c[1])[0]
+    for _ in range(0 if fixed_scale else MAX_ROUNDS):
+        updated = max(proposal_2(_residual(model, q, data), scale, dof, k), floor)
+        done = abs(updated / scale - 1.0) < 1e-6
+        scale = updated
+        if done or not robust:
+            break
+        q = _polish(model, data, q, k * scale)[0]
+    return _describe(model, data, q, scale, k, dof, fixed_scale)
+
+
+def starting_points(model: FrictionModel, data: Observations) -> list[Array]:
+    """Find internal coordinates to start from, best first.
+
+    At each Stribeck velocity of a logarithmic grid the forces are a linear problem with forces and excess not
+    negative; the best few local minima of the grid are kept.
+    """
+    if not model.stribeck:
+        return [_linear_start(model, data, 0.0, None)[1]]
+    lower, upper = model.bounds(data)
+    count = max(3, round((upper[2] - lower[2]) / np.log(10.0) * STARTS_PER_DECADE))
+    exponents = [None] if model.exponent is not None else [float(np.log(n)) for n in EXPONENT_STARTS]
+    kept: list[tuple[float, Array]] = []
+    for log_n in exponents:
+        scored = [_linear_start(model, data, lv, log_n) for lv in np.linspace(lower[2] + 0.1, upper[2] - 0.1, count)]
+        costs = np.array([s[0] for s in scored])
+        padded = np.r_[np.inf, costs, np.inf]
+        minima = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]))
+        kept += [scored[i] for i in minima]
+    kept.sort(key=lambda s: s[0])
+    return [np.clip(q, lower + 1e-12, upper) for _, q in kept[:KEPT_STARTS]]
+
+
+def _linear_start(
+    model: FrictionModel, data: Observations, log_velocity: float, log_exponent: float | None
+) -> tuple[float, Array]:
+    from scipy.optimize import nnls
+
+    columns = model.linear_columns(data, log_velocity, log_exponent)
+    names = [n for n in model.names if not n.startswith("stribeck_")]
+    if model.stribeck:  # from (Fc, Fs) to (Fc, Fs - Fc), both not negative
+        columns[:, 0] += columns[:, 1]
+    signed = [i for i, n in enumerate(names) if n[-2:] in {"_a", "_b"} or n.endswith("_ab")]
+    weight = 1.0 / data.stderr_n
+    size = np.linalg.norm(columns * weight[:, None], axis=0)
+    size[size == 0.0] = 1.0
+    design = np.hstack([columns / size, -columns[:, signed] / size[signed]])
+    solution, residual = np.zeros(design.shape[1]), data.friction_n
+    for _ in range(3):  # three reweightings towards least absolute deviations: outliers must not choose the basin
+        solution, _ = nnls(design * weight[:, None], data.friction_n * weight, maxiter=30 * design.shape[1])
+        residual = (data.friction_n - design @ solution) / data.stderr_n
+        typical = np.median(np.abs(residual)) + 1e-12 * np.max(np.abs(data.friction_n / data.stderr_n))
+        weight = 1.0 / (data.stderr_n * np.sqrt(np.maximum(np.abs(residual) / (2.0 * typical), 1.0)))
+    forces = solution[: len(names)]
+    forces[signed] -= solution[len(names) :]
+    value = dict(zip(names, forces / size, strict=True))
+    if model.stribeck:
+        value["breakaway"] += value["coulomb"]
+        value["stribeck_velocity"] = float(np.exp(log_velocity))
+        value["stribeck_exponent"] = 2.0 if log_exponent is None else float(np.exp(log_exponent))
+    q = model.internal(np.array([value[n] for n in model.names]))
+    return float(np.sum(np.abs(residual))), q
+
+
+def _residual(model: FrictionModel, q: Array, data: Observations) -> Array:
+    return (data.friction_n - model.value(q, data)) / data.stderr_n
+
+
+def _polish(model: FrictionModel, data: Observations, q: Array, f_scale: float) -> tuple[Array, float]:
+    from scipy.optimize import least_squares
+
+    lower, upper = model.bounds(data)
+    memo: dict[bytes, tuple[Array, Array]] = {}
+
+    def both(x: Array) -> tuple[Array, Array]:
+        key = x.tobytes()
+        if key not in memo:
+            memo.clear()
+            value, jac = model.value_and_jacobian(x, data)
+            memo[key] = (value - data.friction_n) / data.stderr_n, jac / data.stderr_n[:, None]
+        return memo[key]
+
+    robust = np.isfinite(f_scale)
+    found = least_squares(
+        lambda x: both(x)[0],
+        np.clip(q, lower, upper),
+        jac=lambda x: both(x)[1],  # pyright: ignore[reportArgumentType]
+        bounds=(lower, upper),
+        x_scale="jac",
+        loss="huber" if robust else "linear",
+        f_scale=f_scale if robust else 1.0,
+        xtol=1e-10,
+        ftol=1e-12,
+        gtol=1e-12,
+        max_nfev=200,
+    )
+    return found.x, float(found.cost)
+
+
+def _mad(residual: Array, dof: int) -> float:
+    """Median absolute deviation from zero as a standard deviation, with a small-sample factor."""
+    return float(np.median(np.abs(residual))) / 0.6745 * float(np.sqrt(residual.size / dof))
+
+
+def proposal_2(residual: Array, scale: float, dof: int, k: float) -> float:
+    """Scale by Huber's proposal 2: the mean of psi(r/scale)^2 equals its value for normal errors."""
+    from scipy.special import ndtr
+
+    if not np.isfinite(k):
+        return float(np.sqrt(np.sum(residual**2) / dof))
+    density = np.exp(-0.5 * k * k) / np.sqrt(2.0 * np.pi)
+    expected = 2.0 * ndtr(k) - 1.0 - 2.0 * k * density + 2.0 * k * k * (1.0 - ndtr(k))
+    for _ in range(200):
+        if scale <= 0.0:
+            return 0.0
+        psi = np.clip(residual / scale, -k, k)
+        factor = float(np.sqrt(np.sum(psi**2) / (dof * expected)))
+        scale *= factor
+        if abs(factor - 1.0) < 1e-9:
+            break
+    return scale
+
+
+def _describe(
+    model: FrictionModel, data: Observations, q: Array, scale: float, k: float, dof: int, fixed_scale: bool
+) -> Estimate:
+    value, jac = model.value_and_jacobian(q, data)
+    residual = (data.friction_n - value) / data.stderr_n
+    u = residual / scale
+    psi = np.clip(u, -k, k)
+    inside = float(np.mean(np.abs(u) <= k))
+    inside = max(inside, 1.0 / u.size)
+    # Huber's small-sample factor for regression [huber2009]
+    correction = 1.0 + len(model.names) / u.size * (1.0 - inside) / inside
+    variance = correction**2 * float(np.sum(psi**2)) / dof * (scale / inside) ** 2
+    if fixed_scale:
+        variance = 1.0
+    weight = np.where(np.abs(u) <= k, 1.0, k / np.maximum(np.abs(u), 1e-300))
+    rho = np.where(np.abs(u) <= k, 0.5 * u**2, k * np.abs(u) - 0.5 * k**2) if np.isfinite(k) else 0.5 * u**2
+    lower, upper = model.bounds(data)
+    reach = 1e-6 * np.maximum(np.abs(q), 1.0)
+    active = (q - lower < reach) | (upper - q < reach)
+    if model.stribeck:  # an excess that cannot be told from zero is at its bound, whatever its logarithm
+        active[1] = active[1] or np.exp(q[1]) < 1e-6 * np.max(np.abs(data.friction_n))
+    return Estimate(
+        q=q,
+        scale=scale,
+        residual=residual,
+        jacobian=jac / data.stderr_n[:, None],
+        weight=weight,
+        pseudo=value + data.stderr_n * psi * scale / inside,
+        variance=variance,
+        active=active,
+        cost=float(np.sum(rho)),
+    )

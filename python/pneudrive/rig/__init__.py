@@ -1,0 +1,21 @@
+"""Recordings from a simulated rig whose truth is known."""
+
+from __future__ import annotations
+
+from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, uniform_in_position
+from pneudrive.rig.sensors import AnalogSensor, Encoder
+from pneudrive.rig.simulated import SimulatedRig, Trace, sweep
+
+__all__ = [
+    "AnalogSensor",
+    "Encoder",
+    "Limits",
+    "Motion",
+    "SimulatedRig",
+    "Trace",
+    "cycles",
+    "dwell",
+    "move",
+    "sweep",
+    "uniform_in_position",
+]

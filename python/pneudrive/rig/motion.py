@@ -1,0 +1,233 @@
+"""Jerk-limited motion of the linear servo: straight moves between points of rest.
+
+A motion is a list of durations with a constant jerk in each. Position is then a cubic in each segment, so that
+limits, continuity and the end state hold exactly, and the core can integrate piecewise without events.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the servo axis can do.
+
+    Parameters
+    ----------
+    acceleration_m_s2, jerk_m_s3 : float
+        Largest acceleration and jerk, > 0.
+    """
+
+    acceleration_m_s2: float
+    jerk_m_s3: float
+
+    def __post_init__(self) -> None:
+        """Refuse limits that are not positive."""
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value > 0.0):
+                raise CommandError(f"servo limit {name} = {value} must be positive and finite")
+
+    def ramp_time_s(self, speed_m_s: float) -> float:
+        """Return the shortest time from rest to `speed_m_s`, s."""
+        a, j = self.acceleration_m_s2, self.jerk_m_s3
+        return 2.0 * (speed_m_s / j) ** 0.5 if speed_m_s * j < a * a else a / j + speed_m_s / a
+
+    def ramp_distance_m(self, speed_m_s: float) -> float:
+        """Return the distance covered between rest and `speed_m_s`, m."""
+        return 0.5 * speed_m_s * self.ramp_time_s(speed_m_s)
+
+    def top_speed_m_s(self, distance_m: float) -> float:
+        """Return the largest speed that a move from rest to rest over `distance_m` can reach, m/s."""
+        a, j = self.acceleration_m_s2, self.jerk_m_s3
+        speed = (0.25 * j * distance_m**2) ** (1.0 / 3.0)
+        if speed * j >= a * a:  # the acceleration limit is reached: v (a/j + v/a) = distance
+            half = 0.5 * a * a / j
+            speed = (half * half + a * distance_m) ** 0.5 - half
+        return speed
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Piecewise constant jerk from rest at `start_m`.
+
+    Attributes
+    ----------
+    durations_s, jerks_m_s3 : ndarray, shape (k,)
+    start_m : float
+    """
+
+    durations_s: Array
+    jerks_m_s3: Array
+    start_m: float = 0.0
+
+    @property
+    def duration_s(self) -> float:
+        """Total time, s."""
+        return float(self.durations_s.sum())
+
+    def knots(self) -> Array:
+        """Time, position, velocity and acceleration at the segment borders, shape (4, k + 1)."""
+        out = np.zeros((4, self.durations_s.size + 1))
+        out[1, 0] = self.start_m
+        for i, (h, j) in enumerate(zip(self.durations_s, self.jerks_m_s3, strict=True)):
+            t, x, v, a = out[:, i]
+            out[:, i + 1] = t + h, x + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
+        return out
+
+    def at(self, time_s: ArrayLike) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration at `time_s` (held at the ends), m, m/s, m/s2."""
+        knots = self.knots()
+        time = np.clip(np.asarray(time_s, dtype=float), 0.0, knots[0, -1])
+        i = np.clip(np.searchsorted(knots[0], time, side="right") - 1, 0, self.durations_s.size - 1)
+        h = time - knots[0, i]
+        x, v, a, j = knots[1, i], knots[2, i], knots[3, i], self.jerks_m_s3[i]
+        return x + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
+
+    def then(self, other: Motion) -> Motion:
+        """Return this motion followed by `other` (which starts where this one ends)."""
+        return Motion(
+            np.r_[self.durations_s, other.durations_s], np.r_[self.jerks_m_s3, other.jerks_m_s3], self.start_m
+        )
+
+
+def move(distance_m: float, speed_m_s: float, limits: Limits, start_m: float = 0.0) -> Motion:
+    """Straight move from rest to rest in the shortest time within the limits.
+
+    Parameters
+    ----------
+    distance_m : float
+        Signed distance, not zero.
+    speed_m_s : float
+        Largest speed, > 0; a move too short to reach it stays below.
+    limits : Limits
+    start_m : float
+        Position at the start.
+
+    Returns
+    -------
+    Motion
+        Seven segments (fewer where some vanish).
+
+    Raises
+    ------
+    CommandError
+        If the distance is zero or the speed not positive.
+
+    Examples
+    --------
+    >>> motion = move(0.1, 0.05, Limits(2.0, 100.0))
+    >>> float(round(motion.at(motion.duration_s)[0], 12))
+    0.1
+    """
+    if not (np.isfinite(distance_m) and distance_m != 0.0):
+        raise CommandError(f"a move needs a distance that is finite and not zero, got {distance_m} m")
+    if not (np.isfinite(speed_m_s) and speed_m_s > 0.0):
+        raise CommandError(f"a move needs a positive speed, got {speed_m_s} m/s")
+    sign, distance = float(np.sign(distance_m)), abs(distance_m)
+    speed = min(speed_m_s, limits.top_speed_m_s(distance))
+    a, j = limits.acceleration_m_s2, limits.jerk_m_s3
+    rise = (speed / j) ** 0.5 if speed * j < a * a else a / j
+    hold = max(limits.ramp_time_s(speed) - 2.0 * rise, 0.0)
+    cruise = max(distance / speed - limits.ramp_time_s(speed), 0.0)
+    durations = np.array([rise, hold, rise, cruise, rise, hold, rise])
+    jerks = sign * j * np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])
+    used = durations > 0.0
+    return Motion(durations[used], jerks[used], start_m)
+
+
+def dwell(duration_s: float, start_m: float = 0.0) -> Motion:
+    """Stand still for `duration_s`, s."""
+    if not (np.isfinite(duration_s) and duration_s > 0.0):
+        raise CommandError(f"a stop needs a positive duration, got {duration_s} s")
+    return Motion(np.array([duration_s]), np.array([0.0]), start_m)
+
+
+def cycles(
+    low_m: float, high_m: float, speed_m_s: float, limits: Limits, *, count: int = 1, dwell_s: float = 0.0
+) -> Motion:
+    """Go out and back `count` times between two positions, at one speed.
+
+    Parameters
+    ----------
+    low_m, high_m : float
+        Positions of the reversals, low < high; the motion starts at `low_m`.
+    speed_m_s : float
+        Speed between the ramps.
+    limits : Limits
+    count : int
+        Number of cycles, >= 1.
+    dwell_s : float
+        Stop at each reversal, s.
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    CommandError
+        If the ramps do not fit between the positions.
+    """
+    distance = high_m - low_m
+    if not distance > 0.0:
+        raise CommandError(f"a cycle goes from a lower to a higher position, got {low_m} m to {high_m} m")
+    if count < 1:
+        raise CommandError(f"at least one cycle is needed, got {count}")
+    ramps = 2.0 * limits.ramp_distance_m(speed_m_s)
+    if not 0.0 < speed_m_s < np.inf or ramps > distance:
+        top = 1e3 * limits.top_speed_m_s(distance)
+        raise CommandError(
+            f"{1e3 * speed_m_s:g} mm/s is not reached within {1e3 * distance:g} mm: "
+            f"starting and stopping take {1e3 * ramps:.4g} mm",
+            rule=f"with {limits.acceleration_m_s2:g} m/s2 and {limits.jerk_m_s3:g} m/s3 at most {top:.4g} mm/s is reached",
+            remedy="lower the speed, lengthen the stroke, or give the servo more acceleration",
+        )
+    out, back = move(distance, speed_m_s, limits, low_m), move(-distance, speed_m_s, limits, high_m)
+    both = out.then(dwell(dwell_s)).then(back).then(dwell(dwell_s)) if dwell_s > 0.0 else out.then(back)
+    return Motion(np.tile(both.durations_s, count), np.tile(both.jerks_m_s3, count), low_m)
+
+
+def uniform_in_position(motion: Motion, samples: int) -> Array:
+    """Compute the times of a sample clock that an encoder triggers: equal steps along the path of the carriage.
+
+    Parameters
+    ----------
+    motion : Motion
+    samples : int
+        Number of samples over the whole motion, the first at the start and the last at the end.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Strictly increasing times, s. While the carriage stands there are no samples.
+    """
+    knots = motion.knots()
+    share = np.linspace(0.0, 1.0, 33)
+    fine = np.unique(np.r_[(knots[0, :-1, None] + share * np.diff(knots[0])[:, None]).ravel(), knots[0, -1]])
+    position = motion.at(fine)[0]
+    path = np.r_[0.0, np.cumsum(np.abs(np.diff(position)))]
+    wanted = np.linspace(0.0, path[-1], samples)
+    moving = np.r_[True, np.diff(path) > 1e-15 * path[-1]]
+    fine, path, position = fine[moving], path[moving], position[moving]
+    i = np.clip(np.searchsorted(path, wanted, side="right") - 1, 0, path.size - 2)
+    low, high = fine[i], fine[i + 1]
+    sign = np.sign(position[i + 1] - position[i])
+    target = position[i] + sign * (wanted - path[i])
+    for _ in range(52):  # bisection: robust where the speed vanishes, exact to rounding
+        middle = 0.5 * (low + high)
+        short = sign * (motion.at(middle)[0] - target) < 0.0
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    times = 0.5 * (low + high)
+    times[0], times[-1] = 0.0, motion.duration_s
+    return times

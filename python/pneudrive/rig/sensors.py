@@ -1,0 +1,94 @@
+"""Sensors of the simulated rig: what becomes of a true signal on its way into a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import DescriptionError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AnalogSensor:
+    """A sensor with an amplifier and a converter: zero, gain, white noise, range, steps.
+
+    Parameters
+    ----------
+    low, high : float
+        Range in the unit of the signal; what lies outside saturates.
+    bits : int
+        Resolution of the converter over the range.
+    noise : float
+        Standard deviation of the white noise of one sample.
+    zero : float
+        What it shows at zero: added to every sample.
+    gain_error : float
+        Relative error of the gain.
+    """
+
+    low: float
+    high: float
+    bits: int
+    noise: float
+    zero: float = 0.0
+    gain_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a range that is empty, a resolution that no converter has, negative noise."""
+        if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
+            raise DescriptionError(f"a sensor range goes from a lower to a higher value, got {self.low} .. {self.high}")
+        if not 4 <= self.bits <= 32:
+            raise DescriptionError(f"a converter has 4 to 32 bits, got {self.bits}")
+        if not (np.isfinite(self.noise) and self.noise >= 0.0):
+            raise DescriptionError(f"noise is a standard deviation and not negative, got {self.noise}")
+        if not np.isfinite([self.zero, self.gain_error]).all():
+            raise DescriptionError(f"zero and gain error are finite, got {self.zero} and {self.gain_error}")
+
+    @property
+    def step(self) -> float:
+        """Smallest difference that the converter shows."""
+        return (self.high - self.low) / (2**self.bits - 1)
+
+    def read(self, signal: Array, rng: np.random.Generator) -> Array:
+        """Return the recorded samples of `signal`, same shape and unit."""
+        seen = (1.0 + self.gain_error) * signal + self.zero
+        if self.noise > 0.0:
+            seen = seen + self.noise * rng.standard_normal(signal.shape)
+        steps = np.rint((np.clip(seen, self.low, self.high) - self.low) / self.step)
+        return self.low + self.step * steps
+
+    def standard_uncertainty(self, zero: float = 0.0, gain: float = 0.0, at: float = 0.0) -> float:
+        """Combine what all samples share, zero and gain (relative, at the value `at`), to a standard uncertainty.
+
+        Steps count with their width over sqrt(12).
+        """
+        return float(np.sqrt(zero**2 + (gain * at) ** 2 + self.step**2 / 12.0))
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """An incremental encoder.
+
+    Parameters
+    ----------
+    resolution_m : float
+        Distance of two counts.
+    """
+
+    resolution_m: float
+
+    def __post_init__(self) -> None:
+        """Refuse a resolution that is not positive."""
+        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0.0):
+            raise DescriptionError(f"an encoder resolution is positive, got {self.resolution_m} m")
+
+    def read(self, position_m: Array) -> Array:
+        """Return the counted position: the last full count."""
+        return np.floor(position_m / self.resolution_m) * self.resolution_m

@@ -1,0 +1,89 @@
+"""Intervals mean what they say: 95 % of them hold the truth, and they are hardly wider than any fit could make them.
+
+The Cramer-Rao bound is computed here from finite differences of the core's friction, independent of the fit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneudrive import _core
+from pneudrive.identify import fit_friction
+
+RUNS = 200
+NAMES = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
+CASES = {
+    "exact standard errors": {"levels": 20, "sigma": lambda v: 0.5 + 0.0 * v, "strokes": None},
+    "standard errors from six strokes, noise grows with speed": {
+        "levels": 20,
+        "sigma": lambda v: 0.2 + 2.0 * v,
+        "strokes": 6,
+    },
+    "few levels": {"levels": 10, "sigma": lambda v: 0.3 + 0.0 * v, "strokes": None},
+}
+
+
+def cramer_rao(truth, speed, sigma):
+    columns = []
+    for name in NAMES:
+        h = 1e-5 * truth[name]
+        up = _core.steady_friction("stribeck", truth | {name: truth[name] + h}, speed, 0.0, 0.0)
+        down = _core.steady_friction("stribeck", truth | {name: truth[name] - h}, speed, 0.0, 0.0)
+        columns.append((up - down) / (2.0 * h * sigma))
+    jac = np.column_stack(columns)
+    return 1.96 * np.sqrt(np.diag(np.linalg.inv(jac.T @ jac)))
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda c: c.replace(" ", "-"))
+def test_intervals_hold_the_truth_as_often_as_stated(make_map, truth, case):
+    levels, strokes = CASES[case]["levels"], CASES[case]["strokes"]
+    speed = np.geomspace(1e-3, 0.45, levels)
+    sigma = CASES[case]["sigma"](speed)
+    exact = _core.steady_friction("stribeck", truth, speed, 0.0, 0.0)
+    inside = dict.fromkeys(NAMES, 0)
+    half_width = {name: [] for name in NAMES}
+    for seed in range(RUNS):
+        rng = np.random.default_rng([2018, seed])
+        stated, count = sigma, 10**6
+        if strokes is not None:
+            stated, count = sigma * np.sqrt(rng.chisquare(strokes - 2, levels) / (strokes - 2)), strokes // 2
+        fit = fit_friction(make_map(speed, exact + sigma * rng.standard_normal(levels), stated, strokes=count))
+        for name in NAMES:
+            low, high = fit.intervals[name]
+            inside[name] += low <= truth[name] <= high
+            half_width[name].append(0.5 * (high - low))
+    bound = cramer_rao(truth, speed, sigma)
+    for name, least in zip(NAMES, bound, strict=True):
+        assert 180 <= inside[name] <= 198, (name, inside)
+        assert np.median(half_width[name]) <= 1.5 * least, name
+
+
+def test_free_exponent_holds_its_truth(make_map, truth):
+    speed = np.geomspace(1e-3, 0.45, 24)
+    exact = _core.steady_friction("stribeck", truth | {"stribeck_exponent": 1.5}, speed, 0.0, 0.0)
+    inside = 0
+    for seed in range(60):
+        rng = np.random.default_rng([7, seed])
+        noisy = make_map(speed, exact + 0.3 * rng.standard_normal(24), 0.3)
+        low, high = fit_friction(noisy, stribeck_exponent=None).intervals["stribeck_exponent"]
+        inside += low <= 1.5 <= high
+    assert 51 <= inside <= 60
+
+
+def test_prediction_holds_the_truth_as_often_as_stated(make_map, truth):
+    speed = np.geomspace(1e-3, 0.45, 20)
+    exact = _core.steady_friction("stribeck", truth, speed, 0.0, 0.0)
+    at = np.array([0.002, 0.01, 0.03, 0.3])
+    wanted = _core.steady_friction("stribeck", truth, at, 0.0, 0.0)
+    law, new = np.zeros(4), np.zeros(4)
+    for seed in range(RUNS):
+        rng = np.random.default_rng([11, seed])
+        fit = fit_friction(make_map(speed, exact + 0.5 * rng.standard_normal(20), 0.5))
+        band = fit.predict(at)
+        law += (band.lower_n <= wanted) & (wanted <= band.upper_n)
+        band = fit.predict(at, stderr_n=0.5)
+        value = wanted + 0.5 * rng.standard_normal(4)
+        new += (band.lower_n <= value) & (value <= band.upper_n)
+    assert np.all((law >= 176) & (law <= 199)), law
+    assert np.all((new >= 176) & (new <= 199)), new

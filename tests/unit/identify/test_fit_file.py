@@ -1,0 +1,77 @@
+"""fit.toml keeps a fit: what is read back equals what was written, to the last bit."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from pneudrive.errors import FitError
+from pneudrive.identify import FrictionFit, fit_friction
+
+SPEED = np.geomspace(1e-3, 0.45, 16)
+
+
+def fits(make_map, friction_of):
+    noise = 0.2 * np.random.default_rng(21).standard_normal(32)
+    gauge = np.repeat([0.0, 2e5], 16)
+    slopes = {"coulomb_a": 5e-6, "breakaway_a": 1e-5}
+    speed = np.tile(SPEED, 2)
+    data = make_map(
+        speed, friction_of(speed, gauge, gauge, slopes) + noise, 0.2, gauge_a=gauge, gauge_b=gauge, systematic=0.1
+    )
+    yield fit_friction(data)
+    yield fit_friction(data, pressure_dependence=True)
+    yield fit_friction(data, stribeck_exponent=None)
+    yield fit_friction(data, law="coulomb")
+    yield fit_friction(make_map([0.01, 0.02], [5.0, 6.0], 0.1))
+
+
+def test_written_and_read(make_map, friction_of, tmp_path):
+    for fit in fits(make_map, friction_of):
+        fit.to_toml(tmp_path / "fit.toml")
+        again = FrictionFit.from_toml(tmp_path / "fit.toml")
+        np.testing.assert_array_equal(again.covariance, fit.covariance)
+        assert str(again) == str(fit)
+        assert again.intervals == fit.intervals
+        assert again.undetermined == fit.undetermined
+        assert again.provenance == fit.provenance
+        assert again.model == fit.model
+        for one, other in zip(vars(again.predict(SPEED)).values(), vars(fit.predict(SPEED)).values(), strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert [p.name for p in tmp_path.iterdir()] == ["fit.toml"]
+
+
+def test_file_is_plain_toml_with_units(make_map, friction_of, tmp_path):
+    fit = next(fits(make_map, friction_of))
+    fit.to_toml(tmp_path / "fit.toml")
+    content = tomllib.loads((tmp_path / "fit.toml").read_text())
+    entry = content["parameters"]["stribeck_velocity"]
+    assert entry["unit"] == "m/s"
+    assert entry["interval"][0] < entry["value"] < entry["interval"][1]
+    assert content["covariance"]["names"] == list(fit.free)
+    assert len(content["provenance"]["map_sha256"]) == 64
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no complete friction fit"),
+        ("schema = 9", "another schema"),
+        ("[", "cannot be read"),
+        ("schema = 1", "no complete"),
+    ],
+)
+def test_files_that_are_no_fit(tmp_path, text, message):
+    (tmp_path / "fit.toml").write_text(text)
+    with pytest.raises(FitError, match=message):
+        FrictionFit.from_toml(tmp_path / "fit.toml")
+    with pytest.raises(FitError, match="cannot be read"):
+        FrictionFit.from_toml(tmp_path / "none.toml")
+
+
+def test_place_that_cannot_be_written(make_map, tmp_path):
+    fit = fit_friction(make_map([0.01, 0.02], [5.0, 6.0], 0.1))
+    with pytest.raises(FitError, match="cannot be written"):
+        fit.to_toml(tmp_path / "missing" / "fit.toml")

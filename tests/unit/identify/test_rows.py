@@ -1,0 +1,124 @@
+"""Which rows count, and for how much: pairs once, outliers less, common errors apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneudrive.errors import FitError
+from pneudrive.identify import fit_directions, fit_friction
+from pneudrive.identify.observations import distinct, moderate
+
+SPEED = np.geomspace(1e-3, 0.45, 20)
+
+
+@pytest.fixture
+def data(make_map, friction_of):
+    noise = 0.3 * np.random.default_rng(12).standard_normal(20)
+    return make_map(SPEED, friction_of(SPEED) + noise, 0.3)
+
+
+def test_both_rows_of_a_pair_are_one_value(data):
+    paired = fit_friction(data)
+    single = fit_friction(data.isel(row=slice(0, None, 2)))
+    assert paired.statistics["values"] == single.statistics["values"] == 20
+    np.testing.assert_allclose(paired.covariance, single.covariance, rtol=1e-6)
+
+
+def test_equal_friction_of_two_recordings_is_two_values(make_map):
+    fit = fit_friction(make_map([0.01, 0.01, 0.3], [5.0, 5.0, 6.0], 0.1), law="coulomb")
+    assert fit.statistics["values"] == 3
+
+
+def test_outliers_do_not_move_the_fit(make_map, friction_of, truth):
+    noise = 0.3 * np.random.default_rng(13).standard_normal(20)
+    friction = friction_of(SPEED) + noise
+    friction[[4, 15]] += [15.0, -12.0]
+    robust = fit_friction(make_map(SPEED, friction, 0.3))
+    plain = fit_friction(make_map(SPEED, friction, 0.3), robust=False)
+    for name in ("coulomb", "breakaway", "viscous"):
+        low, high = robust.intervals[name]
+        assert low <= truth[name] <= high
+        assert high - low < 0.5 * np.diff(plain.intervals[name])[0]
+    assert set(np.argsort(robust.weights)[:2]) == {4, 15}
+    assert np.all(robust.weights[[4, 15]] < 0.1)
+
+
+def test_scale_says_how_far_the_stated_errors_are_off(make_map, friction_of):
+    noise = 0.6 * np.random.default_rng(14).standard_normal(20)
+    right = fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.6))
+    small = fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.06))
+    assert small.statistics["scale"] == pytest.approx(10.0 * right.statistics["scale"], rel=1e-3)
+    np.testing.assert_allclose(small.covariance, right.covariance, rtol=1e-3)
+
+
+def test_systematic_error_shifts_parameters_as_stated(make_map, friction_of):
+    exact = friction_of(SPEED)
+    stated = fit_friction(make_map(SPEED, exact, 0.3, systematic=0.4))
+    shifted = fit_friction(make_map(SPEED, exact + 0.4, 0.3))
+    for name in stated.free:
+        shift = shifted.parameters[name] - stated.parameters[name]
+        assert stated.systematic[name] == pytest.approx(abs(shift), abs=1e-6)
+    assert stated.systematic["coulomb"] == pytest.approx(0.4, rel=1e-6)
+    assert stated.expanded_uncertainty("coulomb") == pytest.approx(0.8, rel=1e-3)
+
+
+def test_directions_share_the_offset_between_them(make_map, friction_of):
+    noise = 0.05 * np.random.default_rng(15).standard_normal(20)
+    fits = fit_directions(make_map(SPEED, friction_of(SPEED) + noise, 0.05, offset=2.0))
+    both = fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.05, offset=2.0))
+    assert fits[1].parameters["coulomb"] - both.parameters["coulomb"] == pytest.approx(2.0, abs=1e-3)
+    assert fits[-1].parameters["coulomb"] - both.parameters["coulomb"] == pytest.approx(-2.0, abs=1e-3)
+
+
+def test_flagged_and_broken_rows_are_left_out_and_counted(make_map, friction_of):
+    friction = friction_of(SPEED)
+    flags = np.array([""] * 20, dtype=object)
+    flags[:2] = "stick_slip, ripple"
+    friction[:2] += 50.0
+    friction[19] = np.nan
+    fit = fit_friction(make_map(SPEED, friction, 0.3, flags=flags), exclude_flags=("ripple",))
+    assert fit.statistics["values"] == 17
+    assert any("4 rows left out for their flags (ripple)" in note for note in fit.notes)
+    assert any("2 rows left out: a value is not finite" in note for note in fit.notes)
+
+
+def test_variances_of_few_strokes_shrink_to_their_trend():
+    rng = np.random.default_rng(16)
+    true = (0.2 + 2.0 * SPEED) ** 2
+    raw = true * rng.chisquare(3, 20) / 3
+    better = moderate(raw, np.full(20, 3.0), SPEED)
+    assert np.std(np.log(better / true)) < 0.5 * np.std(np.log(raw / true))
+    exact = moderate(raw, np.full(20, np.inf), SPEED)
+    np.testing.assert_array_equal(exact, raw)
+
+
+def test_levels_of_speed():
+    assert distinct(np.array([0.01, 0.0101, 0.0103, 0.02])) == 2
+    assert distinct(np.array([0.01])) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.drop_vars("friction_n"), "the friction map lacks friction_n"),
+        (lambda m: m.assign(friction_n=m.friction_n * np.nan), "no row of the friction map can be used"),
+        (lambda m: m.assign(direction=m.direction * 2), "direction must be +1 or -1"),
+        (lambda m: m.assign(stderr_n=-m.stderr_n), "a standard error is not negative"),
+        (lambda m: m.isel(row=[]), "no row of the friction map can be used"),
+    ],
+)
+def test_maps_that_cannot_be_fitted(data, change, message):
+    with pytest.raises(FitError, match="(?s)" + message.replace("+", r"\+")):
+        fit_friction(change(data))
+
+
+def test_unknown_law_names_the_nearest(data):
+    with pytest.raises(FitError, match=r"(?s)no sliding law 'stribek'.*did you mean 'stribeck'"):
+        fit_friction(data, law="stribek")
+
+
+def test_pressure_dependence_needs_the_ambient_pressure(data):
+    data = data.drop_attrs()
+    with pytest.raises(FitError, match="does not say the ambient pressure"):
+        fit_friction(data, pressure_dependence=True)
