@@ -9,7 +9,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PY := $(BIN)/python
-UV := $(BIN)/uv pip install --quiet --python $(PY) --require-hashes
+UV := $(BIN)/uv pip install --quiet --compile-bytecode --python $(PY) --require-hashes
 
 # One interpreter for every cargo run, or PyO3 would be built again for each.
 export PYO3_PYTHON := $(CURDIR)/$(VENV)/bin/python
@@ -80,7 +80,8 @@ $(VENV)/.deps: requirements/dev.txt $(VENV)/.uv
 $(VENV)/.core: $(RUST) pyproject.toml $(VENV)/.deps
 	@PYTHON=$(PYTHON) tools/check_toolchain.sh
 	@touch $@.new
-	$(BIN)/maturin develop --release --quiet
+	$(BIN)/maturin develop --release --uv --quiet
+	@$(PY) -m compileall -q python/pneudrive
 	@mv $@.new $@
 
 $(VENV)/.%: requirements/%.txt $(VENV)/.deps

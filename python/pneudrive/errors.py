@@ -94,6 +94,10 @@ class FitError(PneudriveError):
     """Parameters could not be estimated from the data."""
 
 
+class PneudriveWarning(UserWarning):
+    """A result is there, but something about it should be known: a friction law that is not passive, for instance."""
+
+
 def nearest(name: str, choices: Iterable[str]) -> str:
     """Say which names there are and which one was probably meant.
 

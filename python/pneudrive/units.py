@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from decimal import Decimal
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -174,7 +175,7 @@ def parse_pressure(text: str) -> Pressure:
         raise DescriptionError(
             f'pressure "{text}" does not say abs or gauge',
             rule="a pressure is absolute (abs) or above ambient (gauge)",
-            remedy=f'Write "{number:g} {unit} abs" or "{number:g} {unit} gauge".',
+            remedy=f'Write "{number} {unit} abs" or "{number} {unit} gauge".',
         )
     return Pressure(parse(" ".join(words[:-1]), "Pa"), gauge=words[-1] == "gauge")
 
@@ -242,27 +243,26 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
         _, factor, offset = _TABLE[unit]
         for digits in (12, 15, 17):
             number = f"{(value - offset) / factor:.{digits}g}"
-            if _apply(float(number), factor, offset) == value:
+            if _apply(number, factor, offset) == value:
                 return f"{number} {unit}"
     plain = {"m^3/s ANR": "m3/s ANR"}.get(si_unit, si_unit.replace("^", ""))
     return f"{value!r} {plain}"
 
 
-def _apply(number: float, factor: float, offset: float) -> float:
-    """Convert so that "25.7 mm" gives the very float 0.0257.
+def _apply(number: str, factor: float, offset: float) -> float:
+    """Convert in decimal arithmetic, rounding once.
 
-    Dividing by 1000 rounds once, multiplying by 1e-3 twice.
+    "1.013 bar" is the very float 101300.0, which a product of floats is not.
     """
-    inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
-    scaled = number / inverse if inverse and 1.0 / inverse == factor else number * factor
-    return scaled + offset
+    return float(Decimal(number) * Decimal(repr(factor)) + Decimal(repr(offset)))
 
 
 def _canonical(unit: str) -> str:
     return unit.strip().replace("²", "2").replace("³", "3").replace("^", "").replace("*", " ").replace("·", " ")
 
 
-def _split(text: str, si_unit: str) -> tuple[float, str]:
+def _split(text: str, si_unit: str) -> tuple[str, str]:
+    """Return the number, as written, and the unit."""
     if not isinstance(text, str):
         raise DescriptionError(f"{text!r} has no unit", rule=kind(si_unit))
     match = _NUMBER.match(text)
@@ -270,8 +270,8 @@ def _split(text: str, si_unit: str) -> tuple[float, str]:
         comma = re.match(r"\s*[+-]?\d+,\d", text)
         remedy = "Use a decimal point, not a comma." if comma else "Write a number, a space and a unit."
         raise DescriptionError(f'"{text}" is not a quantity', rule=kind(si_unit), remedy=remedy)
-    number, unit = float(match[1]), match[2]
-    if not math.isfinite(number):
+    number, unit = match[1], match[2]
+    if not math.isfinite(float(number)):
         raise DescriptionError(f'"{text}" is not finite', rule=kind(si_unit))
     if not unit:
         raise DescriptionError(f'"{text}" has no unit', rule=kind(si_unit))

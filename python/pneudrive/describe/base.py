@@ -252,6 +252,19 @@ class Described(BaseModel):
         return wrong(key, f"{key} = {first['input']!r}: {first['msg']}")
 
     @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
+        """Write defaults as users would write the values."""
+        out = handler.resolve_ref_schema(handler(schema))
+        for name, field in cls.model_fields.items():
+            about = out["properties"].get(field.alias or name, {})
+            mark = next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
+            if mark is not None and field.default is not None and "default" in about:
+                about["default"] = mark.show(field.default)
+            elif not isinstance(field.default, (str, int)):
+                about.pop("default", None)  # an absent table is no value that could be written
+        return out
+
+    @classmethod
     def example(cls, alias: str) -> str | None:
         """Show how a missing key is written."""
         for name, field in cls.model_fields.items():

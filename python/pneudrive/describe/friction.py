@@ -78,7 +78,8 @@ class Parameters(Mapping[str, float]):
 class Friction(Described):
     """A friction law with its parameters.
 
-    They are given as keys of their own, ``Friction(law="stribeck", coulomb="30 N", ...)``; `parameters` holds their SI values, defaults of the law included.
+    They are given as keys of their own, ``Friction(law="stribeck", coulomb="30 N", ...)``; `parameters` holds
+    their SI values, defaults of the law included.
     """
 
     table: ClassVar[str] = "friction"

@@ -23,7 +23,11 @@ _ASSIGNMENT = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=\s*(.*)$")
 _INLINE = re.compile(rf"(?:^|[{{,])\s*({_KEY})\s*=")
 
 
-def read(path: str | Path, kind: type[PneudriveError] = DescriptionError) -> tuple[dict[str, Any], str]:
+def read(
+    path: str | Path,
+    kind: type[PneudriveError] = DescriptionError,
+    start: str = "`pneudrive catalogue` shows drives to start from.",
+) -> tuple[dict[str, Any], str]:
     """Read a TOML file.
 
     Parameters
@@ -32,6 +36,8 @@ def read(path: str | Path, kind: type[PneudriveError] = DescriptionError) -> tup
         The file.
     kind : type of PneudriveError
         What to raise.
+    start : str
+        What to do about an empty file.
 
     Returns
     -------
@@ -60,7 +66,7 @@ def read(path: str | Path, kind: type[PneudriveError] = DescriptionError) -> tup
         line = raw[: error.start].count(b"\n") + 1
         raise kind("the file is not text in UTF-8", where=f"{path}:{line}") from None
     if not text.strip():
-        raise kind(f"{path} is empty", remedy="`pneudrive catalogue` shows drives to start from.")
+        raise kind(f"{path} is empty", remedy=start)
     try:
         return tomllib.loads(text.replace("\r\n", "\n")), text
     except tomllib.TOMLDecodeError as error:
@@ -88,6 +94,7 @@ def line_of(text: str, key: str) -> int | None:
     2
     """
     lines: dict[str, int] = {}
+    counts: dict[str, int] = {}
     table = ""
     fence = None  # inside a multi-line string nothing is a key
     for number, line in enumerate(text.splitlines(), start=1):
@@ -97,6 +104,9 @@ def line_of(text: str, key: str) -> int | None:
         header = _HEADER.match(line)
         if header and not _ASSIGNMENT.match(line):
             table = _dotted(header[1])
+            if line.lstrip().startswith("[["):
+                counts[table] = counts.get(table, -1) + 1
+                table = f"{table}.{counts[table]}"
             lines.setdefault(table, number)
             continue
         assignment = _ASSIGNMENT.match(line)

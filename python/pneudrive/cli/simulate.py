@@ -1,0 +1,63 @@
+"""``pneudrive simulate``: a drive, a command, a trajectory file or picture."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PICTURES = (".png", ".html", ".svg", ".pdf")
+
+
+def simulate(
+    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
+    command: Annotated[
+        str, typer.Option(help='Valve command: "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command).', metavar="STEPS")
+    ],
+    duration: Annotated[str, typer.Option(help='How long, e.g. "2 s".')],
+    initial: Annotated[
+        str | None, typer.Option(help='Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs".')
+    ] = None,
+    sample_rate: Annotated[str, typer.Option(help="Samples a second.")] = "1 kHz",
+    rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
+    out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png or .html.")] = None,
+) -> None:
+    """Simulate a drive and write its trajectory."""
+    from pneudrive.describe import Drive
+    from pneudrive.simulate import run
+    from pneudrive.trajectory import check_target, save, save_columns
+
+    if out is not None:
+        check_target(out)
+    if plot is not None:
+        check_target(plot, PICTURES)
+    described = Drive.load(drive)
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        result = run(described, command, duration, initial=initial, sample_rate=sample_rate, rtol=rtol)
+    for note in notes:
+        sys.stderr.write(f"Note: {note.message}\n")
+    if out is not None:
+        if out.suffix.lower() == ".nc":
+            save(result.dataset(), out)
+        else:
+            save_columns(result.columns, result.provenance, out)
+    if plot is not None:
+        from pneudrive.report import plot as draw
+
+        draw(result.dataset(), plot)
+    _say(described.name, result.columns, result.provenance["statistics"], [p for p in (out, plot) if p is not None])
+
+
+def _say(name: str, columns: dict, statistics: dict, written: list[Path]) -> None:
+    time, x = columns["time_s"], columns["position_m"]
+    typer.echo(f"{name}: {len(time)} samples to {time[-1]:g} s, {statistics['steps']} steps of the solver")
+    typer.echo(
+        f"position {x[0] * 1e3:.3f} mm -> {x[-1] * 1e3:.3f} mm, between {x.min() * 1e3:.3f} and {x.max() * 1e3:.3f} mm"
+    )
+    for path in written:
+        typer.echo(str(path))

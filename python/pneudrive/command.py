@@ -1,0 +1,178 @@
+"""The command of a valve over time: steps that hold until the next entry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from pneudrive import units
+from pneudrive.errors import CommandError, DescriptionError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import numpy as np
+
+    from pneudrive.describe import Initial
+
+Pairs: TypeAlias = Sequence[tuple[float | str, float]]
+Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+def steps(command: str | Path | Pairs | np.ndarray) -> Steps:
+    """Read a command.
+
+    Parameters
+    ----------
+    command : str, path or sequence of pairs
+        ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s and command, or pairs of time and command; a
+        time is in s, or a
+        quantity such as ``"20 ms"``.
+
+    Returns
+    -------
+    times, commands : tuple of float
+        s and -; equal lengths, times rising from 0.
+
+    Raises
+    ------
+    CommandError
+        Times are missing, not rising or do not begin at 0 s, or a command is not a number in [-1, 1].
+
+    Examples
+    --------
+    >>> steps("0 s: 0.6, 1 s: -0.6")
+    ((0.0, 1.0), (0.6, -0.6))
+    """
+    if isinstance(command, Path):
+        return _from_file(command)
+    if isinstance(command, str):
+        is_file = command.lower().endswith(".csv") or (":" not in command and Path(command).is_file())
+        return _from_file(Path(command)) if is_file else _from_text(command)
+    pairs = []
+    for number, pair in enumerate(command):
+        try:
+            time, value = pair
+        except (TypeError, ValueError):
+            raise CommandError(
+                f"entry {number + 1} of the command is {pair!r}", rule="each entry is (time, command)"
+            ) from None
+        pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _number(value, "command")))
+    return _checked(pairs)
+
+
+@lru_cache(maxsize=64)
+def _from_text(text: str) -> Steps:
+    entries = [entry.strip() for entry in text.split(",")]
+    if not text.strip():
+        raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
+    pairs = []
+    for entry in entries:
+        time, colon, value = entry.rpartition(":")
+        if not colon or not time.strip():
+            raise CommandError(
+                f'"{entry}" in the command has no time',
+                rule="each entry is time: command",
+                remedy='For instance "0 s: 0.6".',
+            )
+        pairs.append((_time(time.strip()), _number(value.strip(), "command")))
+    return _checked(pairs)
+
+
+def _from_file(path: Path) -> Steps:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise CommandError(f"there is no command file {path}") from None
+    except UnicodeDecodeError:
+        raise CommandError(f"{path} is not a text file", rule="a command file is CSV: time_s,command") from None
+    except OSError as error:
+        raise CommandError(f"{path} cannot be read: {error.strerror}") from None
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if not lines:
+        raise CommandError(f"{path} is empty", rule="a command file is CSV: time_s,command")
+    header = [name.strip().strip('"') for name in lines[0][1].split(",")]
+    if header != ["time_s", "command"]:
+        raise CommandError(
+            f"the first line is '{lines[0][1].strip()}'", where=f"{path}:{lines[0][0]}", rule="it reads time_s,command"
+        )
+    places, pairs = [], []
+    for number, line in lines[1:]:
+        fields = line.split(",")
+        where = f"{path}:{number}"
+        if len(fields) != 2:
+            raise CommandError(f"{len(fields)} values instead of 2", where=where, value=line.strip())
+        pairs.append((_number(fields[0], "time", where), _number(fields[1], "command", where)))
+        places.append(where)
+    if not pairs:
+        raise CommandError(f"{path} holds no entries", rule="the first entry is at 0 s")
+    return _checked(pairs, places)
+
+
+def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str] | None = None) -> Steps:
+    if not pairs:
+        raise CommandError("the command is empty", rule="the first entry is at 0 s")
+
+    def place(i: int) -> str | None:
+        return places[i] if places else None
+
+    before = -math.inf
+    for i, (time, value) in enumerate(pairs):
+        if i == 0 and time != 0.0:
+            raise CommandError(f"the command begins at {time:g} s", where=place(i), rule="the first entry is at 0 s")
+        if not time > before:
+            raise CommandError(f"{time:g} s follows {before:g} s in the command", where=place(i), rule="times rise")
+        if not abs(value) <= 1.0:
+            raise CommandError(f"command = {value:g} at {time:g} s", where=place(i), rule="-1 <= command <= 1")
+        before = time
+    times, values = zip(*pairs, strict=True)
+    return times, values
+
+
+def _time(text: str) -> float:
+    try:
+        return units.parse(text, "s")
+    except DescriptionError as error:
+        raise CommandError(f"a time of the command: {error.what}", rule=error.rule, remedy=error.remedy) from None
+
+
+def _number(given: object, what: str, where: str | None = None) -> float:
+    try:
+        value = float(given)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise CommandError(f"{what} {str(given).strip()!r} is not a number", where=where)
+    return value
+
+
+def initial(text: str) -> Initial:
+    """Read a start state such as ``"position = 50 mm, pressure_a = 3 bar abs"``.
+
+    Raises
+    ------
+    CommandError
+        An entry is not ``key = quantity``, or comes twice.
+    DescriptionError
+        Unknown key, or a quantity that does not fit.
+    """
+    from pneudrive.describe import Initial
+
+    given: dict[str, str] = {}
+    for entry in _entries(text):
+        key, equals, value = (part.strip() for part in entry.partition("="))
+        if not equals or not value:
+            raise CommandError(
+                f'"{entry}" in the initial state is not key = quantity', remedy='For instance "position = 50 mm".'
+            )
+        if key in given:
+            raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
+        given[key] = value
+    return Initial.model_validate(given)
+
+
+def _entries(text: str) -> Iterable[str]:
+    return [entry.strip() for entry in text.split(",") if entry.strip()]

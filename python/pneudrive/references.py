@@ -1,0 +1,33 @@
+"""The sources behind equations and values: entries of references.bib by key."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from pneudrive.errors import PneudriveError
+
+FILE = Path(__file__).resolve().parent / "data" / "references.bib"
+
+
+@lru_cache(maxsize=1)
+def entries() -> dict[str, str]:
+    """Return all BibTeX entries by key."""
+    found = {}
+    for block in ("\n" + FILE.read_text(encoding="utf-8")).split("\n@")[1:]:
+        key = block[block.index("{") + 1 : block.index(",")].strip()
+        found[key] = f"@{block[: block.rindex('}') + 1]}"
+    return found
+
+
+def bibtex(key: str) -> str:
+    """Return one entry.
+
+    Raises
+    ------
+    PneudriveError
+        There is none of that key.
+    """
+    if key not in entries():
+        raise PneudriveError(f"references.bib has no entry '{key}'")
+    return entries()[key]

@@ -1,0 +1,218 @@
+"""A drive, a command and a start state in; a trajectory out. The equations and their solution are the core's."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from pneudrive import __version__, units
+from pneudrive import command as commands
+from pneudrive.errors import CommandError, DescriptionError, PneudriveError, PneudriveWarning, SimulationError
+from pneudrive.references import bibtex
+from pneudrive.trajectory import meaning
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+    import xarray as xr
+
+    from pneudrive._core import Drive as CoreDrive
+    from pneudrive.describe import Drive, Initial
+
+MOST_SAMPLES = 50_000_000  # a trajectory of that many rows takes about 6 GB
+SOLVER = "Rodas5P"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A trajectory as it comes from the core: columns of a file (SI, absolute pressure) and where they come from."""
+
+    columns: dict[str, np.ndarray]
+    provenance: dict[str, Any]
+
+    def dataset(self) -> xr.Dataset:
+        """Label the columns: dimension time, a unit and a long name for each variable."""
+        import xarray as xr
+
+        variables, coordinates = {}, {}
+        for column, values in self.columns.items():
+            name, attrs = _label(column)
+            (coordinates if name == "time" else variables)[name] = xr.Variable(
+                "time", values, dict(attrs), fastpath=True
+            )
+        return xr.Dataset(variables, coordinates, self.provenance)
+
+
+def simulate(
+    drive: Drive,
+    command: str | Path | commands.Pairs,
+    duration: str | float,
+    *,
+    initial: Initial | str | None = None,
+    sample_rate: str | float = "1 kHz",
+    rtol: float = 1e-6,
+) -> xr.Dataset:
+    """Simulate a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        What is simulated.
+    command : str, path or sequence of (time, command)
+        Valve command in [-1, 1]: ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s, command) or pairs with the time in s.
+        Each entry holds
+        until the next; the first is at 0 s.
+    duration : str or float
+        ``"2 s"``, or a number of seconds.
+    initial : Initial or str, optional
+        Start state; where nothing is said mid stroke, at rest, ambient pressure and temperature.
+    sample_rate : str or float
+        ``"1 kHz"``, or a number of samples a second.
+    rtol : float
+        Relative tolerance of the solver.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimension time (n = round(duration * sample_rate) + 1 samples, the last one at the duration), variables position, velocity,
+        acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``; SI, absolute pressure.
+
+    Attributes
+    ----------
+        description_hash, version, solver, rtol, statistics, warnings, citations.
+
+    Raises
+    ------
+    CommandError
+        The command, the duration, the sample rate or the tolerance is not valid.
+    DescriptionError
+        The start state does not fit the drive.
+    SimulationError
+        The solver cannot go on; the message says when, in which state and what to try.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> run = pn.simulate(pn.Drive.load("catalogue:parker-osp-p25-sy5000"), "0 s: 1", "0.1 s", sample_rate="100 Hz")
+    >>> run.sizes["time"], run.pressure_a.attrs["units"]
+    (11, 'Pa')
+    """
+    return run(drive, command, duration, initial=initial, sample_rate=sample_rate, rtol=rtol).dataset()
+
+
+def run(
+    drive: Drive,
+    command: str | Path | commands.Pairs,
+    duration: str | float,
+    *,
+    initial: Initial | str | None = None,
+    sample_rate: str | float = "1 kHz",
+    rtol: float = 1e-6,
+) -> Run:
+    """Simulate without labelling the result, which would import xarray.
+
+    Arguments and errors are those of `simulate`.
+    """
+    steps = commands.steps(command)
+    seconds = _positive(duration, "s", "duration")
+    rate = _positive(sample_rate, "1/s", "sample_rate")
+    samples = seconds * rate
+    if not 1.0 <= round(samples) <= MOST_SAMPLES:
+        raise CommandError(
+            f"duration = {seconds:g} s at sample_rate = {rate:g} Hz makes {samples:.3g} samples",
+            rule=f"1 to {MOST_SAMPLES:.0e} samples",
+        )
+    if isinstance(rtol, bool) or not 1e-13 <= rtol <= 1e-1:
+        raise CommandError(f"rtol = {rtol} is out of bounds", rule="1e-13 <= rtol <= 0.1")
+    if isinstance(initial, str):
+        initial = commands.initial(initial)
+    start = drive.core_initial(initial)
+    result = _solve(compiled(drive.core_json()), steps, seconds, rate, start, rtol)
+    for message in result["warnings"]:
+        warnings.warn(message, PneudriveWarning, stacklevel=3)
+    return Run(result["columns"], _provenance(drive, result, rtol))
+
+
+@lru_cache(maxsize=256)
+def compiled(core_json: str) -> CoreDrive:
+    """Return the core's form of a drive, made once for each description.
+
+    Raises
+    ------
+    DescriptionError
+        The core refuses it.
+    """
+    from pneudrive import _core
+
+    try:
+        return _core.Drive(core_json)
+    except ValueError as error:
+        raise DescriptionError(str(error)) from None
+
+
+def _solve(
+    core: CoreDrive,
+    steps: commands.Steps,
+    seconds: float,
+    rate: float,
+    start: dict[str, float],
+    rtol: float,
+) -> dict[str, Any]:
+    try:
+        return core.simulate(*steps, seconds, rate, start, rtol)
+    except (ValueError, RuntimeError) as error:
+        raise SimulationError(str(error)) from None
+
+
+def _provenance(drive: Drive, result: dict[str, Any], rtol: float) -> dict[str, Any]:
+    return {
+        "title": drive.name,
+        "description_hash": drive.description_hash,
+        "version": __version__,
+        "solver": SOLVER,
+        "rtol": rtol,
+        "statistics": result["statistics"],
+        "warnings": result["warnings"],
+        "citations": result["citations"],
+        "assumed": drive.assumed(),
+        "labels": dict(drive.labels),
+    }
+
+
+@lru_cache(maxsize=64)
+def _label(column: str) -> tuple[str, tuple[tuple[str, str], ...]]:
+    name, unit, long_name = meaning(column)
+    return name, (("units", unit), ("long_name", long_name), ("column", column))
+
+
+def _positive(given: str | float, si_unit: str, what: str) -> float:
+    try:
+        value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
+    except DescriptionError as error:
+        raise CommandError(f"{what}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    if not (math.isfinite(value) and value > 0.0):
+        raise CommandError(f"{what} = {given} is out of bounds", rule="finite and greater than 0")
+    return value
+
+
+def citations(run: xr.Dataset) -> str:
+    """Return the BibTeX entries of exactly the laws and methods that made a trajectory.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `simulate`.
+
+    Raises
+    ------
+    PneudriveError
+        The dataset does not say what made it, or a source is missing.
+    """
+    keys = run.attrs.get("citations")
+    if keys is None:
+        raise PneudriveError("this dataset does not say what made it", remedy="Pass what pn.simulate returned.")
+    return "\n\n".join(bibtex(key) for key in keys)

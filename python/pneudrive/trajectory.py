@@ -1,0 +1,164 @@
+"""Trajectories: what their columns mean, and how they become files.
+
+In memory a trajectory is an `xarray.Dataset` whose names carry no unit (each variable has one in its attributes); in
+a file the column
+names carry it. Files appear whole or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.errors import CommandError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    import numpy as np
+    import xarray as xr
+
+# column of a file -> (variable, units, long name)
+MEANING: dict[str, tuple[str, str, str]] = {
+    "time_s": ("time", "s", "time"),
+    "position_m": ("position", "m", "piston position, growing towards the end of chamber b"),
+    "velocity_m_s": ("velocity", "m/s", "piston velocity"),
+    "acceleration_m_s2": ("acceleration", "m/s^2", "piston acceleration"),
+    "pressure_a_pa": ("pressure_a", "Pa", "absolute pressure in chamber a"),
+    "temperature_a_k": ("temperature_a", "K", "gas temperature in chamber a"),
+    "pressure_b_pa": ("pressure_b", "Pa", "absolute pressure in chamber b"),
+    "temperature_b_k": ("temperature_b", "K", "gas temperature in chamber b"),
+    "friction_force_n": ("friction_force", "N", "friction force, positive when it opposes motion towards +x"),
+    "end_stop_force_n": ("end_stop_force", "N", "end stop force, positive at the end of chamber b"),
+    "command": ("command", "1", "valve command"),
+    "mass_flow_a_kg_s": ("mass_flow_a", "kg/s", "mass flow into chamber a"),
+    "mass_flow_b_kg_s": ("mass_flow_b", "kg/s", "mass flow into chamber b"),
+    "bristle_deflection_m": ("bristle_deflection", "m", "mean bristle deflection"),
+}
+_SUFFIXES = {
+    "_kg_s": "kg/s",
+    "_m_s2": "m/s^2",
+    "_m_s": "m/s",
+    "_pa": "Pa",
+    "_kg": "kg",
+    "_m": "m",
+    "_k": "K",
+    "_n": "N",
+    "_s": "s",
+    "_j": "J",
+}
+SUFFIXES = (".parquet", ".csv", ".nc")
+
+
+def meaning(column: str) -> tuple[str, str, str]:
+    """Return (variable, units, long name) of a column; inner states that the table does not list follow their suffix.
+
+    Examples
+    --------
+    >>> meaning("film_thickness_m")
+    ('film_thickness', 'm', 'film thickness')
+    """
+    known = MEANING.get(column)
+    if known is not None:
+        return known
+    for suffix, unit in _SUFFIXES.items():
+        if column.endswith(suffix):
+            name = column.removesuffix(suffix)
+            return name, unit, name.replace("_", " ")
+    return column, "1", column.replace("_", " ")
+
+
+def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return the columns of a trajectory's file, time first."""
+    out = {"time_s": run["time"].to_numpy()}
+    for name, variable in run.data_vars.items():
+        out[variable.attrs.get("column", name)] = variable.to_numpy()
+    return out
+
+
+def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
+    """Refuse a file that could not be written, before any work is done.
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or a folder that is not there or not writable.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in suffixes:
+        raise CommandError(
+            f"{path.name}: files ending in '{path.suffix}' cannot be written", remedy=nearest(path.suffix, suffixes)
+        )
+    folder = path.parent
+    if not folder.is_dir():
+        what = "is not a folder" if folder.exists() else "is not there"
+        raise CommandError(f"the output folder {folder} {what}", remedy=f"mkdir -p {folder}")
+    if not os.access(folder, os.W_OK) or path.is_dir():
+        raise CommandError(f"{path} cannot be written", remedy="Choose another folder or name.")
+    return path
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside `path`, renamed to it at the end: a reader never meets half a file.
+
+    Raises
+    ------
+    CommandError
+        The disk is full, the folder not writable, ...; nothing is left behind.
+    """
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        raise CommandError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def save(run: xr.Dataset, path: str | Path) -> Path:
+    """Write a trajectory as Parquet, CSV or netCDF, by the suffix of `path`.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `pneudrive.simulate`.
+    path : path-like
+        ``.parquet``, ``.csv`` or ``.nc``. Provenance goes into Parquet's metadata and netCDF's attributes; CSV has no
+        place for it.
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or the file cannot be written.
+    """
+    target = check_target(path)
+    if target.suffix.lower() == ".nc":
+        flat = run.copy()
+        flat.attrs = {key: _flat(value) for key, value in run.attrs.items()}
+        with whole(target) as temporary:
+            flat.to_netcdf(temporary, engine="h5netcdf")
+        return target
+    return save_columns(columns(run), run.attrs, target)
+
+
+def save_columns(table: Mapping[str, np.ndarray], provenance: Mapping[str, Any], path: str | Path) -> Path:
+    """Write columns as Parquet or CSV (what `save` does once the names carry their units)."""
+    import polars as pl
+
+    target = check_target(path, (".parquet", ".csv"))
+    frame = pl.DataFrame(dict(table))
+    with whole(target) as temporary:
+        if target.suffix.lower() == ".csv":
+            frame.write_csv(temporary)
+        else:
+            frame.write_parquet(temporary, metadata={"pneudrive": json.dumps(dict(provenance), default=str)})
+    return target
+
+
+def _flat(value: Any) -> Any:  # noqa: ANN401 - attributes are of any kind
+    return value if isinstance(value, (str, int, float)) else json.dumps(value, default=str)
