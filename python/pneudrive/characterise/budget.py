@@ -207,7 +207,7 @@ def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionM
 
 
 def combined(entries: list[BudgetEntry]) -> tuple[float, float]:
-    """Standard uncertainty of friction and of offset, sources taken as independent."""
+    """Give the standard uncertainty of friction and of offset, sources taken as independent."""
     return (
         float(np.sqrt(sum(e.friction_n**2 for e in entries))),
         float(np.sqrt(sum(e.offset_n**2 for e in entries))),
@@ -215,5 +215,5 @@ def combined(entries: list[BudgetEntry]) -> tuple[float, float]:
 
 
 def expanded(stderr_n: float, u_systematic_n: float) -> float:
-    """Expanded uncertainty U with k = 2, N."""
+    """Give the expanded uncertainty U with k = 2, N."""
     return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))

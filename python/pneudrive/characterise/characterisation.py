@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.budget import expanded
+from pneudrive.characterise.campaign import Cycles, Sheaf, Source, find_cycles, harvest, read_cycles
 from pneudrive.characterise.closure import ClosureFit, fit_closures
 from pneudrive.characterise.extract import Level, RecordingResult, extract
 from pneudrive.characterise.friction_map import to_dataset
 from pneudrive.characterise.layout import Layout
-from pneudrive.characterise.load import load_recordings
+from pneudrive.characterise.load import load_recording, recording_files
 from pneudrive.characterise.pressure_line import (
     FrictionPoint,
     PressureLine,
     RunSpread,
     fit_pressure_lines,
+    friction_points,
     run_spread,
 )
 from pneudrive.characterise.recording import Recording
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+KEPT_IN_FULL = 300  # recordings; of a larger campaign the samples are not kept
+SHOWN = 24  # recordings of a larger campaign whose curves are kept
 CONFOUNDED = 0.7  # correlation of speed and pressure beyond which their effects are called confounded
 
 
@@ -130,38 +134,87 @@ def characterise_recordings(
         A file or recording that cannot be used.
     """
     choice = protocol if protocol is not None else Settled()
-    loaded = _load(recordings, layout)
-    unique, skipped, notes = _count_once(loaded)
-    results = tuple(extract(recording, choice) for recording in unique)
-    rows = [row for result in results for level in result.levels for row in level.rows]
-    points = tuple(_friction_points(results))
-    closures = fit_closures([point for result in results for point in result.closure_points])
+    loaded, sources = _sources(recordings, layout)
+    number = len(loaded) + sum(len(s) if isinstance(s, Cycles) else 1 for s in sources)
+    if number <= KEPT_IN_FULL:
+        loaded += _read(sources)
+        unique, skipped, notes = _count_once(loaded)
+        results = tuple(extract(recording, choice) for recording in unique)
+        return _assemble(results, [_sheaf(result) for result in results], skipped, notes, choice)
+    sheaves = [_sheaf(extract(recording, choice)) for recording in loaded] + harvest(sources, choice)
+    kept, skipped, notes = _sheaves_once(sheaves)
+    results = tuple(extract(recording, choice) for recording in _sample(loaded, sources, {s.name for s in kept}))
+    notes.insert(0, f"{len(kept)} recordings; the curves of {len(results)} of them are shown, the map holds all.")
+    return _assemble(results, kept, skipped, notes, choice)
+
+
+def _sources(
+    recordings: Sequence[Recording | str | Path] | Recording | str | Path, layout: Layout | str | Path | None
+) -> tuple[list[Recording], list[Source]]:
+    """Split the input into recordings that are here and files that are to be read."""
+    items = [recordings] if isinstance(recordings, Recording | str | Path) else list(recordings)
+    loaded = [item for item in items if isinstance(item, Recording)]
+    paths = [item for item in items if not isinstance(item, Recording)]
+    if not items:
+        raise RecordingError("no recording is named", remedy="give at least one recording or file")
+    sources: list[Source] = []
+    for file in recording_files(paths, layout) if paths else []:
+        has_cycles = file.layout.for_file(file.path).cycle is not None
+        sources.append(find_cycles(file.path, file.layout) if has_cycles else file)
+    return loaded, sources
+
+
+def _read(sources: list[Source]) -> list[Recording]:
+    recordings: list[Recording] = []
+    for source in sources:
+        if isinstance(source, Cycles):
+            recordings += read_cycles(source)
+        else:
+            recordings.append(load_recording(source.path, source.layout, source.name))
+    return recordings
+
+
+def _sample(loaded: list[Recording], sources: list[Source], usable: set[str]) -> list[Recording]:
+    """Choose recordings evenly over a campaign, for the curves that a report shows."""
+    units: list[Recording | Source] = [*loaded]
+    for source in sources:
+        units += [source.part(i, i + 1) for i in range(len(source))] if isinstance(source, Cycles) else [source]
+    chosen = [units[i] for i in np.unique(np.linspace(0, len(units) - 1, SHOWN).astype(int))]
+    recordings = [u if isinstance(u, Recording) else _read([u])[0] for u in chosen]
+    return [recording for recording in recordings if recording.name in usable]
+
+
+def _sheaf(result: RecordingResult) -> Sheaf:
+    rows = tuple(row for level in result.levels for row in level.rows)
+    return Sheaf(result.recording.name, 0, rows, result.closure_points, tuple(friction_points(result)))
+
+
+def _assemble(
+    results: tuple[RecordingResult, ...],
+    sheaves: list[Sheaf],
+    skipped: list[tuple[str, str]],
+    notes: list[str],
+    choice: SampleChoice,
+) -> Characterisation:
+    points = tuple(point for sheaf in sheaves for point in sheaf.friction_points)
+    closures = fit_closures([point for sheaf in sheaves for point in sheaf.closure_points])
     lines = fit_pressure_lines(list(points))
-    notes += _notes(results, points, lines)
+    friction_map = to_dataset([row for sheaf in sheaves for row in sheaf.rows])
+    friction_map.attrs["protocol"] = choice.name
+    if results:
+        ambient = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
+        friction_map.attrs["ambient_pressure_pa"] = ambient
     return Characterisation(
         results=results,
-        friction_map=to_dataset(rows),
+        friction_map=friction_map,
         closures=tuple(closures),
         pressure_lines=tuple(lines),
         points=points,
         run_spread=run_spread(list(points)),
-        notes=tuple(notes),
+        notes=(*notes, *_notes(results, points, lines)),
         skipped=tuple(skipped),
         protocol=choice.name,
     )
-
-
-def _load(
-    recordings: Sequence[Recording | str | Path] | Recording | str | Path, layout: Layout | str | Path | None
-) -> list[Recording]:
-    if isinstance(recordings, Recording | str | Path):
-        recordings = [recordings]
-    files = [item for item in recordings if not isinstance(item, Recording)]
-    read = iter(load_recordings(files, layout)) if files else iter(())
-    loaded = [item if isinstance(item, Recording) else next(read) for item in recordings]
-    if not loaded:
-        raise RecordingError("no recording is named", remedy="give at least one recording or file")
-    return loaded
 
 
 def _count_once(recordings: list[Recording]) -> tuple[list[Recording], list[tuple[str, str]], list[str]]:
@@ -169,9 +222,8 @@ def _count_once(recordings: list[Recording]) -> tuple[list[Recording], list[tupl
     seen: dict[bytes, str] = {}
     unique, skipped, notes = [], [], []
     for recording in recordings:
-        channels = (recording.time_s, recording.position_m, recording.force_n)
-        key = b"".join(np.ascontiguousarray(c).tobytes() for c in channels)
-        key += recording.pressure_a_pa.tobytes() + recording.pressure_b_pa.tobytes()
+        channels = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
+        key = hashlib.sha256(b"".join(getattr(recording, c).tobytes() for c in channels)).digest()
         if key in seen:
             skipped.append((recording.name, f"identical to {seen[key]}"))
             notes.append(f"{recording.name} holds the same samples as {seen[key]}: counted once.")
@@ -181,29 +233,20 @@ def _count_once(recordings: list[Recording]) -> tuple[list[Recording], list[tupl
     return unique, skipped, notes
 
 
-def _friction_points(results: tuple[RecordingResult, ...]) -> list[FrictionPoint]:
-    """One point per speed level: friction at the gauge pressure of the side that is pressurised more."""
-    points = []
-    for result in results:
-        recording = result.recording
-        for level in result.levels:
-            gauge = [
-                float(np.mean([getattr(row, f"pressure_{side}_pa") for row in level.rows]))
-                - recording.ambient_pressure_pa
-                for side in ("a", "b")
-            ]
-            points.append(
-                FrictionPoint(
-                    recording=recording.name,
-                    seal=recording.labels.get("seal", "all recordings"),
-                    run=recording.labels.get("run", "1"),
-                    pressure_pa=max(gauge, key=abs),
-                    speed_m_s=float(np.mean([abs(row.velocity_m_s) for row in level.rows])),
-                    friction_n=level.friction_n,
-                    expanded_n=expanded(level.stderr_n, level.u_systematic_n),
-                )
-            )
-    return points
+def _sheaves_once(sheaves: list[Sheaf]) -> tuple[list[Sheaf], list[tuple[str, str]], list[str]]:
+    """Leave out what could not be used, and recordings whose samples equal those of an earlier one."""
+    seen: dict[int, str] = {}
+    kept, skipped = [], []
+    for sheaf in sheaves:
+        if sheaf.reason or (sheaf.digest and sheaf.digest in seen):
+            skipped.append((sheaf.name, sheaf.reason or f"identical to {seen[sheaf.digest]}"))
+        else:
+            seen[sheaf.digest] = sheaf.name
+            kept.append(sheaf)
+    if not kept:
+        raise RecordingError("no recording could be used", value="; ".join(f"{n}: {why}" for n, why in skipped[:3]))
+    notes = [f"{len(skipped)} recordings were not counted: {skipped[0][0]}: {skipped[0][1]}, ..."] if skipped else []
+    return kept, skipped, notes
 
 
 def _notes(

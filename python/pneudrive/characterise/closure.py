@@ -125,9 +125,10 @@ def _estimate(value: float, stderr: float, dof: int) -> Estimate:
 def _statement(group: str, areas: dict[str, Estimate], nominal: dict[str, float], zero: Estimate, dof: int) -> str:
     parts = []
     for side, area in areas.items():
-        shown = f"effective area {side} {area.value * 1e4:.4g} cm2, {100 * (area.value / nominal[side] - 1):+.2f} % of nominal"
+        off, low, high = (100 * (value / nominal[side] - 1) for value in (area.value, area.low, area.high))
+        shown = f"effective area {side} {area.value * 1e4:.4g} cm2, {off:+.2f} % against nominal"
         if dof > 0:
-            shown += f" (95 %: {100 * (area.low / nominal[side] - 1):+.2f} to {100 * (area.high / nominal[side] - 1):+.2f} %)"
+            shown += f" (95 %: {low:+.2f} to {high:+.2f} %)"
         parts.append(shown)
     end = f"force zero {zero.value:+.2f} N"
     end += f" (95 %: {zero.low:+.2f} to {zero.high:+.2f} N)" if dof > 0 else "; no spare recording: no interval"

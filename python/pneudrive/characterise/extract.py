@@ -12,6 +12,7 @@ from pneudrive.characterise.closure import ClosurePoint
 from pneudrive.characterise.friction_map import MapRow
 from pneudrive.characterise.levels import speed_levels
 from pneudrive.characterise.motion import Stroke, find_strokes, local_slope
+from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 from pneudrive.characterise.profile import Profile, build_profile, stroke_means
 from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2, Recording
 from pneudrive.characterise.reversal import ReversalPeak, find_reversal_peaks, usable
@@ -338,7 +339,7 @@ def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
     force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
     return ClosurePoint(
         recording=recording.name,
-        group=recording.labels.get("seal", "all recordings"),
+        group=recording.labels.get("seal", ALL_RECORDINGS),
         half_sum_force_n=force,
         gauge_a_pa=gauge["a"],
         gauge_b_pa=gauge["b"],

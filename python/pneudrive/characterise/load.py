@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.layout import DIMENSIONS, FileLayout, Layout, stem
+from pneudrive.characterise.layout import CHANNEL_UNITS, FileLayout, Layout, stem
 from pneudrive.characterise.readers import READERS, read_bytes, read_text
 from pneudrive.characterise.recording import Recording
 from pneudrive.errors import RecordingError
@@ -18,19 +20,44 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-# Where no layout is given, a file must name its columns as trajectories and simulated rigs do.
 MISSING_LAYOUT = "say how the file is read with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
 
 
-def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | None) -> list[Recording]:
-    """Read recordings.
+@dataclass(frozen=True)
+class RecordingFile:
+    """A file, the layout that reads it, and the name that its recording will have."""
+
+    path: Path
+    layout: Layout
+    name: str
+
+
+def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[RecordingFile]:
+    """Find the layout and the name of each file; names that occur twice get their folder in front."""
+    files = [Path(p) for p in paths]
+    if not files:
+        raise RecordingError("no recording is named", remedy="give at least one file")
+    given = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
+    beside: dict[Path, Layout] = {}
+    counts = Counter(stem(file) for file in files)
+    found = []
+    for file in files:
+        if given is None and file.parent not in beside:
+            beside[file.parent] = _layout_beside(file)
+        name = stem(file) if counts[stem(file)] == 1 else f"{file.parent.name}/{stem(file)}"
+        found.append(RecordingFile(file, given or beside[file.parent], name))
+    return found
+
+
+def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[Recording]:
+    """Read recordings, one per file.
 
     Parameters
     ----------
     paths
-        Files; the order is kept. Names that occur twice get their folder in front.
+        Files; the order is kept.
     layout
-        A layout or its file. None: a file ``layout.toml`` beside each recording is used.
+        A layout or its file. None: ``layout.toml`` beside each recording, or in the folder above, is used.
 
     Returns
     -------
@@ -42,19 +69,7 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     RecordingError, LayoutError
         With file, value, rule and remedy.
     """
-    files = [Path(p) for p in paths]
-    if not files:
-        raise RecordingError("no recording is named", remedy="give at least one file")
-    given = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
-    beside: dict[Path, Layout] = {}
-    stems = [stem(file) for file in files]
-    recordings = []
-    for file, name in zip(files, stems, strict=True):
-        if given is None and file.parent not in beside:
-            beside[file.parent] = _layout_beside(file)
-        unique = name if stems.count(name) == 1 else f"{file.parent.name}/{name}"
-        recordings.append(load_recording(file, given or beside[file.parent], unique))
-    return recordings
+    return [load_recording(file.path, file.layout, file.name) for file in recording_files(paths, layout)]
 
 
 def _layout_beside(file: Path) -> Layout:
@@ -82,11 +97,16 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
             where=str(path),
             value=f"{table.columns[0].size} rows, skip_samples = {said.skip_samples}",
         )
-    return _to_recording(name or stem(path), path, said, raw, table.flags, hashlib.sha256(data).hexdigest())
+    return to_recording(name or stem(path), path, said, raw, table.flags, hashlib.sha256(data).hexdigest())
 
 
-def _to_recording(
-    name: str, path: Path, said: FileLayout, raw: dict[str, NDArray[np.float64]], flags: dict[str, int], sha256: str
+def to_recording(
+    name: str,
+    path: Path,
+    said: FileLayout,
+    raw: dict[str, NDArray[np.float64]],
+    flags: dict[str, int],
+    sha256: str | None,
 ) -> Recording:
     """Bring raw columns to SI, absolute pressures and one time base."""
     values = {channel: convert(said, channel, column) for channel, column in raw.items()}
@@ -94,7 +114,7 @@ def _to_recording(
     accuracy = dict(said.geometry_accuracy)
     limits: dict[str, tuple[float, float]] = {}
     channels: dict[str, NDArray[np.float64] | float] = {}
-    for channel in DIMENSIONS:
+    for channel in CHANNEL_UNITS:
         if channel == "time":
             continue
         suffix = {"position": "position_m", "force": "force_n"}.get(channel, f"{channel}_pa")
@@ -110,8 +130,7 @@ def _to_recording(
         if column.accuracy_si is not None:
             accuracy[suffix] = column.accuracy_si
         if column.range_si is not None:
-            shift = said.ambient_pressure_pa if column.unit.kind == "gauge" else 0.0
-            limits[suffix] = (column.range_si[0] + shift, column.range_si[1] + shift)
+            limits[suffix] = column.range_si
     return Recording(
         name=name,
         time_s=time,
@@ -136,7 +155,7 @@ def convert(said: FileLayout, channel: str, raw: NDArray[np.float64]) -> NDArray
     """Raw values of one channel in SI, pressures absolute."""
     column = said.columns[channel]
     value = column.sign * (raw * column.scale + column.offset) * column.unit.factor
-    return value + said.ambient_pressure_pa if column.unit.kind == "gauge" else value
+    return value + said.ambient_pressure_pa if column.unit.gauge else value
 
 
 def _shift(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:

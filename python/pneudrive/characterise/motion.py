@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ REVERSAL_SHARE = 0.1
 DEPARTURE_SHARE = 0.002
 # The travel must exceed the position noise by this factor to be called motion.
 NOISE_FACTOR = 20.0
+ENOUGH_FOR_QUANTILES = 2000
 
 
 @dataclass(frozen=True)
@@ -79,22 +81,28 @@ def local_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_w
 
 
 def noise_level(values: NDArray[np.float64]) -> float:
-    """Standard deviation of white noise, from second differences (robust, blind to slow change).
+    """Estimate the standard deviation of white noise from second differences (robust, blind to slow change).
 
     Where quantisation hides the noise, the uniform distribution over one step takes its place.
     """
     if values.size < 3:
         return 0.0
-    second = np.diff(values, 2)
-    from_differences = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
+    second = values[2:] - 2 * values[1:-1] + values[:-2]
+    from_differences = 1.4826 * float(np.median(np.abs(thinned(second)))) / np.sqrt(6.0)
+    if from_differences > 0:
+        return from_differences
     steps = np.abs(np.diff(values))
     steps = steps[steps > 0]
-    quantum = float(steps.min()) if steps.size else 0.0
-    return max(from_differences, quantum / np.sqrt(12.0) if from_differences == 0 else 0.0)
+    return float(steps.min()) / np.sqrt(12.0) if steps.size else 0.0
+
+
+def thinned(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Every k-th value, so that at most about 4000 are left: enough for a median or a high quantile."""
+    return values[:: max(values.size // ENOUGH_FOR_QUANTILES, 1)]
 
 
 def turning_points(position_m: NDArray[np.float64], prominence_m: float) -> NDArray[np.intp]:
-    """Samples at which the motion reverses by at least ``prominence_m``, first and last included."""
+    """Find the samples at which the motion reverses by at least ``prominence_m``, first and last included."""
     from scipy.signal import find_peaks
 
     # The extremes at both ends count too: pad with a value beyond every other one.
@@ -158,7 +166,7 @@ def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.
     departure = max(DEPARTURE_SHARE * travel, 4 * noise)
     strokes: list[Stroke] = []
     last_moving = int(points[0]) if points.size else 0
-    for first, last in zip(points[:-1], points[1:], strict=True):
+    for first, last in pairwise(points):
         part = _moving_part(position_m, int(first), int(last), departure)
         if part is None:
             continue

@@ -10,8 +10,14 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.characterise.extract import RecordingResult
+
 CONFIDENCE = 0.95
 BAND_POINTS = 41
+ALL_RECORDINGS = "all recordings"  # the group of recordings that no label tells apart
+SAME_SPEED = 0.02  # controlled speeds closer than this are one level
+SHOWN_SPEEDS = 5
+SPEED_OF_REPEAT = 0.25  # a repeat at a speed that was not controlled may be off by this much
 SAME_PRESSURE = 0.1  # recordings within this share of their pressure repeat one another
 
 
@@ -64,6 +70,29 @@ class PressureLine:
     statement: str
 
 
+def friction_points(result: RecordingResult) -> list[FrictionPoint]:
+    """Give one point per speed level: friction at the gauge pressure of the side that is pressurised more."""
+    recording = result.recording
+    points = []
+    for level in result.levels:
+        gauge = [
+            float(np.mean([getattr(row, f"pressure_{side}_pa") for row in level.rows])) - recording.ambient_pressure_pa
+            for side in ("a", "b")
+        ]
+        points.append(
+            FrictionPoint(
+                recording=recording.name,
+                seal=recording.labels.get("seal", ALL_RECORDINGS),
+                run=recording.labels.get("run", "1"),
+                pressure_pa=max(gauge, key=abs),
+                speed_m_s=float(np.mean([abs(row.velocity_m_s) for row in level.rows])),
+                friction_n=level.friction_n,
+                expanded_n=level.expanded_n,
+            )
+        )
+    return points
+
+
 def run_spread(points: list[FrictionPoint]) -> RunSpread | None:
     """Relative spread between runs; None where nothing was run twice."""
     cells: list[tuple[str, float, float, float, float]] = []
@@ -72,8 +101,14 @@ def run_spread(points: list[FrictionPoint]) -> RunSpread | None:
         left = sorted((p for p in points if p.seal == seal), key=lambda p: p.pressure_pa)
         while left:
             anchor = left[0].pressure_pa
-            cell = [p for p in left if abs(p.pressure_pa - anchor) <= SAME_PRESSURE * max(abs(anchor), 1e4)]
-            left = left[len(cell) :]
+            speed = left[0].speed_m_s
+            cell = [
+                p
+                for p in left
+                if abs(p.pressure_pa - anchor) <= SAME_PRESSURE * max(abs(anchor), 1e4)
+                and abs(p.speed_m_s - speed) <= SPEED_OF_REPEAT * speed
+            ]
+            left = [p for p in left if p not in cell]
             values = _run_means(cell)
             if values.size >= 2:
                 mean = float(values.mean())
@@ -91,18 +126,38 @@ def _run_means(cell: list[FrictionPoint]) -> NDArray[np.float64]:
 
 
 def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
-    """Fit the line over pressure to each seal with at least three recordings at two pressures or more."""
+    """Fit the line over pressure to each seal with at least three recordings at two pressures or more.
+
+    Where speed was controlled and crossed with pressure, a line is fitted at each of up to five speeds.
+    """
     spread = run_spread(points)
     lines = []
     for seal in dict.fromkeys(p.seal for p in points):
         members = [p for p in points if p.seal == seal]
-        pressures = np.array([p.pressure_pa for p in members])
-        if len(members) >= 3 and np.ptp(pressures) > 2e4:
-            lines.append(_fit(seal, members, spread))
+        for title, group in _speed_groups(seal, members):
+            pressures = np.array([p.pressure_pa for p in group])
+            if len(group) >= 3 and np.ptp(pressures) > 2e4:
+                lines.append(_fit(title, seal, group, spread))
     return lines
 
 
-def _fit(seal: str, points: list[FrictionPoint], spread: RunSpread | None) -> PressureLine:
+def _speed_groups(seal: str, points: list[FrictionPoint]) -> list[tuple[str, list[FrictionPoint]]]:
+    """Points of equal speed where speed and pressure were crossed, otherwise all of them together."""
+    ordered = sorted(points, key=lambda p: p.speed_m_s)
+    groups: list[list[FrictionPoint]] = []
+    for point in ordered:
+        if groups and point.speed_m_s <= groups[-1][0].speed_m_s * (1 + SAME_SPEED):
+            groups[-1].append(point)
+        else:
+            groups.append([point])
+    crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > 2e4]
+    if len(crossed) < 2 or sum(len(g) for g in crossed) < 0.6 * len(points):
+        return [(seal, points)]
+    chosen = np.unique(np.linspace(0, len(crossed) - 1, SHOWN_SPEEDS).astype(int))
+    return [(f"{seal} at {crossed[i][0].speed_m_s * 1e3:.3g} mm/s", crossed[i]) for i in chosen]
+
+
+def _fit(title: str, seal: str, points: list[FrictionPoint], spread: RunSpread | None) -> PressureLine:
     from scipy.stats import t
 
     pressure = np.array([p.pressure_pa for p in points])
@@ -123,12 +178,14 @@ def _fit(seal: str, points: list[FrictionPoint], spread: RunSpread | None) -> Pr
     inverse = np.linalg.inv(matrix.T @ matrix)
     variance = own
     if spread is not None:
-        # Scatter about the line and spread between runs are two looks at one thing: how far a further recording
-        # lies off. Each may be small by chance, so the larger one counts, with the freedom of the one that counts.
+        # With several runs of this seal, scatter about the line and spread between runs are two looks at one thing:
+        # how far a further recording lies off; the larger one counts. With one run the scatter does not know
+        # the spread between runs, so the pooled spread comes on top.
         between = (spread.relative * np.abs(mean)) ** 2
-        single = np.maximum(single, between)
-        variance = max(own, float(np.mean((spread.relative * friction) ** 2)))
-        if variance > own:
+        typical = float(np.mean((spread.relative * friction) ** 2))
+        single = np.maximum(single, between) if repeated else single + between
+        variance = max(own, typical) if repeated else own + typical
+        if typical > own:
             freedom = float(spread.degrees_of_freedom + (dof if repeated else 0))
     leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
     half = float(t.ppf(0.5 + CONFIDENCE / 2, freedom)) * np.sqrt(single + variance * leverage)
@@ -138,7 +195,7 @@ def _fit(seal: str, points: list[FrictionPoint], spread: RunSpread | None) -> Pr
     covariance = unit @ (inverse * variance) @ unit
     slope = float(solution[1] / scale)
     return PressureLine(
-        seal=seal,
+        seal=title,
         points=tuple(points),
         intercept_n=float(solution[0]),
         slope_n_pa=slope,
@@ -149,7 +206,7 @@ def _fit(seal: str, points: list[FrictionPoint], spread: RunSpread | None) -> Pr
         band_high_n=mean + half,
         basis=basis,
         speed_pressure_correlation=together,
-        statement=_statement(seal, float(solution[0]), slope, covariance, freedom, basis, together, spread),
+        statement=_statement(title, float(solution[0]), slope, covariance, freedom, basis, together, spread),
     )
 
 
@@ -166,15 +223,18 @@ def _statement(
     from scipy.stats import t
 
     factor = float(t.ppf(0.5 + CONFIDENCE / 2, freedom))
+    half_n, half_n_pa = factor * np.sqrt(np.diag(covariance))
     text = (
-        f"{seal}: {intercept:.2f} N + {slope * 1e5:.2f} N/bar "
-        f"(95 %: +-{factor * np.sqrt(covariance[0, 0]):.2f} N, +-{factor * np.sqrt(covariance[1, 1]) * 1e5:.2f} N/bar); "
+        f"{seal}: {intercept:.2f} N + {slope * 1e5:.2f} N/bar (95 %: +-{half_n:.2f} N, +-{half_n_pa * 1e5:.2f} N/bar); "
     )
     if basis == "unknown" or spread is None:
         text += "nothing was run twice: the interval lacks the spread between runs and is too narrow"
     else:
         source = "its own runs" if basis == "own" else "the runs of other seals (assumed to hold here)"
-        text += f"the interval includes the spread between runs, {100 * spread.relative:.0f} % standard deviation, from {source}"
+        text += (
+            f"the interval includes the spread between runs, {100 * spread.relative:.0f} % standard deviation, "
+            f"from {source}"
+        )
     if abs(together) > 0.7:
         word = "falls" if together < 0 else "rises"
         text += f"; speed {word} with pressure (correlation {together:+.2f}): the slope cannot tell the two apart"

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 MAXIMUM_BINS = 100
 MINIMUM_BINS = 5
 SAMPLES_PER_BIN = 4
+ALTERNATIONS, CONVERGED = 50, 1e-9
 
 
 @dataclass(frozen=True)
@@ -66,16 +67,19 @@ def mean_profile(strokes_n: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     if strokes_n.shape[0] == 0:
         return np.full(strokes_n.shape[1], np.nan)
+    if strokes_n.shape[0] == 1:
+        return strokes_n[0].copy()
     known = np.isfinite(strokes_n)
     if known.all():
         return strokes_n.mean(axis=0)
     level = np.zeros(strokes_n.shape[0])
     profile = np.zeros(strokes_n.shape[1])
-    for _ in range(20):
+    for _ in range(ALTERNATIONS):
         profile = _nan_mean(strokes_n - level[:, None], axis=0)
-        level = _nan_mean(strokes_n - profile[None, :], axis=1)
-        level = np.where(np.isfinite(level), level, 0.0)
-        level -= level[known.any(axis=1)].mean() if known.any() else 0.0
+        change = np.nan_to_num(_nan_mean(strokes_n - profile[None, :], axis=1) - level)
+        level += change - (level + change).mean()
+        if np.abs(change).max() <= CONVERGED * np.abs(strokes_n[known]).max(initial=0.0):
+            break
     return profile
 
 

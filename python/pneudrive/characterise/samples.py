@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import noise_level
+from pneudrive.characterise.motion import noise_level, thinned
 from pneudrive.characterise.recording import CHANNELS, Recording
 from pneudrive.errors import RecordingError
 
@@ -93,11 +93,12 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
 def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Single samples that stand out of both neighbours, on the same side, far beyond the noise."""
     mask = np.zeros(values.size, dtype=bool)
-    before, after = np.diff(values)[:-1], -np.diff(values)[1:]
-    height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
-    changes = np.abs(np.diff(values))
-    usual = float(np.quantile(changes, 0.99))
-    mask[1:-1] = height > max(SPIKE_FACTOR * noise_level(values), 3.0 * usual)
+    steps = np.diff(values)
+    usual = float(np.quantile(np.abs(thinned(steps)), 0.99))
+    threshold = max(SPIKE_FACTOR * noise_level(values), 3.0 * usual)
+    large = np.flatnonzero(np.abs(steps[:-1]) > threshold)  # few, as a rule none
+    there_and_back = (np.abs(steps[large + 1]) > threshold) & (steps[large] * steps[large + 1] < 0)
+    mask[large[there_and_back] + 1] = True
     return mask
 
 

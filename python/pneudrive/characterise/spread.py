@@ -68,7 +68,7 @@ def _trend(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _effective_number(values: NDArray[np.float64], *, has_trend: bool) -> float:
-    """Number of independent strokes: reduced by the correlation of neighbours where that is beyond chance."""
+    """Estimate the number of independent strokes: fewer where neighbours correlate beyond chance."""
     n = values.size
     away = values - values.mean()
     power = float(away @ away)
@@ -82,7 +82,7 @@ def _effective_number(values: NDArray[np.float64], *, has_trend: bool) -> float:
 
 
 def pair_stderr(up: Spread, down: Spread) -> float:
-    """Standard error of half the difference of both directions' means; NaN where no spread is known.
+    """Give the standard error of half the difference of both directions' means; NaN where no spread is known.
 
     Where one direction has a single stroke, the other one's spread stands for it.
     """
@@ -95,7 +95,7 @@ def pair_stderr(up: Spread, down: Spread) -> float:
 
 
 def profile_stderr(profile_n: NDArray[np.float64]) -> float:
-    """Standard error of a profile's mean from the profile alone, for where there is one stroke only.
+    """Estimate the standard error of a profile's mean from the profile alone, for where there is one stroke only.
 
     A straight line is taken out (the pattern over position is not chance, its coarse part least of
     all) and the correlation of neighbouring bins is summed until it first falls below zero.

@@ -1,0 +1,276 @@
+"""Campaigns: thousands of cycles, in one Parquet file or in many files, as one friction map.
+
+Form of a campaign file: Parquet, one row per sample, the rows of a cycle together and in the order of
+time, a column that numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``) and the
+columns of any other recording. ``CAMPAIGN_LAYOUT`` describes the plain form with the columns cycle, time_s,
+position_m, force_n, pressure_a_pa, pressure_b_pa (absolute), 32-bit floats allowed; time may start anew in
+each cycle. Every cycle is treated as a recording of its own, by the same code.
+
+Worker processes read their own part of the file, so neither the samples nor their copies meet in one process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import zlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.extract import extract
+from pneudrive.characterise.layout import Layout, stem
+from pneudrive.characterise.load import RecordingFile, load_recording, to_recording
+from pneudrive.characterise.pressure_line import friction_points
+from pneudrive.errors import PneudriveError, RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from pneudrive.characterise.closure import ClosurePoint
+    from pneudrive.characterise.friction_map import MapRow
+    from pneudrive.characterise.pressure_line import FrictionPoint
+    from pneudrive.characterise.recording import Recording
+    from pneudrive.characterise.settling import SampleChoice
+
+CAMPAIGN_LAYOUT = """\
+format = "parquet"
+
+[columns]
+cycle = {{ column = "cycle" }}
+time = {{ column = "time_s", unit = "s" }}
+position = {{ column = "position_m", unit = "m" }}
+force = {{ column = "force_n", unit = "N", positive = "+x" }}
+pressure_a = {{ column = "pressure_a_pa", unit = "Pa abs" }}
+pressure_b = {{ column = "pressure_b_pa", unit = "Pa abs" }}
+
+[geometry]
+kind = "{kind}"
+bore = "{bore}"
+"""
+BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB with its copies
+WORTH_WORKERS = 200  # cycles below which starting processes costs more than it saves
+EXIT_INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Part of a campaign file: first row of each cycle and the row after the last, with the cycles' numbers."""
+
+    path: Path
+    layout: Layout
+    bounds: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """Give the number of cycles."""
+        return self.numbers.size
+
+    def part(self, start: int, stop: int) -> Cycles:
+        """Cycles from ``start`` to ``stop`` (exclusive)."""
+        return replace(self, bounds=self.bounds[start : stop + 1], numbers=self.numbers[start:stop])
+
+
+Source = Cycles | RecordingFile
+
+
+@dataclass(frozen=True)
+class Sheaf:
+    """What one recording of a campaign leaves: map rows and points for closure and pressure lines.
+
+    ``digest`` is equal for recordings with the same samples; ``reason`` says why it could not be used.
+    """
+
+    name: str
+    digest: int
+    rows: tuple[MapRow, ...] = ()
+    closure_points: tuple[ClosurePoint, ...] = ()
+    friction_points: tuple[FrictionPoint, ...] = ()
+    reason: str = ""
+
+
+def find_cycles(path: Path, layout: Layout) -> Cycles:
+    """Find where each cycle of a campaign file starts.
+
+    Raises
+    ------
+    RecordingError
+        Not a Parquet file, no such column, no rows, or a cycle in two places.
+    """
+    import polars as pl
+
+    said = layout.for_file(path)
+    if said.format != "parquet":
+        raise RecordingError("cycles are read from Parquet only", where=str(path), value=f'format = "{said.format}"')
+    try:
+        names = list(pl.read_parquet_schema(path))
+        column = said.cycle if isinstance(said.cycle, str) else names[said.cycle or 0]
+        if column not in names:
+            raise RecordingError(
+                f"there is no column '{column}'", where=str(path), value=f"columns: {', '.join(names)}"
+            )
+        numbers = pl.read_parquet(path, columns=[column]).to_series().to_numpy()
+    except FileNotFoundError:
+        raise RecordingError("there is no such file", where=str(path)) from None
+    except (OSError, IndexError, pl.exceptions.PolarsError) as error:
+        raise RecordingError(f"the file cannot be read as Parquet: {str(error)[:200]}", where=str(path)) from None
+    if numbers.size == 0:
+        raise RecordingError("there are no rows", where=str(path))
+    starts = np.concatenate(([0], np.flatnonzero(numbers[1:] != numbers[:-1]) + 1))
+    found = numbers[starts]
+    values, counts = np.unique(found, return_counts=True)
+    if (counts > 1).any():
+        raise RecordingError(
+            f"the rows of cycle {values[counts > 1][0]} are not together",
+            where=str(path),
+            rule="all rows of a cycle stand together, in the order of time",
+        )
+    return Cycles(path, layout, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
+
+
+def read_cycles(cycles: Cycles) -> Iterator[Recording]:
+    """Read cycles one after the other, a batch of rows at a time."""
+    import polars as pl
+
+    said = cycles.layout.for_file(cycles.path)
+    names = list(pl.read_parquet_schema(cycles.path))
+    wanted = {
+        channel: column.column if isinstance(column.column, str) else names[column.column]
+        for channel, column in said.columns.items()
+    }
+    missing = [name for name in wanted.values() if name not in names]
+    if missing:
+        raise RecordingError(
+            f"there is no column '{missing[0]}'", where=str(cycles.path), value=f"columns: {', '.join(names)}"
+        )
+    scan = pl.scan_parquet(cycles.path).select(list(dict.fromkeys(wanted.values())))
+    start = 0
+    while start < len(cycles):
+        last = int(np.searchsorted(cycles.bounds, cycles.bounds[start] + BATCH_SAMPLES, side="right")) - 1
+        stop = min(max(last, start + 1), len(cycles))
+        first_row, end_row = int(cycles.bounds[start]), int(cycles.bounds[stop])
+        frame = scan.slice(first_row, end_row - first_row).collect()
+        raw = {channel: frame[name].to_numpy() for channel, name in wanted.items()}
+        for index in range(start, stop):
+            part = slice(int(cycles.bounds[index]) - first_row, int(cycles.bounds[index + 1]) - first_row)
+            name = f"{stem(cycles.path)}/{cycles.numbers[index]}"
+            values = {channel: np.asarray(column[part], dtype=np.float64) for channel, column in raw.items()}
+            yield to_recording(name, cycles.path, said, values, {}, None)
+        start = stop
+
+
+def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = None) -> list[Sheaf]:
+    """Characterise every cycle, or every file, and keep what the map needs.
+
+    Parameters
+    ----------
+    sources
+        Parts of campaign files, or single recordings' files.
+    choice
+        Which samples count.
+    workers
+        Processes; None takes the processors there are.
+
+    Returns
+    -------
+    list of Sheaf
+        In the order of the sources. A cycle or file that cannot be used has a ``reason``: of 7500 cycles one may fail.
+    """
+    number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
+    workers = workers or len(os.sched_getaffinity(0))
+    if number < WORTH_WORKERS or workers < 2:
+        return work(sources, choice)
+    command = [sys.executable, "-m", "pneudrive.characterise.campaign_worker"]
+    environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+    running: list[subprocess.Popen] = []
+    try:
+        for part in _divide(sources, workers):
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+            running.append(process)
+            _send(process, (part, choice))
+        sheaves = [sheaf for process in running for sheaf in _receive(process)]
+    finally:
+        for process in running:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+    return sheaves
+
+
+def work(sources: list[Source], choice: SampleChoice) -> list[Sheaf]:
+    """Characterise sources one after the other in this process."""
+    sheaves = []
+    for name, read in _recordings(sources):
+        try:
+            recording = read()
+            digest = zlib.crc32(recording.position_m.tobytes()) << 32 | zlib.crc32(recording.force_n.tobytes())
+            result = extract(recording, choice)
+        except RecordingError as error:
+            sheaves.append(Sheaf(name, 0, reason=error.what))
+            continue
+        rows = tuple(row for level in result.levels for row in level.rows)
+        sheaves.append(Sheaf(name, digest, rows, result.closure_points, tuple(friction_points(result))))
+    return sheaves
+
+
+def _recordings(sources: list[Source]) -> Iterator[tuple[str, Callable[[], Recording]]]:
+    """Yield the name of each recording and a function that gives it."""
+    for source in sources:
+        if isinstance(source, Cycles):
+            for recording in read_cycles(source):
+                yield recording.name, lambda recording=recording: recording
+        else:
+            yield source.name, lambda source=source: load_recording(source.path, source.layout, source.name)
+
+
+def _divide(sources: list[Source], workers: int) -> list[list[Source]]:
+    """Divide work into one list for each worker, in order, with about equal numbers of cycles and files."""
+    total = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
+    parts: list[list[Source]] = [[]]
+    room = wanted = -(-total // workers)
+    for source in sources:
+        left: Source | None = source
+        while left is not None:
+            if room == 0:
+                parts.append([])
+                room = wanted
+            if isinstance(left, Cycles):
+                taken = min(room, len(left))
+                parts[-1].append(left.part(0, taken))
+                left = left.part(taken, len(left)) if taken < len(left) else None
+            else:
+                taken = 1
+                parts[-1].append(left)
+                left = None
+            room -= taken
+    return parts
+
+
+def _send(process: subprocess.Popen, task: object) -> None:
+    assert process.stdin is not None
+    with contextlib.suppress(BrokenPipeError):  # the worker died: its status will tell
+        process.stdin.write(pickle.dumps(task))
+        process.stdin.close()
+
+
+def _receive(process: subprocess.Popen) -> list[Sheaf]:
+    assert process.stdout is not None
+    data = process.stdout.read()
+    status = process.wait()
+    if status in (-signal.SIGINT, EXIT_INTERRUPTED):
+        raise KeyboardInterrupt
+    if status != 0:
+        raise RecordingError(f"a worker process ended with status {status}", remedy="its own message stands above")
+    result = pickle.loads(data)
+    if isinstance(result, PneudriveError):
+        raise result
+    return result

@@ -1,0 +1,250 @@
+"""Values of a layout in SI, each error pointing at the line on which its key stands."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.characterise.column_units import column_unit, pressure_range, share, uncertainty
+from pneudrive.characterise.layout import CHANNEL_UNITS, Column, FileLayout, Layout, labels_from_name, stem
+from pneudrive.characterise.readers import READERS, TextForm
+from pneudrive.errors import DescriptionError, LayoutError, nearest
+from pneudrive.units import parse, parse_pressure, parse_range
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+STANDARD_ATMOSPHERE_PA = 101325.0  # where rig.ambient_pressure is not said
+KINDS = ("rodless", "through-rod", "single-rod")
+DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
+SIGNS = {"+x": 1, "-x": -1}
+
+
+class LayoutValues:
+    """Reads the merged tree of one file. ``sources`` says where an override's value was written."""
+
+    def __init__(self, layout: Layout, tree: dict[str, Any], sources: dict[tuple[str, ...], tuple[str, ...]]) -> None:
+        self.layout, self.tree, self.sources = layout, tree, sources
+
+    def fail(self, what: str, *path: str, rule: str | None = None, remedy: str | None = None) -> LayoutError:
+        """Build an error at a key, wherever its value was written."""
+        return self.layout.fail(what, *self.sources.get(path, path), rule=rule, remedy=remedy)
+
+    def read(self, table: str, key: str, how: Callable[[Any], Any]) -> Any:  # noqa: ANN401 - whatever `how` gives
+        """Read an optional key; None where it is absent."""
+        value = self.tree.get(table, {}).get(key)
+        return None if value is None else self.said(how, value, table, key)
+
+    def said(self, how: Callable[[Any], Any], value: object, *path: str) -> Any:  # noqa: ANN401
+        """Read a value, with the unit reader's complaint put at the key's line."""
+        try:
+            return how(value)
+        except DescriptionError as error:
+            raise self.fail(f"{'.'.join(path)}: {error.what}", *path, rule=error.rule, remedy=error.remedy) from None
+
+    def positive(self, table: str, key: str, si_unit: str) -> float | None:
+        """Read an optional quantity that must be above zero."""
+        value = self.read(table, key, lambda text: parse(text, si_unit))
+        if value is not None and value <= 0:
+            raise self.fail(f"{table}.{key} must be greater than zero", table, key)
+        return value
+
+    def file_layout(self, path: Path) -> FileLayout:
+        """Put everything together for one file."""
+        tree = self.tree
+        form = tree.get("format", "csv")
+        if form != "csv" and form not in READERS:
+            raise self.fail(f"format = '{form}' is not known", "format", remedy=nearest(form, ["csv", *READERS]))
+        for key in ("skip_samples", "skip_lines"):
+            if tree.get(key, 0) < 0:
+                raise self.fail(f"{key} must not be negative", key)
+        ambient = self.ambient()
+        columns = {n: self.column(n, ambient) for n in CHANNEL_UNITS if n in tree.get("columns", {})}
+        for needed in ("time", "position", "force"):
+            if needed not in columns:
+                example = f'{needed} = {{ column = 0, unit = "{CHANNEL_UNITS[needed]}" }}'
+                raise self.fail(f"[columns] does not say where the {needed} is", "columns", remedy=example)
+        area_a, area_b, accuracy = self.areas()
+        incline, mass = self.posture()
+        alignment = self.read("rig", "alignment", lambda text: uncertainty(text, "rad"))
+        return FileLayout(
+            format=form,
+            text=self.text_form(),
+            skip_samples=tree.get("skip_samples", 0),
+            columns=columns,
+            cycle=self.cycle(),
+            area_a_m2=area_a,
+            area_b_m2=area_b,
+            chamber_pressures=self.chambers(set(columns), ambient),
+            ambient_pressure_pa=ambient,
+            incline_rad=incline,
+            mass_beyond_sensor_kg=mass,
+            stiffness_n_m=self.positive("rig", "stiffness", "N/m"),
+            geometry_accuracy=accuracy if alignment is None else {**accuracy, "alignment_rad": alignment},
+            window_m=self.read("window", "position", lambda text: parse_range(text, "m")),
+            labels=self.labels(path),
+        )
+
+    def posture(self) -> tuple[float, float]:
+        """Incline in rad and mass beyond the sensor in kg."""
+        incline = self.read("rig", "incline", lambda text: parse(text, "rad")) or 0.0
+        mass = self.read("rig", "mass_beyond_sensor", lambda text: parse(text, "kg")) or 0.0
+        if abs(incline) > math.pi / 2:
+            raise self.fail("rig.incline must lie between -90 deg and 90 deg", "rig", "incline")
+        if mass < 0:
+            raise self.fail("rig.mass_beyond_sensor must not be negative", "rig", "mass_beyond_sensor")
+        return incline, mass
+
+    def text_form(self) -> TextForm:
+        """How a text table is written."""
+        tree = self.tree
+        delimiter, decimal = tree.get("delimiter", "whitespace"), tree.get("decimal", ".")
+        thousands = tree.get("thousands")
+        if decimal not in (".", ","):
+            raise self.fail(f"decimal = '{decimal}' must be '.' or ','", "decimal")
+        if thousands is not None and len(thousands) != 1:
+            raise self.fail(f"thousands = '{thousands}' must be one character", "thousands")
+        if delimiter not in DELIMITERS and len(delimiter) != 1:
+            rule = f"one character, or one of {', '.join(DELIMITERS)}"
+            raise self.fail(f"delimiter = '{delimiter}' is not known", "delimiter", rule=rule)
+        delimiter = DELIMITERS.get(delimiter, delimiter)
+        if delimiter == decimal:
+            raise self.fail(f"'{decimal}' cannot be delimiter and decimal sign at once", "delimiter")
+        return TextForm(
+            delimiter=delimiter,
+            header=tree.get("header", False),
+            decimal=decimal,
+            thousands=thousands,
+            skip_lines=tree.get("skip_lines", 0),
+            comment=tree.get("comment", "#"),
+        )
+
+    def column(self, name: str, ambient: float) -> Column:
+        """One channel."""
+        table, path, si_unit = self.tree["columns"][name], ("columns", name), CHANNEL_UNITS[name]
+        place = table.get("column")
+        if isinstance(place, bool) or not isinstance(place, int | str):
+            remedy = 'column = 0, or a name of the header in quotes: column = "Force"'
+            raise self.fail(f"columns.{name} does not say its column", *path, remedy=remedy)
+        if not isinstance(table.get("unit"), str):
+            example = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N"}[si_unit]
+            raise self.fail(f"columns.{name} has no unit", *path, remedy=f'unit = "{example}"')
+        limits: Callable[[Any], Any] = lambda text: parse_range(text, si_unit)  # noqa: E731
+        if si_unit == "Pa":
+            limits = lambda text: pressure_range(text, ambient)  # noqa: E731
+        direction = table.get("positive", "+x")
+        if direction not in SIGNS or ("positive" in table and name not in ("force", "position")):
+            rule = 'positive is "+x" or "-x", for force and position only'
+            raise self.fail(f"columns.{name}.positive = {direction!r}", *path, rule=rule)
+
+        def optional(key: str, how: Callable[[Any], Any]) -> Any:  # noqa: ANN401
+            return self.said(how, table[key], *path, key) if key in table else None
+
+        return Column(
+            column=place,
+            unit=self.said(lambda text: column_unit(text, si_unit), table["unit"], *path, "unit"),
+            sign=SIGNS[direction],
+            scale=self.number(name, "scale", 1.0),
+            offset=self.number(name, "offset", 0.0),
+            delay_s=optional("delay", lambda text: parse(text, "s")) or 0.0,
+            accuracy_si=optional("accuracy", lambda text: uncertainty(text, si_unit)),
+            range_si=optional("range", limits),
+        )
+
+    def number(self, name: str, key: str, default: float) -> float:
+        """Read a pure number of a column."""
+        value = self.tree["columns"][name].get(key, default)
+        usable = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not usable or (key == "scale" and value == 0):
+            what = f"columns.{name}.{key} = {value!r} must be a finite number"
+            raise self.fail(what, "columns", name, key, rule="SI value = (raw * scale + offset) in the column's unit")
+        return float(value)
+
+    def cycle(self) -> int | str | None:
+        """Give the column that numbers the cycles of a campaign."""
+        value = self.tree.get("columns", {}).get("cycle")
+        place = value.get("column") if isinstance(value, dict) else value
+        if value is not None and (isinstance(place, bool) or not isinstance(place, int | str)):
+            raise self.fail("columns.cycle must be a column's name or number", "columns", "cycle")
+        return place
+
+    def ambient(self) -> float:
+        """Absolute pressure around the rig."""
+        said = self.read("rig", "ambient_pressure", parse_pressure)
+        if said is None:
+            return STANDARD_ATMOSPHERE_PA
+        if said.gauge or said.value_pa <= 0:
+            what = "rig.ambient_pressure must be an absolute pressure above zero"
+            raise self.fail(what, "rig", "ambient_pressure", remedy='"1.013 bar abs"')
+        return said.value_pa
+
+    def areas(self) -> tuple[float, float, dict[str, float]]:
+        """Areas a and b, and the standard uncertainty that the layout gives for them."""
+        geometry = self.tree.get("geometry", {})
+        if "area_a" in geometry or "area_b" in geometry:
+            return self.given_areas(geometry)
+        bore = self.positive("geometry", "bore", "m")
+        if bore is None:
+            raise self.fail("[geometry] gives no area", "geometry", remedy='bore = "25 mm", or area_a and area_b')
+        kind = geometry.get("kind", "rodless")
+        if kind not in KINDS:
+            raise self.fail(
+                f"geometry.kind = {kind!r} is not known", "geometry", "kind", remedy=nearest(str(kind), KINDS)
+            )
+        rod = self.positive("geometry", "rod_diameter", "m")
+        if (rod is None) != (kind == "rodless"):
+            rule = "a rodless cylinder has no rod_diameter" if rod else f"a {kind} cylinder needs rod_diameter"
+            raise self.fail(f"geometry.kind = '{kind}' and rod_diameter do not fit", "geometry", rule=rule)
+        if rod is not None and rod >= bore:
+            what = f"geometry.rod_diameter = {geometry['rod_diameter']} must be smaller than bore = {geometry['bore']}"
+            raise self.fail(what, "geometry", "rod_diameter", remedy="were bore and rod swapped?")
+        full = math.pi / 4 * bore**2
+        ring = full - math.pi / 4 * (rod or 0.0) ** 2
+        said = self.read("geometry", "bore_accuracy", lambda text: uncertainty(text, "m"))
+        return (ring if kind == "through-rod" else full), ring, ({} if said is None else {"bore_m": said})
+
+    def given_areas(self, geometry: dict[str, Any]) -> tuple[float, float, dict[str, float]]:
+        """Areas of a piston that is not round."""
+        if {"bore", "rod_diameter"} & set(geometry):
+            raise self.fail("[geometry] gives the area twice", "geometry", rule="either bore, or area_a and area_b")
+        area_a, area_b = (self.positive("geometry", key, "m^2") for key in ("area_a", "area_b"))
+        if area_a is None or area_b is None:
+            raise self.fail("[geometry] gives only one of area_a and area_b", "geometry")
+        said = self.read("geometry", "area_accuracy", share)
+        return area_a, area_b, ({} if said is None else {"area": said})
+
+    def chambers(self, measured: set[str], ambient: float) -> dict[str, float]:
+        """Absolute pressures of chambers that are said rather than measured."""
+        pressures: dict[str, float] = {}
+        for side in ("a", "b"):
+            table, column = f"chamber_{side}", f"pressure_{side}"
+            opened = self.tree.get(table, {}).get("open_to_ambient", False)
+            held = self.read(table, "pressure", parse_pressure)
+            if not isinstance(opened, bool):
+                raise self.fail(f"{table}.open_to_ambient must be true or false", table, "open_to_ambient")
+            ways = (column in measured) + opened + (held is not None)
+            if ways != 1:
+                says = "says nothing of" if ways == 0 else "says more than once what is"
+                rule = f"exactly one of columns.{column}, {table}.open_to_ambient = true, {table}.pressure"
+                place = table if table in self.tree else "columns"
+                raise self.fail(f"the layout {says} the pressure in chamber {side}", place, rule=rule)
+            if opened:
+                pressures[column] = ambient
+            elif held is not None:
+                pressures[column] = held.absolute_pa(ambient)
+        return pressures
+
+    def labels(self, path: Path) -> dict[str, str]:
+        """Give the fixed labels and those of the file's name."""
+        said = self.tree.get("labels", {})
+        labels = {key: str(value) for key, value in said.items() if key != "pattern"}
+        pattern = said.get("pattern")
+        if pattern is None:
+            return labels
+        names = re.findall(r"\{(\w+)\}", pattern) if isinstance(pattern, str) else []
+        if not names or len(set(names)) != len(names) or any(name.isdigit() for name in names):
+            rule = 'a text with each {name} once, as in "{seal}_{pressure}bar"'
+            raise self.fail(f"labels.pattern = {pattern!r} is no pattern", "labels", "pattern", rule=rule)
+        return {**labels, **labels_from_name(pattern, stem(path))}
