@@ -64,8 +64,7 @@ def simulate(
         What is simulated.
     command : str, path or sequence of (time, command)
         Valve command in [-1, 1]: ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s, command) or pairs with the time in s.
-        Each entry holds
-        until the next; the first is at 0 s.
+        Each entry holds until the next; the first is at 0 s.
     duration : str or float
         ``"2 s"``, or a number of seconds.
     initial : Initial or str, optional
@@ -78,12 +77,9 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        Dimension time (n = round(duration * sample_rate) + 1 samples, the last one at the duration), variables position, velocity,
-        acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``; SI, absolute pressure.
-
-    Attributes
-    ----------
-        description_hash, version, solver, rtol, statistics, warnings, citations.
+        Dimension time (round(duration * sample_rate) + 1 samples, the last one at the duration), variables position,
+        velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``; SI, absolute
+        pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings, citations, assumed.
 
     Raises
     ------

@@ -115,7 +115,8 @@ def whole(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise CommandError(f"{path} cannot be written: {error.strerror or error}") from None
+        why = os.strerror(error.errno) if error.errno else str(error).replace(str(temporary), str(path))
+        raise CommandError(f"{path} cannot be written: {why}") from None
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -140,8 +141,9 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     if target.suffix.lower() == ".nc":
         flat = run.copy()
         flat.attrs = {key: _flat(value) for key, value in run.attrs.items()}
+        image = flat.to_netcdf(engine="h5netcdf")  # in memory first: HDF5 crashes the process when the disk is full
         with whole(target) as temporary:
-            flat.to_netcdf(temporary, engine="h5netcdf")
+            temporary.write_bytes(image)
         return target
     return save_columns(columns(run), run.attrs, target)
 
@@ -153,10 +155,13 @@ def save_columns(table: Mapping[str, np.ndarray], provenance: Mapping[str, Any],
     target = check_target(path, (".parquet", ".csv"))
     frame = pl.DataFrame(dict(table))
     with whole(target) as temporary:
-        if target.suffix.lower() == ".csv":
-            frame.write_csv(temporary)
-        else:
-            frame.write_parquet(temporary, metadata={"pneudrive": json.dumps(dict(provenance), default=str)})
+        try:
+            if target.suffix.lower() == ".csv":
+                frame.write_csv(temporary)
+            else:
+                frame.write_parquet(temporary, metadata={"pneudrive": json.dumps(dict(provenance), default=str)})
+        except pl.exceptions.ComputeError as error:  # how polars reports a full disk
+            raise OSError(str(error)) from None
     return target
 
 

@@ -1,0 +1,178 @@
+"""`pneudrive simulate` as users meet it: a file appears, or one message on stderr and exit status 2; no traceback."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from pneudrive.cli.main import run
+
+DRIVE = """\
+schema = 1
+[supply]
+pressure = "6 bar gauge"
+[cylinder]
+kind = "single-rod"
+bore = "32 mm"
+rod_diameter = "12 mm"
+stroke = "100 mm"
+dead_volume = { a = "8 cm3", b = "8 cm3" }
+moving_mass = "1 kg"
+[valve]
+kind = "proportional-5/3"
+nominal_flow = "350 l/min ANR"
+critical_pressure_ratio = 0.3
+[friction]
+law = "stribeck"
+coulomb = "20 N"
+breakaway = "30 N"
+stribeck_velocity = "20 mm/s"
+viscous = "40 N s/m"
+"""
+GOOD = ["--command", "0 s: 0.6, 0.1 s: -0.6", "--duration", "0.2 s"]
+
+
+def pneudrive(*arguments, cwd):
+    program = Path(sys.executable).with_name("pneudrive")
+    return subprocess.run([program, *arguments], capture_output=True, text=True, cwd=cwd, timeout=60, check=False)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "drive.toml").write_text(DRIVE)
+    return tmp_path
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv", ".nc"])
+def test_a_trajectory_file_appears(folder, suffix):
+    done = pneudrive("simulate", "drive.toml", *GOOD, "--sample-rate", "500 Hz", "--out", f"run{suffix}", cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"run{suffix}" in done.stdout
+    assert sorted(p.name for p in folder.iterdir()) == ["drive.toml", f"run{suffix}"]
+    if suffix == ".parquet":
+        table = pl.read_parquet(folder / "run.parquet")
+        assert table["time_s"].to_list()[-1] == 0.2
+        assert len(table) == 101
+        assert table["position_m"].max() > 0.06  # it moved out, from mid stroke
+        assert table["velocity_m_s"].min() < -0.1  # and back
+
+
+WRONG = {
+    "no such drive": (["simulate", "drv.toml", *GOOD], "there is no file drv.toml", "drive.toml"),
+    "no such catalogue drive": (
+        ["simulate", "catalogue:refrence", *GOOD],
+        "no drive 'refrence'",
+        "Did you mean 'reference'",
+    ),
+    "unsorted command": (
+        ["simulate", "drive.toml", "--command", "0 s: 1, 2 s: 0, 1 s: 1", "--duration", "1 s"],
+        "1 s follows 2 s",
+        "times rise",
+    ),
+    "no times": (["simulate", "drive.toml", "--command", "0.6", "--duration", "1 s"], "has no time", "time: command"),
+    "command too large": (
+        ["simulate", "drive.toml", "--command", "0 s: 1.5", "--duration", "1 s"],
+        "command = 1.5",
+        "-1 <= command <= 1",
+    ),
+    "NaN command": (
+        ["simulate", "drive.toml", "--command", "0 s: nan", "--duration", "1 s"],
+        "'nan' is not a number",
+        "",
+    ),
+    "no unit": (
+        ["simulate", "drive.toml", "--command", "0 s: 1", "--duration", "1"],
+        '"1" has no unit',
+        "a time is needed",
+    ),
+    "outside the stroke": (
+        ["simulate", "drive.toml", *GOOD, "--initial", "position = 101 mm"],
+        "lies outside the stroke",
+        "100 mm",
+    ),
+    "unknown start": (
+        ["simulate", "drive.toml", *GOOD, "--initial", "positon = 1 mm"],
+        "initial.positon",
+        "Did you mean 'position'",
+    ),
+    "gauge or absolute": (
+        ["simulate", "drive.toml", *GOOD, "--initial", "pressure_a = 3 bar"],
+        "does not say abs or gauge",
+        "3 bar abs",
+    ),
+    "unknown suffix": (["simulate", "drive.toml", *GOOD, "--out", "run.xlsx"], "'.xlsx' cannot be written", ".parquet"),
+    "no output folder": (
+        ["simulate", "drive.toml", *GOOD, "--out", "no/run.csv"],
+        "output folder no is not there",
+        "mkdir",
+    ),
+    "unknown picture": (["simulate", "drive.toml", *GOOD, "--plot", "run.bmp"], "'.bmp' cannot be written", ".png"),
+    "unknown command": (["simulat"], "there is no command 'simulat'", "Did you mean 'simulate'"),
+    "missing option": (["simulate", "drive.toml", "--duration", "1 s"], "--command", ""),
+    "rtol": (["simulate", "drive.toml", *GOOD, "--rtol", "0"], "rtol = 0.0 is out of bounds", ""),
+}
+
+
+@pytest.mark.parametrize(("arguments", "what", "also"), WRONG.values(), ids=WRONG)
+def test_wrong_input_gets_one_message(folder, arguments, what, also, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    assert run(arguments) == 2
+    out, message = capsys.readouterr()
+    assert what in message
+    assert also in message
+    assert "Traceback" not in out + message
+    assert [p.name for p in folder.iterdir()] == ["drive.toml"]
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="needs a user for whom folders can be closed")
+def test_a_closed_output_folder(folder):
+    closed = folder / "closed"
+    closed.mkdir(mode=0o500)
+    done = pneudrive("simulate", "drive.toml", *GOOD, "--out", "closed/run.csv", cwd=folder)
+    assert (done.returncode, list(closed.iterdir())) == (2, [])
+    assert "cannot be written" in done.stderr
+
+
+def test_a_wrong_file_names_its_line(folder):
+    (folder / "drive.toml").write_text(DRIVE.replace('"12 mm"', '"50 mm"'))
+    done = pneudrive("simulate", "drive.toml", *GOOD, cwd=folder)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "DescriptionError: cylinder.rod_diameter = 50 mm must be smaller than cylinder.bore = 32 mm.   drive.toml:7\n"
+        '    rod_diameter = "50 mm"\n'
+        "    Hint: Were bore and rod swapped?\n"
+    )
+
+
+def test_interrupted(folder):
+    program = Path(sys.executable).with_name("pneudrive")
+    long = [
+        "simulate",
+        "drive.toml",
+        "--command",
+        "0 s: 0.001",
+        "--duration",
+        "1e6 s",
+        "--sample-rate",
+        "1 Hz",
+        "--out",
+        "run.csv",
+    ]
+    started = subprocess.Popen([program, *long], cwd=folder, stderr=subprocess.PIPE, text=True)
+    time.sleep(2.0)
+    started.send_signal(signal.SIGINT)
+    _, message = started.communicate(timeout=20)
+    assert (started.returncode, "Traceback" in message) == (130, False)
+    assert [p.name for p in folder.iterdir()] == ["drive.toml"]
+
+
+def test_catalogue_and_schema(folder):
+    assert "smc-eus11-83" in pneudrive("catalogue", "smc-sy5000", cwd=folder).stdout
+    assert "assumed" in pneudrive("catalogue", "parker-osp-p25-sy5000", cwd=folder).stdout
+    assert '"stribeck_velocity"' in pneudrive("schema", cwd=folder).stdout
+    assert pneudrive("catalogue", "smc-sy500", cwd=folder).returncode == 2

@@ -1,0 +1,73 @@
+"""A command is steps that hold: times rise from 0 s, values lie in [-1, 1]; anything else is one message."""
+
+import numpy as np
+import pytest
+
+from pneudrive import command
+from pneudrive.errors import CommandError, DescriptionError
+
+
+def test_three_forms_of_one_command(tmp_path):
+    path = tmp_path / "steps.csv"
+    path.write_text("time_s,command\n0,0.6\n\n0.25,-0.6\n")
+    wanted = ((0.0, 0.25), (0.6, -0.6))
+    assert command.steps("0 s: 0.6, 250 ms: -0.6") == wanted
+    assert command.steps([(0, 0.6), ("250 ms", -0.6)]) == wanted
+    assert command.steps(np.array([[0.0, 0.6], [0.25, -0.6]])) == wanted
+    assert command.steps(path) == command.steps(str(path)) == wanted
+
+
+@pytest.mark.parametrize(
+    ("given", "what"),
+    [
+        ("", "is empty"),
+        ([], "is empty"),
+        ("0.6", "has no time"),
+        ("0 s: 0.6, : 1", "has no time"),
+        ("0: 0.6", "has no unit"),
+        ("0 mm: 0.6", "is a length"),
+        ("1 s: 0.6", "begins at 1 s"),
+        ("0 s: 0.6, 2 s: 0, 1 s: 1", "1 s follows 2 s"),
+        ("0 s: 0.6, 0 s: 0", "0 s follows 0 s"),
+        ("0 s: nan", "'nan' is not a number"),
+        ([(0.0, float("nan"))], "'nan' is not a number"),
+        ([(float("nan"), 0.0)], "'nan' is not a number"),
+        ("0 s: 1.01", "command = 1.01 at 0 s"),
+        ([(0.0, 0.5, 1.0)], "entry 1 of the command"),
+        ([0.5], "entry 1 of the command"),
+    ],
+)
+def test_refusals(given, what):
+    with pytest.raises(CommandError, match=what):
+        command.steps(given)
+
+
+@pytest.mark.parametrize(
+    ("content", "what", "line"),
+    [
+        (b"", "is empty", None),
+        (b"t,u\n0,1\n", "the first line is 't,u'", 1),
+        (b"time_s,command\n", "holds no entries", None),
+        (b"time_s,command\n0,1\n1\n", "1 values instead of 2", 3),
+        (b"time_s,command\n0,1\n1,\n", "command '' is not a number", 3),
+        (b"time_s,command\n0,1\n2,0\n1,0\n", "1 s follows 2 s", 4),
+        (b"\xff\xfe\x00", "is not a text file", None),
+    ],
+)
+def test_wrong_files_name_the_line(tmp_path, content, what, line):
+    path = tmp_path / "steps.csv"
+    path.write_bytes(content)
+    with pytest.raises(CommandError, match=what) as caught:
+        command.steps(path)
+    assert line is None or caught.value.where == f"{path}:{line}"
+
+
+def test_the_start_state():
+    start = command.initial("position = 50 mm, pressure_a = 2 bar gauge")
+    assert (start.position_m, start.pressure_a.gauge, start.pressure_b) == (0.05, True, None)
+    with pytest.raises(DescriptionError, match=r"Did you mean 'position'"):
+        command.initial("positon = 50 mm")
+    with pytest.raises(CommandError, match="is not key = quantity"):
+        command.initial("50 mm")
+    with pytest.raises(CommandError, match="given twice"):
+        command.initial("position = 50 mm, position = 60 mm")

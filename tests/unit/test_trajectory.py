@@ -1,0 +1,154 @@
+"""A trajectory says what it is and where it comes from, in memory and in each file; a file is whole or not there."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import polars as pl
+import pytest
+import xarray as xr
+
+import pneudrive as pn
+from pneudrive import trajectory
+from pneudrive.errors import CommandError, PneudriveWarning
+
+ORDER = [
+    *["time_s", "position_m", "velocity_m_s", "acceleration_m_s2", "pressure_a_pa", "temperature_a_k"],
+    *["pressure_b_pa", "temperature_b_k", "friction_force_n", "end_stop_force_n", "command"],
+    *["mass_flow_a_kg_s", "mass_flow_b_kg_s", "bristle_deflection_m"],
+]
+
+
+@pytest.fixture(scope="module")
+def run():
+    drive = pn.Drive.load("catalogue:reference").replace({"labels": {"seal": "NBR"}})
+    return pn.simulate(drive, "0 s: 0.6, 0.02 s: -0.6", "50.4 ms", initial="position = 50 mm", sample_rate="2 kHz")
+
+
+def test_samples_lie_where_they_should(run):
+    assert run.sizes["time"] == 102
+    assert run.time.to_numpy()[:-1] == pytest.approx(np.arange(101) / 2000, abs=1e-15)
+    assert run.time[-1] == 0.0504
+    assert run.position[0] == 0.05
+    assert set(np.unique(run.command)) == {0.6, -0.6}
+
+
+def test_the_force_balance_closes_from_the_columns(run):
+    drive = pn.Drive.load("catalogue:reference")
+    area = drive.cylinder.area_a_m2
+    force = area * (run.pressure_a - run.pressure_b) - run.friction_force - run.end_stop_force
+    assert np.abs(force - drive.cylinder.moving_mass_kg * run.acceleration).max() < 1e-6
+
+
+def test_units_and_provenance(run):
+    assert {name: v.attrs["units"] for name, v in run.data_vars.items()} == {
+        "position": "m",
+        "velocity": "m/s",
+        "acceleration": "m/s^2",
+        "friction_force": "N",
+        "end_stop_force": "N",
+        "pressure_a": "Pa",
+        "pressure_b": "Pa",
+        "temperature_a": "K",
+        "temperature_b": "K",
+        "command": "1",
+        "mass_flow_a": "kg/s",
+        "mass_flow_b": "kg/s",
+        "bristle_deflection": "m",
+    }
+    assert all(v.attrs["long_name"] for v in run.variables.values())
+    assert run.attrs["description_hash"] == pn.Drive.load("catalogue:reference").description_hash
+    assert run.attrs["statistics"]["steps"] > 10
+    assert run.attrs["labels"] == {"seal": "NBR"}
+    assert "@article{canudas1995" in pn.citations(run)
+    assert "@article{armstrong1994" not in pn.citations(run)  # the source of a law that was not used
+
+
+def test_files_hold_the_same_numbers(run, tmp_path):
+    paths = [trajectory.save(run, tmp_path / f"run{suffix}") for suffix in trajectory.SUFFIXES]
+    parquet, text = pl.read_parquet(paths[0]), pl.read_csv(paths[1])
+    assert parquet.columns == text.columns == ORDER
+    assert parquet.equals(text)
+    with xr.open_dataset(paths[2], engine="h5netcdf") as netcdf:
+        for column, (name, _, _) in trajectory.MEANING.items():
+            assert np.array_equal(netcdf[name], run[name]), name
+            assert np.array_equal(parquet[column], run[name]), name
+        assert netcdf.attrs["description_hash"] == run.attrs["description_hash"]
+        assert json.loads(netcdf.attrs["statistics"]) == run.attrs["statistics"]
+    provenance = json.loads(pl.read_parquet_metadata(paths[0])["pneudrive"])
+    assert provenance["labels"] == {"seal": "NBR"}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.csv", "run.nc", "run.parquet"]
+
+
+def test_nothing_half_written_is_left(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("old")
+
+    def fail():
+        with trajectory.whole(path) as temporary:
+            temporary.write_text("half")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(CommandError, match=r"run\.csv cannot be written: No space left"):
+        fail()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("run.xlsx", "files ending in '.xlsx'"),
+        ("run", "files ending in ''"),
+        ("no/run.csv", "is not there"),
+        ("file/run.csv", "is not a folder"),
+    ],
+)
+def test_targets_are_refused_before_any_work(tmp_path, name, what):
+    (tmp_path / "file").touch()
+    with pytest.raises(CommandError, match=what):
+        trajectory.check_target(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"duration": "2"}, "duration: .* has no unit"),
+        ({"duration": "2 mm"}, "duration: .* is a length"),
+        ({"duration": "-1 s"}, "duration = -1 s is out of bounds"),
+        ({"duration": float("nan")}, "duration = nan is out of bounds"),
+        ({"duration": "1 us"}, "makes 0.001 samples"),
+        ({"sample_rate": "0 Hz"}, "sample_rate = 0 Hz is out of bounds"),
+        ({"sample_rate": "1e12 Hz"}, "makes 1e\\+10 samples"),
+        ({"rtol": 0.0}, "rtol = 0.0 is out of bounds"),
+        ({"rtol": float("nan")}, "rtol = nan is out of bounds"),
+    ],
+)
+def test_wrong_arguments(change, what):
+    given = {"command": [(0.0, 0.5)], "duration": "10 ms"} | change
+    with pytest.raises(CommandError, match=what):
+        pn.simulate(pn.Drive.load("catalogue:reference"), **given)
+
+
+def test_a_law_that_is_not_passive_warns_once():
+    with pytest.warns(PneudriveWarning, match="not passive") as caught:
+        pn.simulate(pn.Drive.load("catalogue:reference"), [(0.0, 0.5)], "10 ms")
+    assert len(caught) == 1
+
+
+def test_heavy_libraries_wait_for_their_use():
+    heavy = ["numpy", "pydantic", "xarray", "pint", "polars", "scipy", "matplotlib"]
+    code = f"import sys, pneudrive; print([m for m in {heavy} if m in sys.modules])"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    )
+
+
+@pytest.mark.parametrize("first", ["pneudrive.simulate", "pneudrive.describe"])
+def test_the_function_outranks_the_module_of_its_name(first):
+    code = f"import {first}, pneudrive; from pneudrive.simulate import run; print(callable(pneudrive.simulate))"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+        == "True"
+    )
