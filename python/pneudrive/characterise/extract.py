@@ -11,7 +11,7 @@ from pneudrive.characterise.budget import BudgetEntry, DirectionMeans, combined,
 from pneudrive.characterise.closure import ClosurePoint
 from pneudrive.characterise.friction_map import MapRow
 from pneudrive.characterise.levels import speed_levels
-from pneudrive.characterise.motion import Stroke, find_strokes, local_slope
+from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, thinned
 from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 from pneudrive.characterise.profile import Profile, build_profile, stroke_means
 from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2, Recording
@@ -158,7 +158,7 @@ def _level(
     paired = len(present) == 2
     up, down = (conditions.get(d, conditions[present[0]]) for d in (1, -1))
     slope = _slope(profile.position_m[bins], profile.offset_n[bins]) if paired else 0.0
-    interval = float(np.median(np.diff(recording.time_s)))
+    interval = middle(np.diff(recording.time_s))
     budget = systematic_budget(recording, up.means, down.means, slope, interval)
     u_friction, u_offset = combined(budget)
     if paired:
@@ -226,11 +226,18 @@ def _conditions(
         time = recording.time_s[index[-1]] - recording.time_s[index[0]]
         speed.append((position[index[-1]] - position[index[0]]) / time if time > 0 else stroke.speed_m_s)
         moves.append(
-            np.ptp(np.quantile(recording.pressure_a_pa[index], [0.05, 0.95])) * recording.area_a_m2
-            + np.ptp(np.quantile(recording.pressure_b_pa[index], [0.05, 0.95])) * recording.area_b_m2
+            _usual_range(recording.pressure_a_pa[index]) * recording.area_a_m2
+            + _usual_range(recording.pressure_b_pa[index]) * recording.area_b_m2
         )
     means = DirectionMeans(*(float(np.mean(v)) for v in (force, pressure_a, pressure_b, speed)))
     return _Conditions(means, samples, float(np.median(moves)))
+
+
+def _usual_range(values: NDArray[np.float64]) -> float:
+    """Range that holds all but the lowest and highest 5 % of the values."""
+    some = np.sort(thinned(values))
+    margin = int(0.05 * some.size)
+    return float(some[some.size - 1 - margin] - some[margin])
 
 
 def _slope(position_m: NDArray[np.float64], values: NDArray[np.float64]) -> float:

@@ -21,6 +21,9 @@ DEPARTURE_SHARE = 0.002
 # The travel must exceed the position noise by this factor to be called motion.
 NOISE_FACTOR = 20.0
 ENOUGH_FOR_QUANTILES = 2000
+# Local slopes by convolution: for short windows, and steps that are equal but for rounding.
+KERNEL_HALF_WIDTH = 16
+UNIFORM_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -54,13 +57,36 @@ def local_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_w
     time_s, values
         Shape (n,); n must be at least 2.
     half_width
-        Neighbours on each side; fewer at both ends.
+        Neighbours on each side; at both ends fewer, or those of the nearest full window.
 
     Returns
     -------
     ndarray
         Shape (n,), unit of ``values`` per second. Zero where all times of a window are equal.
     """
+    n = time_s.size
+    steps = np.diff(time_s)
+    usual = float(steps.mean())
+    if half_width <= KERNEL_HALF_WIDTH and n > 4 * half_width and usual > 0:
+        longest, shortest = float(steps.max()), float(steps.min())
+        if longest - shortest <= UNIFORM_TOLERANCE * usual:
+            return _uniform_slope(values, half_width, usual)
+    return _general_slope(time_s, values, half_width)
+
+
+def _uniform_slope(values: NDArray[np.float64], half_width: int, step_s: float) -> NDArray[np.float64]:
+    """Slope by one convolution, for equal time steps; at the ends that of the nearest full window."""
+    offsets = np.arange(-half_width, half_width + 1)
+    kernel = offsets[::-1] / (step_s * float(offsets @ offsets))
+    slope = np.empty_like(values)
+    slope[half_width:-half_width] = np.convolve(values, kernel, "valid")
+    slope[:half_width] = slope[half_width]
+    slope[-half_width:] = slope[-half_width - 1]
+    return slope
+
+
+def _general_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
+    """Slope by running sums, for any time steps."""
     n = time_s.size
     low = np.maximum(np.arange(n) - half_width, 0)
     high = np.minimum(np.arange(n) + half_width + 1, n)
@@ -87,8 +113,9 @@ def noise_level(values: NDArray[np.float64]) -> float:
     """
     if values.size < 3:
         return 0.0
-    second = values[2:] - 2 * values[1:-1] + values[:-2]
-    from_differences = 1.4826 * float(np.median(np.abs(thinned(second)))) / np.sqrt(6.0)
+    stride = max(values.size // ENOUGH_FOR_QUANTILES, 1)
+    second = values[2::stride] - 2 * values[1:-1:stride] + values[:-2:stride]
+    from_differences = 1.4826 * middle(np.abs(second)) / np.sqrt(6.0)
     if from_differences > 0:
         return from_differences
     steps = np.abs(np.diff(values))
@@ -99,6 +126,12 @@ def noise_level(values: NDArray[np.float64]) -> float:
 def thinned(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Every k-th value, so that at most about 4000 are left: enough for a median or a high quantile."""
     return values[:: max(values.size // ENOUGH_FOR_QUANTILES, 1)]
+
+
+def middle(values: NDArray[np.float64]) -> float:
+    """Median of a long array, from enough of its values; the upper one of two middle values."""
+    some = thinned(values)
+    return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
 def turning_points(position_m: NDArray[np.float64], prominence_m: float) -> NDArray[np.intp]:
@@ -152,7 +185,7 @@ def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.
             rule=f"at least {MINIMUM_SAMPLES} finite samples are needed to find strokes",
         )
     noise = noise_level(position_m)
-    low, high = np.quantile(position_m, [0.001, 0.999])
+    low, high = np.quantile(thinned(position_m), [0.001, 0.999])
     travel = float(high - low)
     if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
         raise RecordingError(

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from pneudrive.characterise.extract import RecordingResult
@@ -98,26 +100,42 @@ def run_spread(points: list[FrictionPoint]) -> RunSpread | None:
     cells: list[tuple[str, float, float, float, float]] = []
     squares, freedom = 0.0, 0
     for seal in dict.fromkeys(p.seal for p in points):
-        left = sorted((p for p in points if p.seal == seal), key=lambda p: p.pressure_pa)
-        while left:
-            anchor = left[0].pressure_pa
-            speed = left[0].speed_m_s
-            cell = [
-                p
-                for p in left
-                if abs(p.pressure_pa - anchor) <= SAME_PRESSURE * max(abs(anchor), 1e4)
-                and abs(p.speed_m_s - speed) <= SPEED_OF_REPEAT * speed
-            ]
-            left = [p for p in left if p not in cell]
+        members = [p for p in points if p.seal == seal]
+        if len({p.run for p in members}) < 2:
+            continue
+        for cell in _repeats(members):
             values = _run_means(cell)
             if values.size >= 2:
                 mean = float(values.mean())
                 squares += float(((values / mean - 1) ** 2).sum())
                 freedom += values.size - 1
-                cells.append((seal, anchor, float(values.min()), float(values.max()), float(np.ptp(values)) / mean))
+                low, high = float(values.min()), float(values.max())
+                cells.append((seal, cell[0].pressure_pa, low, high, (high - low) / mean))
     if freedom == 0:
         return None
     return RunSpread(float(np.sqrt(squares / freedom)), freedom, tuple(cells))
+
+
+def _repeats(points: list[FrictionPoint]) -> list[list[FrictionPoint]]:
+    """Points of about the same pressure and speed."""
+    cells: list[list[FrictionPoint]] = []
+    for group in _neighbours(points, lambda p: p.pressure_pa, lambda v: SAME_PRESSURE * max(abs(v), 1e4)):
+        cells += _neighbours(group, lambda p: p.speed_m_s, lambda v: SPEED_OF_REPEAT * v)
+    return cells
+
+
+def _neighbours(
+    points: list[FrictionPoint], value: Callable[[FrictionPoint], float], width: Callable[[float], float]
+) -> list[list[FrictionPoint]]:
+    """Groups of points whose values lie within a width above the lowest of the group."""
+    groups: list[list[FrictionPoint]] = []
+    for point in sorted(points, key=value):
+        lowest = value(groups[-1][0]) if groups else 0.0
+        if groups and value(point) - lowest <= width(lowest):
+            groups[-1].append(point)
+        else:
+            groups.append([point])
+    return groups
 
 
 def _run_means(cell: list[FrictionPoint]) -> NDArray[np.float64]:
@@ -143,13 +161,7 @@ def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
 
 def _speed_groups(seal: str, points: list[FrictionPoint]) -> list[tuple[str, list[FrictionPoint]]]:
     """Points of equal speed where speed and pressure were crossed, otherwise all of them together."""
-    ordered = sorted(points, key=lambda p: p.speed_m_s)
-    groups: list[list[FrictionPoint]] = []
-    for point in ordered:
-        if groups and point.speed_m_s <= groups[-1][0].speed_m_s * (1 + SAME_SPEED):
-            groups[-1].append(point)
-        else:
-            groups.append([point])
+    groups = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
     crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > 2e4]
     if len(crossed) < 2 or sum(len(g) for g in crossed) < 0.6 * len(points):
         return [(seal, points)]

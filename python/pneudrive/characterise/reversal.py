@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import noise_level
+from pneudrive.characterise.motion import middle, noise_level
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,7 +70,7 @@ def find_reversal_peaks(
         return []
     offset_at = profile.position_m[known], profile.offset_n[known]
     sliding = float(np.nanmean(profile.friction_n[profile.in_window]))
-    usual_step = float(np.median(np.diff(recording.time_s)))
+    usual_step = middle(np.diff(recording.time_s))
     noise = noise_level(balance_n)
     peaks = []
     for stroke in strokes:

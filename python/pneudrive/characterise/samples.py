@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import noise_level, thinned
+from pneudrive.characterise.motion import middle, noise_level, thinned
 from pneudrive.characterise.recording import CHANNELS, Recording
 from pneudrive.errors import RecordingError
 
@@ -62,7 +62,7 @@ def clean(recording: Recording) -> Recording:
         recording = _take(recording, good)
     steps = np.diff(recording.time_s)
     if steps.size:
-        _count(counts, "gap", int((steps > GAP_FACTOR * np.median(steps)).sum()))
+        _count(counts, "gap", int((steps > GAP_FACTOR * middle(steps)).sum()))
     return replace(recording, flags=counts)
 
 
@@ -82,6 +82,8 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
             low, high = recording.limits[channel]
             masks["saturated"] |= (values <= low) | (values >= high)
         runs = _runs(values)
+        if runs[1].max() < SATURATED_RUN:
+            continue
         if channel == "position_m":
             masks["stuck"] |= _stuck_position(position, runs)
         else:
@@ -94,7 +96,9 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Single samples that stand out of both neighbours, on the same side, far beyond the noise."""
     mask = np.zeros(values.size, dtype=bool)
     steps = np.diff(values)
-    usual = float(np.quantile(np.abs(thinned(steps)), 0.99))
+    some = np.abs(thinned(steps))
+    rank = int(0.99 * (some.size - 1))
+    usual = float(np.partition(some, rank)[rank])
     threshold = max(SPIKE_FACTOR * noise_level(values), 3.0 * usual)
     large = np.flatnonzero(np.abs(steps[:-1]) > threshold)  # few, as a rule none
     there_and_back = (np.abs(steps[large + 1]) > threshold) & (steps[large] * steps[large + 1] < 0)
@@ -117,9 +121,9 @@ def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDA
 
 def _usual_run(lengths: NDArray[np.intp]) -> float:
     """Length of run that coarse quantisation makes by itself, weighted by samples."""
-    ordered = np.sort(lengths)
-    share = np.cumsum(ordered) / ordered.sum()
-    return float(ordered[np.searchsorted(share, 0.9)])
+    numbers = np.bincount(lengths)
+    covered = np.cumsum(numbers * np.arange(numbers.size))
+    return float(np.searchsorted(covered, 0.9 * covered[-1]))
 
 
 def _saturated(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from pneudrive.characterise.motion import local_slope
+from pneudrive.characterise.motion import local_slope, middle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -124,4 +124,4 @@ def _middle_level(
             share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
             values.append(balance_n[stroke.samples][(share > 0.2) & (share < 0.8)])
     joined = np.concatenate(values) if values else np.array([])
-    return float(np.median(joined)) if joined.size else None
+    return middle(joined) if joined.size else None
