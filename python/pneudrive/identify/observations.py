@@ -193,7 +193,7 @@ def moderate(variance: Array, dof: Array, speed: Array) -> Array:
     variance, dof : ndarray, shape (n,)
         Variances (> 0) and the degrees of freedom behind each (inf: exact, left alone).
     speed : ndarray, shape (n,)
-        Speeds (> 0); the trend is a parabola in log speed where there are rows enough, else less.
+        Speeds (> 0); the trend is a constant, a line or a parabola in log speed, as the data ask for.
 
     Returns
     -------
@@ -207,11 +207,8 @@ def moderate(variance: Array, dof: Array, speed: Array) -> Array:
         return variance.copy()
     d = dof[few]
     e = np.log(variance[few]) - digamma(d / 2.0) + np.log(d / 2.0)
-    log_speed = np.log(speed[few])
-    levels = distinct(speed[few])
-    columns = np.vander(log_speed - log_speed.mean(), min(3, max(1, levels // ROWS_PER_TREND)))
-    trend = columns @ np.linalg.lstsq(columns, e, rcond=None)[0]
-    spread = float(np.sum((e - trend) ** 2)) / (e.size - columns.shape[1]) - float(np.mean(polygamma(1, d / 2.0)))
+    trend, rest = _trend(e, np.log(speed[few]), distinct(speed[few]) // ROWS_PER_TREND)
+    spread = rest - float(np.mean(polygamma(1, d / 2.0)))
     out = variance.copy()
     if spread <= 0.0:
         out[few] = np.exp(trend)
@@ -220,6 +217,22 @@ def moderate(variance: Array, dof: Array, speed: Array) -> Array:
     s0 = np.exp(trend + digamma(d0 / 2.0) - np.log(d0 / 2.0))
     out[few] = (d0 * s0 + d * variance[few]) / (d0 + d)
     return out
+
+
+def _trend(values: Array, x: Array, most: int) -> tuple[NDArray, float]:
+    """Fit the constant, line or parabola with the smallest AICc; return it and the variance about it."""
+    best: float = np.inf
+    out = (np.zeros(values.size) + float(values.mean()), float(np.var(values, ddof=1)))
+    for count in range(1, min(3, most) + 1):
+        columns = np.vander(x - x.mean(), count)
+        fitted = columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+        rest, k = float(np.sum((values - fitted) ** 2)), count + 1
+        if values.size <= k + 1 or rest <= 0.0:
+            break
+        score = values.size * np.log(rest) + 2.0 * k + 2.0 * k * (k + 1) / (values.size - k - 1)
+        if score < best:
+            best, out = score, (fitted, rest / (values.size - count))
+    return np.asarray(out[0]), out[1]
 
 
 def _inverse_trigamma(x: float) -> float:

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Huber's tuning constant: 95 % efficiency on normal errors [huber2009].
-HUBER_K = 1.345
+#: Huber's tuning constant: 99 % efficiency on normal errors. The usual 1.345 (95 %) buys a little more resistance with
+#: intervals that hold the truth 1 % less often on a dozen levels [huber2009].
+HUBER_K = 2.0
 #: Residuals below this share of the largest friction are rounding, not noise: floor of the scale.
 SCALE_FLOOR = 1e-10
 #: Rounds of (estimate, scale); the scale settles to 1e-6 in three to five.

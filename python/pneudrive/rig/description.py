@@ -6,11 +6,15 @@ import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, nearest
 from pneudrive.rig.motion import Limits
-from pneudrive.rig.sensors import AnalogSensor, Encoder
+from pneudrive.rig.sensors import CLOCKS, AnalogSensor, Encoder, EncoderClock, TimeClock
 from pneudrive.units import parse, parse_pressure
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -82,7 +86,8 @@ class RigDescription:
     area_m2, bore_m, stroke_m, moving_mass_kg, incline_rad, ambient_pressure_pa : float
     limits, margin_m
         Servo axis, and the distance of its reversals from the ends of the stroke.
-    samples_per_cycle : int
+    clock
+        Sample clock.
     stiffness_n_m, damping_n_s_m : float
         Of the force sensor.
     force_sensor, pressure_sensor, encoder
@@ -103,7 +108,7 @@ class RigDescription:
     ambient_pressure_pa: float
     limits: Limits
     margin_m: float
-    samples_per_cycle: int
+    clock: TimeClock | EncoderClock
     stiffness_n_m: float
     damping_n_s_m: float
     force_sensor: AnalogSensor
@@ -163,7 +168,7 @@ def _build(
         ambient_pressure_pa=ambient,
         limits=Limits(servo["acceleration"], servo["jerk"]),
         margin_m=servo["margin"],
-        samples_per_cycle=int(values["sampling"]["samples_per_cycle"]),
+        clock=CLOCKS[reader.clock](int(values["sampling"]["samples_per_cycle"])),
         stiffness_n_m=force["stiffness"],
         damping_n_s_m=force["damping"],
         force_sensor=AnalogSensor(-force["range"], force["range"], int(force["bits"]), force["noise"], force["zero"]),
@@ -185,6 +190,7 @@ class _Reader:
         self.where = where
         self.sources: dict[str, Source] = {}
         self.law = content.get("friction", {}).pop("law", "stribeck")
+        self.clock = self._word("sampling.clock", content.get("sampling", {}).pop("clock", None), CLOCKS)
 
     def table(self, table: str) -> dict[str, float]:
         given = self.content.get(table, {})
@@ -229,7 +235,14 @@ class _Reader:
         if not (math.isfinite(value) and value > 0.0):
             raise DescriptionError(f"{table}.{key} must be positive", where=self.where, value=value)
 
-    def _value(self, name: str, entry: object, unit: str) -> float:
+    def _word(self, name: str, entry: object, choices: Collection[str]) -> str:
+        text = self._text(name, entry)
+        if text not in choices:
+            remedy = nearest(text, choices)
+            raise DescriptionError(f"{name} = {text!r} is unknown", where=self.where, remedy=remedy)
+        return text
+
+    def _text(self, name: str, entry: object) -> str:
         if not isinstance(entry, dict) or not {"value", "source"} <= set(entry):
             raise DescriptionError(
                 f"{name} does not say its source",
@@ -239,6 +252,10 @@ class _Reader:
             )
         text = str(entry["value"])
         self.sources[name] = Source(text, str(entry["source"]), str(entry.get("reason", "")))
+        return text
+
+    def _value(self, name: str, entry: object, unit: str) -> float:
+        text = self._text(name, entry)
         if unit == "1":
             try:
                 return float(text)

@@ -190,7 +190,7 @@ def cycles(
         raise CommandError(
             f"{1e3 * speed_m_s:g} mm/s is not reached within {1e3 * distance:g} mm: "
             f"starting and stopping take {1e3 * ramps:.4g} mm",
-            rule=f"with {limits.acceleration_m_s2:g} m/s2 and {limits.jerk_m_s3:g} m/s3 at most {top:.4g} mm/s is reached",
+            rule=f"at most {top:.4g} mm/s with {limits.acceleration_m_s2:g} m/s2 and {limits.jerk_m_s3:g} m/s3",
             remedy="lower the speed, lengthen the stroke, or give the servo more acceleration",
         )
     out, back = move(distance, speed_m_s, limits, low_m), move(-distance, speed_m_s, limits, high_m)

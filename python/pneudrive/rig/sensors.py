@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import DescriptionError
+from pneudrive.rig.motion import uniform_in_position
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from pneudrive.rig.motion import Motion
 
     Array = NDArray[np.float64]
 
@@ -70,6 +73,42 @@ class AnalogSensor:
         Steps count with their width over sqrt(12).
         """
         return float(np.sqrt(zero**2 + (gain * at) ** 2 + self.step**2 / 12.0))
+
+
+@dataclass(frozen=True)
+class TimeClock:
+    """A sample clock that is even in time, its rate set for each speed so that a cycle has the same number of samples.
+
+    Parameters
+    ----------
+    samples_per_cycle : int
+    """
+
+    samples_per_cycle: int
+
+    def times(self, motion: Motion, count: int) -> Array:
+        """Return the sample times over `count` cycles, s, shape (count * samples_per_cycle,)."""
+        return np.linspace(0.0, motion.duration_s, count * self.samples_per_cycle)
+
+
+@dataclass(frozen=True)
+class EncoderClock:
+    """A sample clock that the encoder triggers at even steps of position: no samples while the carriage stands.
+
+    Parameters
+    ----------
+    samples_per_cycle : int
+    """
+
+    samples_per_cycle: int
+
+    def times(self, motion: Motion, count: int) -> Array:
+        """Return the sample times over `count` cycles, s, shape (count * samples_per_cycle,)."""
+        return uniform_in_position(motion, count * self.samples_per_cycle)
+
+
+#: Names that a rig file gives the clocks.
+CLOCKS = {"time": TimeClock, "encoder": EncoderClock}
 
 
 @dataclass(frozen=True)

@@ -12,16 +12,18 @@ import numpy as np
 from pneudrive.characterise.recording import Recording
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.rig.description import DEFAULT, RigDescription, read_description
-from pneudrive.rig.motion import Motion, cycles, uniform_in_position
+from pneudrive.rig.motion import Motion, cycles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
+    from pneudrive.rig.sensors import EncoderClock, TimeClock
+
     Array = NDArray[np.float64]
 
-#: Half of the 5 s that a 1 mm/s cycle leaves between samples is far above what the tolerance has to resolve.
+#: Tolerance of the core: errors of force far below the noise of any force sensor.
 DEFAULT_RTOL = 1e-6
 
 
@@ -92,7 +94,7 @@ class SimulatedRig:
         *,
         count: int = 1,
         dwell_s: float = 0.0,
-        samples_per_cycle: int | None = None,
+        clock: TimeClock | EncoderClock | None = None,
         rtol: float = DEFAULT_RTOL,
     ) -> Trace:
         """Drag the piston out and back; return the true signals.
@@ -107,8 +109,8 @@ class SimulatedRig:
             Cycles (out and back).
         dwell_s : float
             Stop at each reversal.
-        samples_per_cycle : int, optional
-            Samples of one cycle, uniform in position.
+        clock : TimeClock or EncoderClock, optional
+            Another sample clock than the rig's own.
         rtol : float
             Relative tolerance of the integration.
 
@@ -128,8 +130,7 @@ class SimulatedRig:
         d = self.description
         motion = cycles(d.margin_m, d.stroke_m - d.margin_m, speed_m_s, d.limits, count=count, dwell_s=dwell_s)
         pressure_a, pressure_b = self._absolute(gauge_pa)
-        samples = (samples_per_cycle or d.samples_per_cycle) * count
-        times = uniform_in_position(motion, samples)
+        times = (clock or d.clock).times(motion, count)
         try:
             rig = _core.Rig(json.dumps(self._core_description(pressure_a, pressure_b)))
             result = rig.run(motion.durations_s, motion.jerks_m_s3, times, motion.start_m, rtol)
