@@ -9,5 +9,6 @@ html_title = "pneudrive"
 bibtex_bibfiles = ["../references.bib"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 nb_execution_mode = "cache"
+nb_render_markdown_format = "myst"
 nb_execution_raise_on_error = True
 autodoc_typehints = "description"

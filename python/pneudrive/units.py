@@ -118,9 +118,14 @@ class Pressure:
 
 
 def kind(si_unit: str) -> str:
-    """Say what is needed, with an example, for messages: ``a length is needed, e.g. "25 mm"``."""
+    """Name what a unit measures, with an example: ``a length, e.g. "25 mm"``."""
     name, example = _KINDS.get(si_unit, (f"a quantity in {si_unit}", f"1 {si_unit}"))
-    return f'{name} is needed, e.g. "{example}"'
+    return f'{name}, e.g. "{example}"'
+
+
+def needed(si_unit: str) -> str:
+    """Say what is needed, for messages: ``a length is needed, e.g. "25 mm"``."""
+    return kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 
 @lru_cache(maxsize=4096)
@@ -264,22 +269,22 @@ def _canonical(unit: str) -> str:
 def _split(text: str, si_unit: str) -> tuple[str, str]:
     """Return the number, as written, and the unit."""
     if not isinstance(text, str):
-        raise DescriptionError(f"{text!r} has no unit", rule=kind(si_unit))
+        raise DescriptionError(f"{text!r} has no unit", rule=needed(si_unit))
     match = _NUMBER.match(text)
     if match is None:
         comma = re.match(r"\s*[+-]?\d+,\d", text)
         remedy = "Use a decimal point, not a comma." if comma else "Write a number, a space and a unit."
-        raise DescriptionError(f'"{text}" is not a quantity', rule=kind(si_unit), remedy=remedy)
+        raise DescriptionError(f'"{text}" is not a quantity', rule=needed(si_unit), remedy=remedy)
     number, unit = match[1], match[2]
     if not math.isfinite(float(number)):
-        raise DescriptionError(f'"{text}" is not finite', rule=kind(si_unit))
+        raise DescriptionError(f'"{text}" is not finite', rule=needed(si_unit))
     if not unit:
-        raise DescriptionError(f'"{text}" has no unit', rule=kind(si_unit))
+        raise DescriptionError(f'"{text}" has no unit', rule=needed(si_unit))
     return number, unit
 
 
 def _wrong_dimension(unit: str, si_unit: str, is_a: str) -> DescriptionError:
-    return DescriptionError(f'unit "{unit}" is {is_a}', rule=kind(si_unit))
+    return DescriptionError(f'unit "{unit}" is {is_a}', rule=needed(si_unit))
 
 
 @lru_cache(maxsize=1)
@@ -297,7 +302,7 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
     if _ZERO_CELSIUS_LITRE.search(unit) or (si_unit == "m^3/s ANR" and not unit.endswith("ANR")):
         raise DescriptionError(
             f'"{unit}" does not say at which pressure and temperature the volume is meant',
-            rule=f"{kind('m^3/s ANR')} (ISO 8778: 100 kPa, 20 degC)",
+            rule=f"{needed('m^3/s ANR')} (ISO 8778: 100 kPa, 20 degC)",
             remedy='Write "l/min ANR" for ISO 8778; multiply litres at 0 degC and 1.01325 bar by 1.0874 first.',
         )
     registry = _registry()
@@ -306,7 +311,7 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
     try:
         parsed = registry.Unit(_pint_form(unit.removesuffix(" ANR")))
     except Exception:  # pint raises many kinds, down to tokenizer errors, for what it cannot read
-        raise DescriptionError(f'unit "{unit}" is not known', rule=kind(si_unit)) from None
+        raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit)) from None
     try:
         zero = registry.Quantity(0.0, parsed).to(target).magnitude
         one = registry.Quantity(1.0, parsed).to(target).magnitude

@@ -60,7 +60,7 @@ class PerChamber(NamedTuple):
 def quantity(given: object, si_unit: str, bounds: Bounds) -> float:
     """Convert one given quantity to a checked SI value, or raise `WrongValueError`."""
     if not isinstance(given, str):
-        raise WrongValueError(f"{given!r} has no unit", rule=units.kind(si_unit))
+        raise WrongValueError(f"{given!r} has no unit", rule=units.needed(si_unit))
     try:
         value = units.parse(given, si_unit)
     except DescriptionError as error:
@@ -171,7 +171,7 @@ class StatedPressure:
         if isinstance(given, units.Pressure):
             return given
         if not isinstance(given, str):
-            raise WrongValueError(f"{given!r} has no unit", rule=units.kind("Pa"))
+            raise WrongValueError(f"{given!r} has no unit", rule=units.needed("Pa"))
         try:
             pressure = units.parse_pressure(given)
         except DescriptionError as error:
@@ -271,7 +271,7 @@ class Described(BaseModel):
             if alias in {name, field.alias}:
                 for mark in field.metadata:
                     if isinstance(mark, Quantity):
-                        return f"Add {alias} = ...: {units.kind(mark.si_unit) if mark.si_unit else 'a number'}."
+                        return f"Add {alias} = ...: {units.needed(mark.si_unit) if mark.si_unit else 'a number'}."
                 if field.annotation is not None and hasattr(field.annotation, "model_fields"):
                     return f"Add a table [{alias}]."
         return f"Add {alias} = ..."
