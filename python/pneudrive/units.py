@@ -244,6 +244,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
     >>> write(0.025, "m", "mm")
     '25 mm'
     """
+    value = float(value)
     if unit is not None:
         _, factor, offset = _TABLE[unit]
         for digits in (12, 15, 17):

@@ -171,6 +171,13 @@ def test_interrupted(folder):
     assert [p.name for p in folder.iterdir()] == ["drive.toml"]
 
 
+def test_a_simulation_that_stops_is_no_wrong_input(folder):
+    done = pneudrive("simulate", "drive.toml", *GOOD, "--initial", "velocity = 1e5 m/s", "--out", "run.csv", cwd=folder)
+    assert (done.returncode, "Traceback" in done.stderr) == (1, False)
+    assert done.stderr.startswith("SimulationError: ")
+    assert [p.name for p in folder.iterdir()] == ["drive.toml"]
+
+
 def test_catalogue_and_schema(folder):
     assert "smc-eus11-83" in pneudrive("catalogue", "smc-sy5000", cwd=folder).stdout
     assert "assumed" in pneudrive("catalogue", "parker-osp-p25-sy5000", cwd=folder).stdout

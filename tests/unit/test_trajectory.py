@@ -11,7 +11,7 @@ import xarray as xr
 
 import pneudrive as pn
 from pneudrive import trajectory
-from pneudrive.errors import CommandError, PneudriveWarning
+from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
 
 ORDER = [
     *["time_s", "position_m", "velocity_m_s", "acceleration_m_s2", "pressure_a_pa", "temperature_a_k"],
@@ -135,6 +135,11 @@ def test_a_law_that_is_not_passive_warns_once():
     with pytest.warns(PneudriveWarning, match="not passive") as caught:
         pn.simulate(pn.Drive.load("catalogue:reference"), [(0.0, 0.5)], "10 ms")
     assert len(caught) == 1
+
+
+def test_a_simulation_that_cannot_go_on_says_when_where_and_what_to_try():
+    with pytest.raises(SimulationError, match=r"cannot go on at t = [\d.e-]+ s[\s\S]* Try "):
+        pn.simulate(pn.Drive.load("catalogue:reference"), [(0.0, 0.5)], "10 ms", initial="velocity = 1e5 m/s")
 
 
 def test_heavy_libraries_wait_for_their_use():
