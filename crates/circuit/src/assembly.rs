@@ -11,9 +11,7 @@ use crate::specification;
 use physics::friction::{AnyLaw, LAWS, SealLips};
 
 /// The friction law of a description, with its dependence on pressure; unknown names list the choices.
-pub fn friction_law(
-    spec: &specification::Friction,
-) -> Result<(AnyLaw<f64>, Option<SealLips<f64>>), Error> {
+pub fn friction_law(spec: &specification::Friction) -> Result<(AnyLaw<f64>, Option<SealLips<f64>>), Error> {
     let refuse = |message: String| Err(Error::Specification(message));
     let Some(meta) = LAWS.iter().find(|meta| meta.key == spec.law) else {
         let names: Vec<&str> = LAWS.iter().map(|meta| meta.key).collect();
@@ -25,11 +23,7 @@ pub fn friction_law(
     };
     for key in spec.parameters.keys() {
         if !meta.parameters.iter().any(|parameter| parameter.key == key) {
-            let names: Vec<&str> = meta
-                .parameters
-                .iter()
-                .map(|parameter| parameter.key)
-                .collect();
+            let names: Vec<&str> = meta.parameters.iter().map(|parameter| parameter.key).collect();
             return refuse(format!(
                 "friction.{key} is no parameter of \"{}\"; it has {}",
                 meta.key,
@@ -38,12 +32,7 @@ pub fn friction_law(
         }
     }
     for parameter in meta.parameters {
-        match spec
-            .parameters
-            .get(parameter.key)
-            .copied()
-            .or(parameter.default)
-        {
+        match spec.parameters.get(parameter.key).copied().or(parameter.default) {
             None => {
                 return refuse(format!(
                     "friction.{} is missing: {} [{}]",
@@ -65,16 +54,10 @@ pub fn friction_law(
     if let (Some(fc), Some(fs)) = (value("coulomb"), value("breakaway"))
         && fs < fc
     {
-        return refuse(format!(
-            "friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N"
-        ));
+        return refuse(format!("friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N"));
     }
     let law = AnyLaw::build(meta.key, &mut |parameter| {
-        spec.parameters
-            .get(parameter.key)
-            .copied()
-            .or(parameter.default)
-            .expect("checked above")
+        spec.parameters.get(parameter.key).copied().or(parameter.default).expect("checked above")
     })
     .expect("the name is registered");
     let lips = spec.pressure.as_ref().map(|p| SealLips {

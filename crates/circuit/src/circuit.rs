@@ -30,8 +30,15 @@ struct Topology {
     n_states: usize,
     channels: Vec<Channel>,
     structure: Arc<Structure>,
-    /// Axes whose law has modes, one event each.
-    sticking: Vec<usize>,
+    /// Masses whose friction law has modes, one event each.
+    sticking: Vec<Mover>,
+}
+
+/// Where a mass with friction is kept.
+#[derive(Clone, Copy, Debug)]
+enum Mover {
+    Axis(usize),
+    Cylinder(usize),
 }
 
 /// A system of equations made of parts. `P` is `f64`, or lanes: one drive in each.
@@ -59,11 +66,7 @@ impl Circuit<f64> {
                 sticking: Vec::new(),
             }),
             parts: Parts::default(),
-            common: Common {
-                gas: IdealGasConstants::new(gas),
-                ambient_pressure,
-                ambient_temperature,
-            },
+            common: Common { gas: *gas, ambient_pressure, ambient_temperature },
             open: Vec::new(),
             gas_nodes: 0,
             axis_nodes: 0,
@@ -85,11 +88,7 @@ impl Circuit<f64> {
         let node = self.next_gas();
         self.parts.reservoirs.push((
             Place::default(),
-            Reservoir {
-                pressure,
-                temperature,
-                node,
-            },
+            Reservoir { pressure, temperature, inverse_sqrt_t: 1.0 / temperature.sqrt(), node },
         ));
         GasId(node)
     }
@@ -104,33 +103,16 @@ impl Circuit<f64> {
         wall_temperature: f64,
     ) -> GasId {
         let node = self.next_gas();
-        let mut part = Volume {
-            dead_volume,
-            dead_wall,
-            heat_transfer,
-            wall_temperature,
-            node,
-            law,
-            scales: [1.0; 2],
-        };
-        part.set_scales(self.common.gas.k, self.common.gas.r);
+        let mut part =
+            Volume { dead_volume, dead_wall, heat_transfer, wall_temperature, node, law, scales: [1.0; 2] };
+        part.set_scales(self.common.gas.heat_capacity_ratio, self.common.gas.gas_constant);
         self.parts.volumes.push((Place::default(), part));
         GasId(node)
     }
 
     /// A restriction between two gas nodes, closed at first.
-    pub fn restriction(
-        &mut self,
-        law: physics::flow::Iso6358<f64>,
-        from: GasId,
-        to: GasId,
-    ) -> RestrictionId {
-        let is_reservoir = |id: GasId| {
-            self.parts
-                .reservoirs
-                .iter()
-                .any(|(_, part)| part.node == id.0)
-        };
+    pub fn restriction(&mut self, law: physics::flow::Iso6358<f64>, from: GasId, to: GasId) -> RestrictionId {
+        let is_reservoir = |id: GasId| self.parts.reservoirs.iter().any(|(_, part)| part.node == id.0);
         let part = Restriction {
             law,
             opening: 0.0,
@@ -156,6 +138,7 @@ impl Circuit<f64> {
         let weight = mass * STANDARD_GRAVITY * math::elementary::sin(incline);
         let part = Axis {
             mass,
+            inverse_mass: 1.0 / mass,
             weight,
             external_force,
             friction,
@@ -170,9 +153,7 @@ impl Circuit<f64> {
     /// A servo axis driven by its jerk.
     pub fn carriage(&mut self) -> (AxisId, CarriageId) {
         let node = self.next_axis();
-        self.parts
-            .carriages
-            .push((Place::default(), Carriage { jerk: 0.0, node }));
+        self.parts.carriages.push((Place::default(), Carriage { jerk: 0.0, node }));
         (AxisId(node), CarriageId(self.parts.carriages.len() - 1))
     }
 
@@ -188,54 +169,22 @@ impl Circuit<f64> {
         end_wall: f64,
     ) {
         let offset = if grows { 0.0 } else { stroke };
-        let part = Face {
-            area,
-            perimeter,
-            end_wall,
-            offset,
-            gas: gas.0,
-            axis: axis.0,
-            grows,
-        };
+        let part = Face { area, perimeter, end_wall, offset, gas: gas.0, axis: axis.0, grows };
         self.parts.faces.push((Place::default(), part));
     }
 
     pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<f64>, stroke: f64) {
-        self.parts.end_stops.push((
-            Place::default(),
-            EndStops {
-                law,
-                stroke,
-                axis: axis.0,
-            },
-        ));
+        self.parts.end_stops.push((Place::default(), EndStops { law, stroke, axis: axis.0 }));
     }
 
     pub fn spring(&mut self, axis: AxisId, stiffness: f64, rest_position: f64) {
-        self.parts.springs.push((
-            Place::default(),
-            Spring {
-                stiffness,
-                rest_position,
-                axis: axis.0,
-            },
-        ));
+        self.parts.springs.push((Place::default(), Spring { stiffness, rest_position, axis: axis.0 }));
     }
 
     /// Spring and damper between two axes; returns its index among the links.
     pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: f64, damping: f64) -> usize {
-        let driven = self
-            .parts
-            .carriages
-            .iter()
-            .any(|(_, part)| part.node == from.0);
-        let part = Link {
-            stiffness,
-            damping,
-            from: from.0,
-            to: to.0,
-            driven,
-        };
+        let driven = self.parts.carriages.iter().any(|(_, part)| part.node == from.0);
+        let part = Link { stiffness, damping, from: from.0, to: to.0, driven };
         self.parts.links.push((Place::default(), part));
         self.parts.links.len() - 1
     }
@@ -243,25 +192,15 @@ impl Circuit<f64> {
     /// Finishes the circuit; with `ledger`, its mass, energy and entropy accounts are integrated along
     /// without touching a step or a bit of the states.
     pub fn build(mut self, ledger: bool) -> Self {
+        self.join_cylinders();
         let (states, channels) = self.parts.lay_out();
         let n_states = states.len();
-        let (names, mut scale): (Vec<_>, Vec<_>) = states
-            .into_iter()
-            .map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale))
-            .unzip();
+        let (names, mut scale): (Vec<_>, Vec<_>) =
+            states.into_iter().map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale)).unzip();
         let channels = if ledger { channels } else { Vec::new() };
         scale.extend(channels.iter().map(|_| f64::INFINITY));
-        let sticking = (0..self.parts.axes.len())
-            .filter(|&i| self.parts.axes[i].1.sticks())
-            .collect();
-        let topology = |structure| Topology {
-            names,
-            scale,
-            n_states,
-            channels,
-            structure,
-            sticking,
-        };
+        let sticking = self.movers().filter(|&mover| self.mover(mover).1.sticks()).collect();
+        let topology = |structure| Topology { names, scale, n_states, channels, structure, sticking };
         // The pattern is that of everything open: it holds for every input and mode.
         self.open = (0..self.parts.restrictions.len()).collect();
         self.topology = Arc::new(topology(Arc::new(Structure::of(&[], &[], false))));
@@ -271,11 +210,44 @@ impl Circuit<f64> {
         let mut net = self.work::<Deps>();
         self.rhs(Deps::c(0.0), &y, &mut dy, &mut net);
         let structure = Arc::new(Structure::of(&dy, &self.topology.scale, false));
-        Arc::get_mut(&mut self.topology)
-            .expect("not shared yet")
-            .structure = structure;
+        Arc::get_mut(&mut self.topology).expect("not shared yet").structure = structure;
         self.open.clear();
         self
+    }
+
+    /// Joins each axis that stands between two chambers of its own, with end stops, into one part: the
+    /// same equations, evaluated together.
+    fn join_cylinders(&mut self) {
+        let parts = &mut self.parts;
+        for (_, axis) in std::mem::take(&mut parts.axes) {
+            let own: Vec<usize> =
+                (0..parts.faces.len()).filter(|&i| parts.faces[i].1.axis == axis.node).collect();
+            let stops = parts.end_stops.iter().position(|(_, stops)| stops.axis == axis.node);
+            let chamber = |grows: bool| {
+                let mut faces = own.iter().filter(|&&i| parts.faces[i].1.grows == grows);
+                let face = *faces.next()?;
+                let gas = parts.faces[face].1.gas;
+                let alone = parts.faces.iter().filter(|(_, face)| face.gas == gas).count() == 1;
+                let volume = parts.volumes.iter().position(|(_, volume)| volume.node == gas)?;
+                (faces.next().is_none() && alone).then_some((face, volume))
+            };
+            let (Some((face_a, volume_a)), Some((face_b, volume_b)), Some(stops)) =
+                (chamber(true), chamber(false), stops)
+            else {
+                parts.axes.push((Place::default(), axis));
+                continue;
+            };
+            let cylinder = Cylinder {
+                axis,
+                volumes: [parts.volumes[volume_a].1.clone(), parts.volumes[volume_b].1.clone()],
+                faces: [parts.faces[face_a].1.clone(), parts.faces[face_b].1.clone()],
+                stops: parts.end_stops.remove(stops).1,
+            };
+            let (a, b) = (cylinder.volumes[0].node, cylinder.volumes[1].node);
+            parts.volumes.retain(|(_, volume)| volume.node != a && volume.node != b);
+            parts.faces.retain(|(_, face)| face.gas != a && face.gas != b);
+            parts.cylinders.push((Place::default(), cylinder));
+        }
     }
 
     /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
@@ -283,46 +255,34 @@ impl Circuit<f64> {
     pub fn initial(&mut self, gas: &[(GasId, f64, f64)], axes: &[(AxisId, f64, f64)]) -> Vec<f64> {
         let mut y = vec![0.0; self.topology.scale.len()];
         for &(id, x, v) in axes {
-            let axes = self
-                .parts
-                .axes
-                .iter()
-                .map(|(place, part)| (place, part.node));
-            let carriages = self
-                .parts
-                .carriages
-                .iter()
-                .map(|(place, part)| (place, part.node));
-            let (place, _) = axes
-                .chain(carriages)
-                .find(|(_, node)| *node == id.0)
-                .expect("an axis of this circuit");
+            let movers =
+                self.movers().map(|mover| self.mover(mover)).map(|(place, axis, _)| (place, axis.node));
+            let carriages = self.parts.carriages.iter().map(|(place, part)| (*place, part.node));
+            let found = movers.chain(carriages).find(|(_, node)| *node == id.0);
+            let place = found.expect("an axis of this circuit").0;
             (y[place.first], y[place.first + 1]) = (x, v);
         }
         let mut net = self.work::<f64>();
         self.parts.place(&y, &mut net, &self.common);
         self.parts.shape(&mut net);
         for &(id, p, t) in gas {
-            let (place, part) = self
-                .parts
-                .volumes
-                .iter()
-                .find(|(_, part)| part.node == id.0)
-                .expect("a volume of this circuit");
+            let tanks = self.parts.volumes.iter().map(|(place, volume)| (place.first, volume));
+            let chambers = self.parts.cylinders.iter().flat_map(|(place, cylinder)| {
+                cylinder.volumes.iter().enumerate().map(|(side, volume)| (place.first + 2 + 2 * side, volume))
+            });
+            let (first, part) =
+                tanks.chain(chambers).find(|(_, part)| part.node == id.0).expect("a volume of this circuit");
             let values = match part.law {
-                ChamberLaw::EnergyBalance => physics::chamber::EnergyBalance::initial(
-                    &self.common.gas.law(),
-                    p,
-                    t,
-                    net.gas[id.0].volume,
-                ),
+                ChamberLaw::EnergyBalance => {
+                    physics::chamber::EnergyBalance::initial(&self.common.gas, p, t, net.gas[id.0].volume)
+                }
                 ChamberLaw::AsPrinted => [p, t],
             };
-            y[place.first..place.first + 2].copy_from_slice(&values);
+            y[first..first + 2].copy_from_slice(&values);
         }
         self.evaluate(&y, &mut net);
-        for &i in &self.topology.sticking {
-            let (place, axis) = &mut self.parts.axes[i];
+        for &mover in &self.topology.clone().sticking {
+            let (place, axis) = self.mover_mut(mover);
             let v = y[place.first + 1];
             axis.mode = if v == 0.0 { 0.0 } else { v.signum() };
             if v == 0.0 && axis.event(&net) < 0.0 {
@@ -340,27 +300,14 @@ impl<R: Lane> Circuit<R> {
         let number = |f: &dyn Fn(&Common<f64>) -> f64| R::from_lanes(|lane| f(&each[lane].common));
         Circuit {
             topology: each[0].topology.clone(),
-            parts: Parts::gather(
-                &each
-                    .iter()
-                    .map(|circuit| &circuit.parts)
-                    .collect::<Vec<_>>(),
-            ),
+            parts: Parts::gather(&each.iter().map(|circuit| &circuit.parts).collect::<Vec<_>>()),
             common: Common {
-                gas: IdealGasConstants {
-                    k: number(&|c| c.gas.k),
-                    r: number(&|c| c.gas.r),
-                    cv: number(&|c| c.gas.cv),
-                    cp: number(&|c| c.gas.cp),
-                },
+                gas: IdealGas::gather(&each.iter().map(|circuit| &circuit.common.gas).collect::<Vec<_>>()),
                 ambient_pressure: number(&|c| c.ambient_pressure),
                 ambient_temperature: number(&|c| c.ambient_temperature),
             },
             open: {
-                let mut open: Vec<usize> = each
-                    .iter()
-                    .flat_map(|circuit| circuit.open.clone())
-                    .collect();
+                let mut open: Vec<usize> = each.iter().flat_map(|circuit| circuit.open.clone()).collect();
                 open.sort_unstable();
                 open.dedup();
                 open
@@ -373,8 +320,7 @@ impl<R: Lane> Circuit<R> {
     /// Opens a restriction in one lane: 0 closed, 1 full.
     pub fn set_opening(&mut self, id: RestrictionId, lane: usize, opening: f64) {
         self.parts.restrictions[id.0].1.opening.put(lane, opening);
-        let is_open =
-            (0..R::L).any(|lane| self.parts.restrictions[id.0].1.opening.get(lane) != 0.0);
+        let is_open = (0..R::L).any(|lane| self.parts.restrictions[id.0].1.opening.get(lane) != 0.0);
         self.open.retain(|&i| i != id.0);
         if is_open {
             // Kept in order: sums of flows do not depend on when an edge opened.
@@ -416,24 +362,13 @@ impl<R: Lane> Circuit<R> {
 
     /// Mode of an axis' friction: -1, 0, +1.
     pub fn mode(&self, axis: AxisId) -> R {
-        let (_, part) = self
-            .parts
-            .axes
-            .iter()
-            .find(|(_, part)| part.node == axis.0)
-            .expect("an axis");
-        part.mode
+        self.mover(self.find(axis)).1.mode
     }
 
     /// The inner states of an axis' friction within `y`.
     pub fn inner_states<'y>(&self, axis: AxisId, y: &'y [R]) -> &'y [R] {
-        let (place, _) = self
-            .parts
-            .axes
-            .iter()
-            .find(|(_, part)| part.node == axis.0)
-            .expect("an axis");
-        &y[place.first + 2..place.first + place.count]
+        let (place, _, inner) = self.mover(self.find(axis));
+        &y[place.first + inner..place.first + place.count]
     }
 
     /// (mass, energy, entropy of the gas) stored at state `y`.
@@ -445,6 +380,30 @@ impl<R: Lane> Circuit<R> {
 }
 
 impl<P: Real> Circuit<P> {
+    fn movers(&self) -> impl Iterator<Item = Mover> + use<P> {
+        let axes = (0..self.parts.axes.len()).map(Mover::Axis);
+        axes.chain((0..self.parts.cylinders.len()).map(Mover::Cylinder))
+    }
+
+    /// The place of a mass (x and v come first), the mass, and the offset of its inner states.
+    fn mover(&self, mover: Mover) -> (Place, &Axis<P>, usize) {
+        match mover {
+            Mover::Axis(i) => (self.parts.axes[i].0, &self.parts.axes[i].1, 2),
+            Mover::Cylinder(i) => (self.parts.cylinders[i].0, &self.parts.cylinders[i].1.axis, 6),
+        }
+    }
+
+    fn mover_mut(&mut self, mover: Mover) -> (Place, &mut Axis<P>) {
+        match mover {
+            Mover::Axis(i) => (self.parts.axes[i].0, &mut self.parts.axes[i].1),
+            Mover::Cylinder(i) => (self.parts.cylinders[i].0, &mut self.parts.cylinders[i].1.axis),
+        }
+    }
+
+    fn find(&self, axis: AxisId) -> Mover {
+        self.movers().find(|&mover| self.mover(mover).1.node == axis.0).expect("an axis of this circuit")
+    }
+
     #[inline(always)]
     fn evaluate<S: Over<P>>(&self, y: &[S], net: &mut Net<S>) {
         self.parts.place(y, net, &self.common);
@@ -464,7 +423,7 @@ impl<R: Lane> System<R> for Circuit<R> {
         Net::new(self.gas_nodes, self.axis_nodes, S::from(self.common.gas.cp))
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn rhs<S: Over<R>>(&self, _t: S, y: &[S], dy: &mut [S], net: &mut Net<S>) {
         self.evaluate(y, net);
         self.parts.rate(y, dy, net, &self.common);
@@ -490,7 +449,7 @@ impl<R: Lane> System<R> for Circuit<R> {
     fn events(&self, _t: R, y: &[R], out: &mut [R], net: &mut Net<R>) {
         self.evaluate(y, net);
         for (out, &i) in out.iter_mut().zip(&self.topology.sticking) {
-            *out = self.parts.axes[i].1.event(net);
+            *out = self.mover(i).1.event(net);
         }
     }
 
@@ -501,7 +460,7 @@ impl<R: Lane> System<R> for Circuit<R> {
 
     fn switch(&mut self, lane: usize, event: usize, y: &mut [R], net: &mut Net<R>) {
         self.evaluate(y, net);
-        let (place, axis) = &mut self.parts.axes[self.topology.sticking[event]];
+        let (place, axis) = self.mover_mut(self.topology.sticking[event]);
         axis.switch(lane, &mut y[place.first + 1], net);
     }
 }
@@ -510,10 +469,7 @@ impl<R: Lane> System<R> for Circuit<R> {
 pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
     let n = circuit.n_states();
     let stored: Vec<[f64; 3]> = samples.iter().map(|y| circuit.stored(y)).collect();
-    let (first, last) = (
-        &samples[0],
-        samples.last().expect("at least the initial state"),
-    );
+    let (first, last) = (&samples[0], samples.last().expect("at least the initial state"));
     let (start, end) = (stored[0], *stored.last().expect("as many as samples"));
     let total = |kind: Kind| -> f64 { sum(circuit, kind, |i| last[n + i] - first[n + i]) };
     let turned = |kind: Kind| -> f64 { sum(circuit, kind, |i| (last[n + i] - first[n + i]).abs()) };
@@ -535,31 +491,19 @@ pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
             start[0].max(end[0]).max(turned(Kind::Mass)),
         ),
         energy_error: relative(end[1] - start[1] - total(Kind::Energy), turnover),
-        entropy_error: relative(
-            end[2] - start[2] - total(Kind::EntropyIn) - produced,
-            entropy_turnover,
-        ),
+        entropy_error: relative(end[2] - start[2] - total(Kind::EntropyIn) - produced, entropy_turnover),
         least_production,
         turnover,
         accounts: circuit
             .channels()
             .iter()
             .enumerate()
-            .map(|(i, channel)| {
-                (
-                    channel.name.clone(),
-                    channel.kind,
-                    last[n + i] - first[n + i],
-                )
-            })
+            .map(|(i, channel)| (channel.name.clone(), channel.kind, last[n + i] - first[n + i]))
             .collect(),
     }
 }
 
 fn sum(circuit: &Circuit<f64>, kind: Kind, value: impl Fn(usize) -> f64) -> f64 {
     let channels = circuit.channels().iter().enumerate();
-    channels
-        .filter(|(_, channel)| channel.kind == kind)
-        .map(|(i, _)| value(i))
-        .sum()
+    channels.filter(|(_, channel)| channel.kind == kind).map(|(i, _)| value(i)).sum()
 }

@@ -17,6 +17,6 @@ pub use circuit::{AxisId, CarriageId, Circuit, GasId, RestrictionId, balance};
 pub use ledger::{Balance, Channel, Kind};
 pub use net::{AxisNode, GasNode, Net};
 pub use part::{
-    Axis, Carriage, ChamberLaw, EndStops, Face, Link, Part, Reservoir, Restriction, Spring, Volume,
+    Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Link, Part, Reservoir, Restriction, Spring, Volume,
 };
 pub use run::{Error, Recorder, Run, advance, sample_times};

@@ -41,6 +41,8 @@ pub struct AxisNode<S> {
     /// Gauge pressures at the seals, Pa.
     pub gauge_a: S,
     pub gauge_b: S,
+    /// What the friction law prepared for this velocity.
+    pub prepared: S,
 }
 
 /// All nodes of a circuit, and its gas constants in the scalar of the evaluation.
@@ -54,32 +56,33 @@ pub struct Net<S> {
 
 impl<S: Real> Net<S> {
     pub(crate) fn new(gas: usize, axes: usize, cp: S) -> Self {
-        let o = S::zero();
-        let gas_node = GasNode {
+        Net { gas: vec![GasNode::empty(); gas], axis: vec![AxisNode::at_rest(); axes], cp }
+    }
+}
+
+impl<S: Real> GasNode<S> {
+    /// No volume and no flow; pressure and temperature one, so that nothing divides by zero.
+    #[inline(always)]
+    pub(crate) fn empty() -> Self {
+        let (o, one) = (S::zero(), S::one());
+        GasNode {
             volume: o,
             volume_rate: o,
             wall: o,
-            p: S::one(),
-            t: S::one(),
-            inverse_sqrt_t: S::one(),
+            p: one,
+            t: one,
+            inverse_sqrt_t: one,
             m_dot: o,
             h_dot: o,
             heat: o,
-        };
-        let axis_node = AxisNode {
-            x: o,
-            v: o,
-            force: o,
-            friction: o,
-            end_stop: o,
-            a: o,
-            gauge_a: o,
-            gauge_b: o,
-        };
-        Net {
-            gas: vec![gas_node; gas],
-            axis: vec![axis_node; axes],
-            cp,
         }
+    }
+}
+
+impl<S: Real> AxisNode<S> {
+    #[inline(always)]
+    pub(crate) fn at_rest() -> Self {
+        let o = S::zero();
+        AxisNode { x: o, v: o, force: o, friction: o, end_stop: o, a: o, gauge_a: o, gauge_b: o, prepared: o }
     }
 }

@@ -2,6 +2,7 @@
 
 mod axis;
 mod carriage;
+mod cylinder;
 mod end_stops;
 mod face;
 mod link;
@@ -17,6 +18,7 @@ use physics::IdealGas;
 
 pub use axis::Axis;
 pub use carriage::Carriage;
+pub use cylinder::Cylinder;
 pub use end_stops::EndStops;
 pub use face::Face;
 pub use link::Link;
@@ -37,53 +39,74 @@ pub struct State {
 /// What every part shares with the circuit.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<P> {
-    pub gas: IdealGasConstants<P>,
+    pub gas: IdealGas<P>,
     pub ambient_pressure: P,
     pub ambient_temperature: P,
 }
 
-/// The gas, prepared.
-#[derive(Clone, Copy, Debug)]
-pub struct IdealGasConstants<P> {
-    pub k: P,
-    pub r: P,
-    pub cv: P,
-    pub cp: P,
+/// A part's own states within those of the circuit.
+#[derive(Clone, Copy)]
+pub struct Own<'y, S> {
+    y: &'y [S],
+    place: Place,
 }
 
-impl<P: Real> IdealGasConstants<P> {
-    pub fn new(gas: &IdealGas<P>) -> Self {
-        IdealGasConstants {
-            k: gas.heat_capacity_ratio,
-            r: gas.gas_constant,
-            cv: gas.cv(),
-            cp: gas.cp(),
-        }
+impl<'y, S: Copy> Own<'y, S> {
+    /// The first `N` own states.
+    #[inline(always)]
+    pub fn first<const N: usize>(&self) -> [S; N] {
+        let own = &self.y[self.place.first..self.place.first + N];
+        std::array::from_fn(|i| own[i])
     }
 
-    pub fn law(&self) -> IdealGas<P> {
-        IdealGas {
-            heat_capacity_ratio: self.k,
-            gas_constant: self.r,
-        }
+    /// The own states from the `n`-th on.
+    #[inline(always)]
+    pub fn after(&self, n: usize) -> &'y [S] {
+        &self.y[self.place.first + n..self.place.first + self.place.count]
+    }
+}
+
+/// The rates of a part's own states.
+pub struct OwnRates<'y, S> {
+    dy: &'y mut [S],
+    place: Place,
+}
+
+impl<S: Copy> OwnRates<'_, S> {
+    /// Sets the rates of the first `N` own states.
+    #[inline(always)]
+    pub fn set<const N: usize>(&mut self, rates: [S; N]) {
+        self.dy[self.place.first..self.place.first + N].copy_from_slice(&rates);
+    }
+
+    /// The rates of the own states from the `n`-th on.
+    #[inline(always)]
+    pub fn after(&mut self, n: usize) -> &mut [S] {
+        &mut self.dy[self.place.first + n..self.place.first + self.place.count]
     }
 }
 
 /// A part of a circuit. The right-hand side runs through all parts five times: positions, the volumes
-/// that they leave, pressures, exchange of gas and forces, rates. `y` and `dy` are the part's own states.
+/// that they leave, pressures, exchange of gas and forces, rates. A phase that a part leaves out costs
+/// nothing.
 pub trait Part<P: Real> {
     /// Names and scales of the part's states.
     fn states(&self) -> Vec<State> {
         Vec::new()
     }
-    fn place<S: Over<P>>(&self, _y: &[S], _net: &mut Net<S>, _common: &Common<P>) {}
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
+    #[inline(always)]
     fn shape<S: Over<P>>(&self, _net: &mut Net<S>) {}
-    fn potential<S: Over<P>>(&self, _y: &[S], _net: &mut Net<S>, _common: &Common<P>) {}
+    #[inline(always)]
+    fn potential<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
+    #[inline(always)]
     fn exchange<S: Over<P>>(&self, _net: &mut Net<S>, _common: &Common<P>) {}
-    fn rate<S: Over<P>>(&self, _y: &[S], _dy: &mut [S], _net: &mut Net<S>, _common: &Common<P>) {}
+    #[inline(always)]
+    fn rate<S: Over<P>>(&self, _y: Own<S>, _dy: OwnRates<S>, _net: &mut Net<S>, _common: &Common<P>) {}
 
     /// (mass kg, energy J, entropy of the gas J/K) stored in the part.
-    fn stored<S: Over<P>>(&self, _y: &[S], _net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+    fn stored<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         [S::zero(); 3]
     }
     /// The part's accounts.
@@ -91,7 +114,7 @@ pub trait Part<P: Real> {
         Vec::new()
     }
     /// Rates of the accounts.
-    fn account<S: Over<P>>(&self, _y: &[S], _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
+    fn account<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
 }
 
 /// Where a part's states and accounts lie.
@@ -153,7 +176,7 @@ macro_rules! parts {
             #[inline(always)]
             pub fn place<S: Over<P>>(&self, y: &[S], net: &mut Net<S>, common: &Common<P>) {
                 $(for (at, part) in &self.$field {
-                    part.place(&y[at.first..at.first + at.count], net, common);
+                    part.place(Own { y, place: *at }, net, common);
                 })*
             }
             #[inline(always)]
@@ -165,7 +188,7 @@ macro_rules! parts {
             #[inline(always)]
             pub fn potential<S: Over<P>>(&self, y: &[S], net: &mut Net<S>, common: &Common<P>) {
                 $(for (at, part) in &self.$field {
-                    part.potential(&y[at.first..at.first + at.count], net, common);
+                    part.potential(Own { y, place: *at }, net, common);
                 })*
             }
             #[inline(always)]
@@ -177,14 +200,13 @@ macro_rules! parts {
             #[inline(always)]
             pub fn rate<S: Over<P>>(&self, y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>) {
                 $(for (at, part) in &self.$field {
-                    let own = at.first..at.first + at.count;
-                    part.rate(&y[own.clone()], &mut dy[own], net, common);
+                    part.rate(Own { y, place: *at }, OwnRates { dy: &mut *dy, place: *at }, net, common);
                 })*
             }
             pub fn stored<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> [S; 3] {
                 let mut sum = [S::zero(); 3];
                 $(for (at, part) in &self.$field {
-                    let own = part.stored(&y[at.first..at.first + at.count], net, common);
+                    let own = part.stored(Own { y, place: *at }, net, common);
                     for (sum, own) in sum.iter_mut().zip(own) {
                         *sum += own;
                     }
@@ -194,7 +216,7 @@ macro_rules! parts {
             pub fn account<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
                 $(for (at, part) in &self.$field {
                     let own = at.first_account..at.first_account + at.accounts;
-                    part.account(&y[at.first..at.first + at.count], net, common, &mut out[own]);
+                    part.account(Own { y, place: *at }, net, common, &mut out[own]);
                 })*
             }
         }
@@ -202,6 +224,7 @@ macro_rules! parts {
 }
 
 parts! {
+    cylinders: Cylinder,
     axes: Axis,
     carriages: Carriage,
     reservoirs: Reservoir,

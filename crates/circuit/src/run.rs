@@ -43,15 +43,7 @@ impl<F: FnMut(&Circuit<f64>, f64, &[f64], &mut Net<f64>, &mut [f64])> Recorder<F
     pub fn new(circuit: &Circuit<f64>, times: Vec<f64>, n_columns: usize, row: F) -> Self {
         let columns = vec![Vec::with_capacity(times.len()); n_columns];
         let states = (!circuit.channels().is_empty()).then(Vec::new);
-        Recorder {
-            next: 0,
-            net: circuit.work(),
-            row,
-            columns,
-            buffer: vec![0.0; n_columns],
-            states,
-            times,
-        }
+        Recorder { next: 0, net: circuit.work(), row, columns, buffer: vec![0.0; n_columns], states, times }
     }
 
     /// The samples that are due now: at the end of a run, those at its last instant.

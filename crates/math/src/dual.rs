@@ -24,20 +24,14 @@ impl<R: Real, const N: usize> Dual<R, N> {
     /// `f` with value `re` and derivative `slope` with respect to `self`.
     #[inline(always)]
     fn chain(self, re: R, slope: R) -> Self {
-        Dual {
-            re,
-            eps: from_fn(|i| self.eps[i] * slope),
-        }
+        Dual { re, eps: from_fn(|i| self.eps[i] * slope) }
     }
 }
 
 impl<R: Real, const N: usize> From<R> for Dual<R, N> {
     #[inline(always)]
     fn from(re: R) -> Self {
-        Dual {
-            re,
-            eps: [R::zero(); N],
-        }
+        Dual { re, eps: [R::zero(); N] }
     }
 }
 
@@ -45,10 +39,7 @@ impl<R: Real, const N: usize> Add for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
-        Dual {
-            re: self.re + o.re,
-            eps: from_fn(|i| self.eps[i] + o.eps[i]),
-        }
+        Dual { re: self.re + o.re, eps: from_fn(|i| self.eps[i] + o.eps[i]) }
     }
 }
 
@@ -56,10 +47,7 @@ impl<R: Real, const N: usize> Sub for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
-        Dual {
-            re: self.re - o.re,
-            eps: from_fn(|i| self.eps[i] - o.eps[i]),
-        }
+        Dual { re: self.re - o.re, eps: from_fn(|i| self.eps[i] - o.eps[i]) }
     }
 }
 
@@ -67,10 +55,7 @@ impl<R: Real, const N: usize> Mul for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        Dual {
-            re: self.re * o.re,
-            eps: from_fn(|i| self.eps[i].fma(o.re, self.re * o.eps[i])),
-        }
+        Dual { re: self.re * o.re, eps: from_fn(|i| self.eps[i].fma(o.re, self.re * o.eps[i])) }
     }
 }
 
@@ -80,10 +65,7 @@ impl<R: Real, const N: usize> Div for Dual<R, N> {
     fn div(self, o: Self) -> Self {
         let re = self.re / o.re;
         let inverse = R::one() / o.re;
-        Dual {
-            re,
-            eps: from_fn(|i| (self.eps[i] - re * o.eps[i]) * inverse),
-        }
+        Dual { re, eps: from_fn(|i| (self.eps[i] - re * o.eps[i]) * inverse) }
     }
 }
 
@@ -91,10 +73,7 @@ impl<R: Real, const N: usize> Neg for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Dual {
-            re: -self.re,
-            eps: from_fn(|i| -self.eps[i]),
-        }
+        Dual { re: -self.re, eps: from_fn(|i| -self.eps[i]) }
     }
 }
 
@@ -151,10 +130,7 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     fn pow(self, exponent: Self) -> Self {
         let re = self.re.pow(exponent.re);
         let (by_base, by_exponent) = (exponent.re / self.re, self.re.ln());
-        Dual {
-            re,
-            eps: from_fn(|i| re * self.eps[i].fma(by_base, exponent.eps[i] * by_exponent)),
-        }
+        Dual { re, eps: from_fn(|i| re * self.eps[i].fma(by_base, exponent.eps[i] * by_exponent)) }
     }
     #[inline(always)]
     fn sin(self) -> Self {
@@ -175,9 +151,6 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     }
     #[inline(always)]
     fn select(mask: R::Mask, a: Self, b: Self) -> Self {
-        Dual {
-            re: R::select(mask, a.re, b.re),
-            eps: from_fn(|i| R::select(mask, a.eps[i], b.eps[i])),
-        }
+        Dual { re: R::select(mask, a.re, b.re), eps: from_fn(|i| R::select(mask, a.eps[i], b.eps[i])) }
     }
 }

@@ -74,9 +74,7 @@ fn reduce_exponent(hi: f64, lo: f64) -> (f64, f64, u64) {
     let (k, bits) = round_product(hi, LOG2_E);
     let coarse = k.mul_add(-LN_2_HI, hi); // exact
     let (r, r_lo) = fast_two_sum(coarse, k.mul_add(-LN_2_LO, lo));
-    let twice_bias = bits
-        .wrapping_sub(ROUNDER.to_bits())
-        .wrapping_add(2 * EXPONENT_BIAS);
+    let twice_bias = bits.wrapping_sub(ROUNDER.to_bits()).wrapping_add(2 * EXPONENT_BIAS);
     (r, r_lo, twice_bias)
 }
 
@@ -130,11 +128,7 @@ fn split(x: f64) -> (f64, f64) {
     const SHIFT: u64 = (EXPONENT_BIAS << FRACTION_BITS) - SQRT_HALF;
     let subnormal = x < f64::MIN_POSITIVE;
     let scaled = if subnormal { x * TWO_54 } else { x };
-    let offset = if subnormal {
-        TWO_52 + 1077.0
-    } else {
-        TWO_52 + 1023.0
-    };
+    let offset = if subnormal { TWO_52 + 1077.0 } else { TWO_52 + 1023.0 };
     let bits = scaled.to_bits().wrapping_add(SHIFT);
     let k = f64::from_bits((bits >> FRACTION_BITS) | TWO_52.to_bits()) - offset;
     (k, f64::from_bits((bits & FRACTION_MASK) + SQRT_HALF))
@@ -143,17 +137,9 @@ fn split(x: f64) -> (f64, f64) {
 /// `finite` for 0 < x < inf, and the limits outside: -inf at 0, inf at inf, NaN for x < 0 and NaN.
 #[inline(always)]
 fn ln_limits(x: f64, finite: f64) -> f64 {
-    let positive = if x == f64::INFINITY {
-        f64::INFINITY
-    } else {
-        finite
-    };
+    let positive = if x == f64::INFINITY { f64::INFINITY } else { finite };
     let not_zero = if x > 0.0 { positive } else { f64::NAN };
-    if x == 0.0 {
-        f64::NEG_INFINITY
-    } else {
-        not_zero
-    }
+    if x == 0.0 { f64::NEG_INFINITY } else { not_zero }
 }
 
 /// ln(x).
@@ -295,11 +281,7 @@ fn sin_turned(magnitude: f64, quarter_turns: u64) -> f64 {
     let quadrant = bits.wrapping_add(quarter_turns);
     let value = if quadrant & 1 == 0 { sin } else { cos };
     let signed = f64::from_bits(value.to_bits() ^ ((quadrant & 2) << 62));
-    if magnitude < ANGLE_LIMIT {
-        signed
-    } else {
-        f64::NAN
-    }
+    if magnitude < ANGLE_LIMIT { signed } else { f64::NAN }
 }
 
 /// sin(x), x in rad.

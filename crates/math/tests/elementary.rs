@@ -106,10 +106,7 @@ impl Function {
 
 fn assert_within(bound: f64, name: &str, x: f64, result: f64, exact: Exact) {
     let error = ulps(result, exact);
-    assert!(
-        error <= bound,
-        "{name}({x:?}) = {result:?}: {error} ulp, not {bound}"
-    );
+    assert!(error <= bound, "{name}({x:?}) = {result:?}: {error} ulp, not {bound}");
 }
 
 fn assert_pow_at(x: f64, y: f64) {
@@ -490,10 +487,6 @@ mod oracle {
             series = (square + square * series) / f64::from(-m * (m - 1)).into();
         }
         let value = first + first * series;
-        if quadrant < 2 {
-            value
-        } else {
-            Pair(-value.0, -value.1)
-        }
+        if quadrant < 2 { value } else { Pair(-value.0, -value.1) }
     }
 }

@@ -15,11 +15,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options {
-            rtol: 1e-6,
-            max_attempts: 50_000_000,
-            max_step: f64::INFINITY,
-        }
+        Options { rtol: 1e-6, max_attempts: 50_000_000, max_step: f64::INFINITY }
     }
 }
 
@@ -122,19 +118,11 @@ impl Control {
             self.statistics.rejected += 1;
             return false;
         }
-        let factor = if self.after_rejection {
-            factor.min(1.0)
-        } else {
-            factor
-        };
+        let factor = if self.after_rejection { factor.min(1.0) } else { factor };
         self.after_rejection = false;
         // A step cut short by the target or an event says nothing against the longer one planned.
         let wish = h * factor;
-        self.wish = if self.last || self.cutting {
-            wish.max(self.wish)
-        } else {
-            wish
-        };
+        self.wish = if self.last || self.cutting { wish.max(self.wish) } else { wish };
         self.statistics.steps += 1;
         true
     }

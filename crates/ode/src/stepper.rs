@@ -3,7 +3,7 @@
 use crate::control::{Control, Failure, Options, Statistics};
 use crate::event::{LOOKOUTS, locate};
 use crate::rosenbrock::{RODAS5P, Rosenbrock};
-use crate::structure::{DIRECTIONS, Structure};
+use crate::structure::{DIRECTIONS, Entry, Structure};
 use crate::system::System;
 use math::{Dual, Lane, Real};
 use std::sync::Arc;
@@ -57,12 +57,7 @@ pub struct Step<R> {
 impl<R: Lane> Step<R> {
     fn new(blocks: usize) -> Self {
         let zeros = || vec![[R::zero(); BLOCK]; blocks];
-        Step {
-            y0: zeros(),
-            y1: zeros(),
-            k: [zeros(), zeros(), zeros()],
-            at: zeros(),
-        }
+        Step { y0: zeros(), y1: zeros(), k: [zeros(), zeros(), zeros()], at: zeros() }
     }
 
     /// The state at `t0 + theta h`, of the method's dense order.
@@ -196,11 +191,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             self.attempt(h);
             self.conclude(h, until, output);
         }
-        if (0..R::L).all(|lane| self.finished(lane, until)) {
-            Paused::Arrived
-        } else {
-            Paused::Budget
-        }
+        if (0..R::L).all(|lane| self.finished(lane, until)) { Paused::Arrived } else { Paused::Budget }
     }
 
     fn finished(&self, lane: usize, until: f64) -> bool {
@@ -223,8 +214,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 Some(direction) => Direction::variable(t, direction as usize),
                 None => Direction::from(t),
             };
-            self.system
-                .rhs(time, &self.dual_y, &mut self.dual_dy, &mut self.dual_work);
+            self.system.rhs(time, &self.dual_y, &mut self.dual_dy, &mut self.dual_work);
             for &(row, direction, slot) in &pass.results {
                 self.jacobian[slot as usize] = self.dual_dy[row as usize].eps[direction as usize];
             }
@@ -247,8 +237,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
         }
         if !self.g0.is_empty() {
-            self.system
-                .events(t, &self.y.as_flattened()[..n], &mut self.g0, &mut self.work);
+            self.system.events(t, &self.y.as_flattened()[..n], &mut self.g0, &mut self.work);
         }
         for lane in &mut self.lanes {
             lane.statistics.jacobians += 1;
@@ -281,64 +270,56 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             // A lane with nothing to do repeats a step that is never taken.
             h.put(
                 lane,
-                if idle {
-                    1e-9
-                } else {
-                    control.propose(self.t[lane], until, self.options.max_step)
-                },
+                if idle { 1e-9 } else { control.propose(self.t[lane], until, self.options.max_step) },
             );
         }
         h
     }
 
-    /// W = I/(h gamma) - J, factorised in the fixed order.
+    /// W = I/(h gamma) - J, factorised in the fixed order; the values below the diagonal and, divided
+    /// by their pivot, above it are stored with the sign in which the substitutions add them.
     fn factorise(&mut self, h: R) {
         let diagonal = R::one() / (h * R::c(METHOD.gamma));
         for (w, j) in self.lu.iter_mut().zip(&self.jacobian) {
             *w = -*j;
         }
         let structure = &*self.structure;
-        for pivot in &structure.pivots {
-            self.lu[pivot.diagonal as usize] += diagonal;
+        let (lower, upper) = (structure.lower.len(), structure.upper.len());
+        for w in &mut self.lu[lower + upper..] {
+            *w += diagonal;
         }
         let reciprocal = self.reciprocal.as_flattened_mut();
         for pivot in &structure.pivots {
             let inverse = R::one() / self.lu[pivot.diagonal as usize];
             reciprocal[pivot.row as usize] = inverse;
             for below in &pivot.below {
-                let factor = self.lu[below.slot as usize] * inverse;
-                self.lu[below.slot as usize] = factor;
-                let negative = -factor;
+                let negative = -(self.lu[below.slot as usize] * inverse);
+                self.lu[below.slot as usize] = negative;
                 for &(target, right) in &below.updates {
                     self.lu[target as usize] =
                         negative.fma(self.lu[right as usize], self.lu[target as usize]);
                 }
             }
         }
-        for entry in &structure.upper {
-            self.lu[entry.slot as usize] *= reciprocal[entry.row as usize];
+        for (entry, value) in structure.upper.iter().zip(&mut self.lu[lower..lower + upper]) {
+            *value = -(*value * reciprocal[entry.row as usize]);
         }
     }
 
     /// Solves W x = b in place, for stage `i`.
     fn solve(&mut self, i: usize) {
         let blocks = self.y.len();
+        let (lower, upper) = (&self.structure.lower[..], &self.structure.upper[..]);
+        let (lower_values, rest) = self.lu.split_at(lower.len());
+        let upper_values = &rest[..upper.len()];
         let b = &mut self.u[i * blocks..(i + 1) * blocks];
-        let x = b.as_flattened_mut();
-        for e in &self.structure.lower {
-            x[e.row as usize] =
-                (-self.lu[e.slot as usize]).fma(x[e.column as usize], x[e.row as usize]);
-        }
+        substitute(b.as_flattened_mut(), lower, lower_values);
         for (x, d) in b.iter_mut().zip(&self.reciprocal) {
             for l in 0..BLOCK {
                 x[l] *= d[l];
             }
         }
-        let x = b.as_flattened_mut();
-        for e in &self.structure.upper {
-            x[e.row as usize] =
-                (-self.lu[e.slot as usize]).fma(x[e.column as usize], x[e.row as usize]);
-        }
+        substitute(b.as_flattened_mut(), upper, upper_values);
     }
 
     /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
@@ -356,19 +337,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 combine(&mut self.stage, &self.y, &METHOD.a[i][..i], done);
                 let time = h.fma(R::c(METHOD.alpha[i]), t);
                 let stage = &self.stage.as_flattened()[..n];
-                self.system.rhs(
-                    time,
-                    stage,
-                    &mut self.rhs.as_flattened_mut()[..n],
-                    &mut self.work,
-                );
-                combine_scaled(
-                    &mut rest[..blocks],
-                    &self.rhs,
-                    &METHOD.c[i][..i],
-                    inverse_h,
-                    done,
-                );
+                self.system.rhs(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
+                combine_scaled(&mut rest[..blocks], &self.rhs, &METHOD.c[i][..i], inverse_h, done);
             }
             if self.structure.depends_on_time {
                 let weight = h * R::c(METHOD.gamma_t[i]);
@@ -395,10 +365,10 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let blocks = self.y.len();
         let (mut worst, mut poison) = ([R::zero(); BLOCK], [R::zero(); BLOCK]);
         let errors = &self.u[(S - 1) * blocks..];
-        for b in 0..blocks {
+        for (b, error) in errors.iter().enumerate() {
             for l in 0..BLOCK {
                 let size = self.y[b][l].abs().max(self.step.y1[b][l].abs());
-                let ratio = errors[b][l].abs() / (rtol * (R::c(self.scale[b][l]) + size));
+                let ratio = error[l].abs() / (rtol * (R::c(self.scale[b][l]) + size));
                 worst[l] = worst[l].max(ratio);
                 poison[l] += ratio * R::zero();
             }
@@ -449,11 +419,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                     }
                 }
             }
-            let t1 = if self.lanes[lane].last {
-                until
-            } else {
-                t0 + h_lane
-            };
+            let t1 = if self.lanes[lane].last { until } else { t0 + h_lane };
             if output.due(lane) < t1 {
                 self.prepare_dense(&mut dense_ready);
                 while output.due(lane) < t1 {
@@ -463,12 +429,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                     output.sample(lane, t, &self.step.interpolate(theta)[..n], &self.system);
                 }
             }
-            for (y, y1) in self
-                .y
-                .as_flattened_mut()
-                .iter_mut()
-                .zip(self.step.y1.as_flattened())
-            {
+            for (y, y1) in self.y.as_flattened_mut().iter_mut().zip(self.step.y1.as_flattened()) {
                 y.put(lane, y1.get(lane));
             }
             self.t[lane] = t1;
@@ -490,11 +451,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let attempts = control.statistics.steps + control.statistics.rejected;
         if control.wish < MIN_RELATIVE_STEP * t.abs().max(1e-3) {
             control.failure = Some(if error.is_finite() {
-                Failure::StepTooSmall {
-                    t,
-                    h: control.wish,
-                    state,
-                }
+                Failure::StepTooSmall { t, h: control.wish, state }
             } else {
                 Failure::NotFinite { t, state }
             });
@@ -510,9 +467,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let ratio = errors[i].get(lane).abs() / (self.scale.as_flattened()[i] + size);
             if ratio.is_nan() { f64::INFINITY } else { ratio }
         };
-        (0..errors.len())
-            .max_by(|&a, &b| relative(a).total_cmp(&relative(b)))
-            .unwrap_or(0)
+        (0..errors.len()).max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)
     }
 
     fn prepare_dense(&mut self, ready: &mut bool) {
@@ -528,13 +483,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     fn look(&mut self, lane: usize, t0: f64, h: f64, theta: f64) {
         let n = self.structure.n();
         let t = R::from_lanes(|l| if l == lane { t0 + theta * h } else { self.t[l] });
-        let y = if theta == 1.0 {
-            self.step.y1.as_flattened()
-        } else {
-            self.step.interpolate(theta)
-        };
-        self.system
-            .events(t, &y[..n], &mut self.g_look, &mut self.work);
+        let y = if theta == 1.0 { self.step.y1.as_flattened() } else { self.step.interpolate(theta) };
+        self.system.events(t, &y[..n], &mut self.g_look, &mut self.work);
     }
 
     fn look_for_event(&mut self, lane: usize, t0: f64, h: f64) -> Found {
@@ -549,10 +499,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                     continue;
                 }
                 let shift = 0.5 * tolerance;
-                let (low, high) = (
-                    self.g1[event].get(lane) + shift,
-                    self.g_look[event].get(lane) + shift,
-                );
+                let (low, high) = (self.g1[event].get(lane) + shift, self.g_look[event].get(lane) + shift);
                 let at = if low <= 0.0 {
                     before
                 } else {
@@ -584,12 +531,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     fn switch(&mut self, lane: usize, event: usize, moved: bool) {
         let n = self.structure.n();
-        self.system.switch(
-            lane,
-            event,
-            &mut self.y.as_flattened_mut()[..n],
-            &mut self.work,
-        );
+        self.system.switch(lane, event, &mut self.y.as_flattened_mut()[..n], &mut self.work);
         self.lanes[lane].note_switch(self.t[lane], event, moved);
     }
 }
@@ -630,6 +572,22 @@ impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
             dual_work: self.dual_work.clone(),
             dual_y: self.dual_y.clone(),
             dual_dy: self.dual_dy.clone(),
+        }
+    }
+}
+
+/// x[row] += value * x[column] for each entry in turn. A small system has a length that the compiler
+/// knows: an index is then masked into it and needs no check.
+#[inline(always)]
+fn substitute<R: Real>(x: &mut [R], entries: &[Entry], values: &[R]) {
+    if let Ok(x) = <&mut [R; 8]>::try_from(&mut *x) {
+        for (e, value) in entries.iter().zip(values) {
+            let (row, column) = (e.row as usize & 7, e.column as usize & 7);
+            x[row] = value.fma(x[column], x[row]);
+        }
+    } else {
+        for (e, value) in entries.iter().zip(values) {
+            x[e.row as usize] = value.fma(x[e.column as usize], x[e.row as usize]);
         }
     }
 }

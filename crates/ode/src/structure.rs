@@ -4,16 +4,16 @@
 use math::Deps;
 
 /// How many directions one pass of dual numbers carries.
-pub(crate) const DIRECTIONS: usize = 4;
+pub(crate) const DIRECTIONS: usize = 8;
 
 /// Slot of a matrix entry in the array of stored values.
 type Slot = u32;
 
+/// One operation of a substitution: x[row] -= value * x[column]. The values lie in the same order.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
-    pub slot: Slot,
-    pub row: u32,
-    pub column: u32,
+    pub row: u16,
+    pub column: u16,
 }
 
 /// One pass of dual numbers: which states carry which direction, and where the results go.
@@ -51,9 +51,10 @@ pub struct Structure {
     pub(crate) n_slots: usize,
     pub(crate) passes: Vec<Pass>,
     pub(crate) pivots: Vec<Pivot>,
-    /// Strictly lower entries in elimination order, for the forward substitution.
+    /// Strictly lower entries in elimination order, column by column: slots 0 .. lower.len().
     pub(crate) lower: Vec<Entry>,
-    /// Strictly upper entries in reverse elimination order, for the backward substitution.
+    /// Strictly upper entries in reverse elimination order, column by column: the slots that follow.
+    /// The diagonal comes last. So both substitutions read their values in sequence.
     pub(crate) upper: Vec<Entry>,
     pub(crate) depends_on_time: bool,
 }
@@ -67,9 +68,7 @@ impl Structure {
     pub fn of(rows: &[Deps], scale: &[f64], depends_on_time: bool) -> Self {
         let n = rows.len();
         let quadrature = |i: usize| scale[i].is_infinite();
-        let pattern: Vec<Vec<bool>> = (0..n)
-            .map(|i| (0..n).map(|j| rows[i].contains(j)).collect())
-            .collect();
+        let pattern: Vec<Vec<bool>> = (0..n).map(|i| (0..n).map(|j| rows[i].contains(j)).collect()).collect();
         for row in &pattern {
             for (j, used) in row.iter().enumerate() {
                 assert!(
@@ -80,25 +79,16 @@ impl Structure {
         }
         let order = elimination_order(&pattern, &quadrature);
         let filled = fill_in(&pattern, &order);
+        let (lower, upper) = substitutions(&filled, &order);
         let mut slots = vec![vec![Slot::MAX; n]; n];
-        let mut n_slots = 0;
-        for (i, row) in filled.iter().enumerate() {
-            for j in (0..n).filter(|&j| row[j]) {
-                slots[i][j] = n_slots;
-                n_slots += 1;
-            }
+        let diagonal = (0..n).map(|k| Entry { row: k as u16, column: k as u16 });
+        for (slot, entry) in lower.iter().chain(&upper).copied().chain(diagonal).enumerate() {
+            slots[entry.row as usize][entry.column as usize] = slot as Slot;
         }
+        let n_slots = lower.len() + upper.len() + n;
         let passes = colour(&pattern, &slots, &quadrature, depends_on_time);
-        let (pivots, lower, upper) = program(&filled, &slots, &order);
-        Structure {
-            n,
-            n_slots: n_slots as usize,
-            passes,
-            pivots,
-            lower,
-            upper,
-            depends_on_time,
-        }
+        let pivots = factorisation(&filled, &slots, &order);
+        Structure { n, n_slots, passes, pivots, lower, upper, depends_on_time }
     }
 
     /// Number of states.
@@ -129,9 +119,7 @@ fn elimination_order(pattern: &[Vec<bool>], quadrature: &dyn Fn(usize) -> bool) 
             let column = left.iter().filter(|&&i| i != k && work[i][k]).count();
             row * column
         };
-        let at = (0..left.len())
-            .min_by_key(|&p| count(left[p]))
-            .expect("not empty");
+        let at = (0..left.len()).min_by_key(|&p| count(left[p])).expect("not empty");
         let k = left.remove(at);
         for &i in left.iter().filter(|&&i| work[i][k]).collect::<Vec<_>>() {
             for &j in left.iter() {
@@ -174,11 +162,7 @@ fn colour(
     let n = pattern.len();
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for j in (0..n).filter(|&j| !quadrature(j) && pattern.iter().any(|row| row[j])) {
-        let clash = |group: &Vec<usize>| {
-            group
-                .iter()
-                .any(|&g| pattern.iter().any(|row| row[g] && row[j]))
-        };
+        let clash = |group: &Vec<usize>| group.iter().any(|&g| pattern.iter().any(|row| row[g] && row[j]));
         match groups.iter_mut().find(|group| !clash(group)) {
             Some(group) => group.push(j),
             None => groups.push(vec![j]),
@@ -201,46 +185,31 @@ fn colour(
     passes
 }
 
-/// The flat lists of operations of factorisation and substitutions.
-fn program(
-    filled: &[Vec<bool>],
-    slots: &[Vec<Slot>],
-    order: &[usize],
-) -> (Vec<Pivot>, Vec<Entry>, Vec<Entry>) {
-    let entry = |i: usize, j: usize| Entry {
-        slot: slots[i][j],
-        row: i as u32,
-        column: j as u32,
-    };
-    let (mut pivots, mut lower, mut upper) = (Vec::new(), Vec::new(), Vec::new());
+/// The entries of both substitutions, column by column, so that those of a column are independent.
+fn substitutions(filled: &[Vec<bool>], order: &[usize]) -> (Vec<Entry>, Vec<Entry>) {
+    let entry = |i: usize, j: usize| Entry { row: i as u16, column: j as u16 };
+    let (mut lower, mut upper) = (Vec::new(), Vec::new());
+    for (p, &k) in order.iter().enumerate() {
+        lower.extend(order[p + 1..].iter().filter(|&&i| filled[i][k]).map(|&i| entry(i, k)));
+    }
+    for (p, &k) in order.iter().enumerate().rev() {
+        upper.extend(order[..p].iter().filter(|&&i| filled[i][k]).map(|&i| entry(i, k)));
+    }
+    (lower, upper)
+}
+
+/// The operations of the factorisation, pivot by pivot.
+fn factorisation(filled: &[Vec<bool>], slots: &[Vec<Slot>], order: &[usize]) -> Vec<Pivot> {
+    let mut pivots = Vec::new();
     for (p, &k) in order.iter().enumerate() {
         let rest = &order[p + 1..];
         let mut below = Vec::new();
         for &i in rest.iter().filter(|&&i| filled[i][k]) {
-            lower.push(entry(i, k));
-            let updates = rest
-                .iter()
-                .filter(|&&j| filled[k][j])
-                .map(|&j| (slots[i][j], slots[k][j]))
-                .collect();
-            below.push(Below {
-                slot: slots[i][k],
-                updates,
-            });
+            let updates =
+                rest.iter().filter(|&&j| filled[k][j]).map(|&j| (slots[i][j], slots[k][j])).collect();
+            below.push(Below { slot: slots[i][k], updates });
         }
-        pivots.push(Pivot {
-            row: k as u32,
-            diagonal: slots[k][k],
-            below,
-        });
+        pivots.push(Pivot { row: k as u32, diagonal: slots[k][k], below });
     }
-    for (p, &k) in order.iter().enumerate().rev() {
-        upper.extend(
-            order[p + 1..]
-                .iter()
-                .filter(|&&j| filled[k][j])
-                .map(|&j| entry(k, j)),
-        );
-    }
-    (pivots, lower, upper)
+    pivots
 }

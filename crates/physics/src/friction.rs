@@ -27,6 +27,8 @@ pub struct At<S> {
     pub gauge_b: S,
     /// Sum of all other forces in +x, N: what friction must balance in stick.
     pub applied: S,
+    /// What [`Law::prepare`] gave for this velocity.
+    pub prepared: S,
 }
 
 /// Levels that dependences act on, before the law is evaluated.
@@ -60,15 +62,14 @@ pub trait Law<P: Real> {
     /// Fc and Fs before any dependence.
     fn levels(&self) -> Levels<P>;
 
+    /// What depends on the velocity alone (an exponential, mostly), computed ahead of the forces so
+    /// that the processor works on both at once.
+    fn prepare<S: Over<P>>(&self, _v: S) -> S {
+        S::zero()
+    }
+
     /// Friction force, N, positive where it opposes v > 0, and the rates of the inner states.
-    fn force<S: Over<P>>(
-        &self,
-        at: &At<S>,
-        levels: &Levels<S>,
-        z: &[S],
-        dz: &mut [S],
-        mode: P,
-    ) -> S;
+    fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S;
 
     /// Positive while the mode holds.
     fn event<S: Over<P>>(&self, _at: &At<S>, _levels: &Levels<S>, _mode: P) -> S {
@@ -159,6 +160,10 @@ macro_rules! laws {
             #[inline(always)]
             pub fn levels(&self) -> Levels<P> {
                 match self { $(AnyLaw::$name(law) => law.levels(),)* }
+            }
+            #[inline(always)]
+            pub fn prepare<S: Over<P>>(&self, v: S) -> S {
+                match self { $(AnyLaw::$name(law) => law.prepare(v),)* }
             }
             #[inline(always)]
             pub fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {

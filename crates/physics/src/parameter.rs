@@ -12,48 +12,28 @@ pub struct Bounds {
 
 impl Bounds {
     pub fn contain(&self, x: f64) -> bool {
-        if self.open {
-            x > self.lower && x < self.upper
-        } else {
-            x >= self.lower && x <= self.upper
-        }
+        if self.open { x > self.lower && x < self.upper } else { x >= self.lower && x <= self.upper }
     }
 }
 
 /// Greater than `lower`.
 pub const fn above(lower: f64) -> Bounds {
-    Bounds {
-        lower,
-        upper: f64::INFINITY,
-        open: true,
-    }
+    Bounds { lower, upper: f64::INFINITY, open: true }
 }
 
 /// Finite or infinite, not less than `lower`.
 pub const fn at_least(lower: f64) -> Bounds {
-    Bounds {
-        lower,
-        upper: f64::INFINITY,
-        open: false,
-    }
+    Bounds { lower, upper: f64::INFINITY, open: false }
 }
 
 /// Strictly between `lower` and `upper`.
 pub const fn between(lower: f64, upper: f64) -> Bounds {
-    Bounds {
-        lower,
-        upper,
-        open: true,
-    }
+    Bounds { lower, upper, open: true }
 }
 
 /// Any finite number.
 pub const fn any() -> Bounds {
-    Bounds {
-        lower: f64::NEG_INFINITY,
-        upper: f64::INFINITY,
-        open: true,
-    }
+    Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY, open: true }
 }
 
 /// One parameter of a law.

@@ -12,16 +12,13 @@ fn to_python(error: Error) -> PyErr {
     match error {
         Error::Specification(message) => PyValueError::new_err(message),
         Error::Stopped(message) => PyRuntimeError::new_err(message),
-        Error::Interrupted { t } => {
-            PyKeyboardInterrupt::new_err(format!("interrupted at t = {t} s"))
-        }
+        Error::Interrupted { t } => PyKeyboardInterrupt::new_err(format!("interrupted at t = {t} s")),
     }
 }
 
 fn parse<'a, T: serde::Deserialize<'a>>(json: &'a str) -> PyResult<T> {
-    serde_json::from_str(json).map_err(|error| {
-        PyValueError::new_err(format!("the description does not fit the core: {error}"))
-    })
+    serde_json::from_str(json)
+        .map_err(|error| PyValueError::new_err(format!("the description does not fit the core: {error}")))
 }
 
 /// Runs `work` without the interpreter's lock; `work` is told when the user wants to stop.
@@ -75,21 +72,12 @@ fn run_to_dict<'py>(py: Python<'py>, names: &[String], run: Run) -> PyResult<Bou
     let out = PyDict::new(py);
     out.set_item("columns", columns)?;
     out.set_item("statistics", statistics(py, &run.statistics)?)?;
-    out.set_item(
-        "ledger",
-        run.balance
-            .as_ref()
-            .map(|balance| ledger(py, balance))
-            .transpose()?,
-    )?;
+    out.set_item("ledger", run.balance.as_ref().map(|balance| ledger(py, balance)).transpose()?)?;
     Ok(out)
 }
 
 fn options(rtol: f64) -> Options {
-    Options {
-        rtol,
-        ..Options::default()
-    }
+    Options { rtol, ..Options::default() }
 }
 
 /// A drive, assembled from its description in SI (JSON).
@@ -131,14 +119,7 @@ impl PyDrive {
             &self.drive
         };
         let run = detached(py, |interrupted| {
-            drive.simulate(
-                &times,
-                &commands,
-                (duration, sample_rate),
-                &initial,
-                options(rtol),
-                interrupted,
-            )
+            drive.simulate(&times, &commands, (duration, sample_rate), &initial, options(rtol), interrupted)
         })?;
         let out = run_to_dict(py, drive.columns(), run)?;
         out.set_item("warnings", drive.warnings())?;
@@ -190,21 +171,9 @@ impl PyDrive {
     ) -> PyResult<Bound<'py, PyDict>> {
         let initial = initial_state(initial)?;
         let middle = 0.5 * self.spec.cylinder.stroke_m;
-        let servo = Servo {
-            kp,
-            kd,
-            middle,
-            amplitude: amplitude_m,
-            frequency: frequency_hz,
-        };
+        let servo = Servo { kp, kd, middle, amplitude: amplitude_m, frequency: frequency_hz };
         let run = detached(py, |interrupted| {
-            self.drive.servo(
-                &servo,
-                (duration_s, sample_rate_hz),
-                &initial,
-                options(rtol),
-                interrupted,
-            )
+            self.drive.servo(&servo, (duration_s, sample_rate_hz), &initial, options(rtol), interrupted)
         })?;
         run_to_dict(py, self.drive.columns(), run)
     }
@@ -231,9 +200,7 @@ fn initial_state(initial: &Bound<'_, PyDict>) -> PyResult<specification::Initial
     };
     Ok(specification::Initial {
         position_m: value("position_m")?,
-        velocity_m_s: initial
-            .get_item("velocity_m_s")?
-            .map_or(Ok(0.0), |v| v.extract())?,
+        velocity_m_s: initial.get_item("velocity_m_s")?.map_or(Ok(0.0), |v| v.extract())?,
         pressure_a_pa: value("pressure_a_pa")?,
         pressure_b_pa: value("pressure_b_pa")?,
         temperature_a_k: value("temperature_a_k")?,
@@ -252,9 +219,7 @@ impl PyRig {
     #[new]
     fn new(json: &str) -> PyResult<Self> {
         let spec: specification::Rig = parse(json)?;
-        Ok(PyRig {
-            rig: Rig::assemble(&spec).map_err(to_python)?,
-        })
+        Ok(PyRig { rig: Rig::assemble(&spec).map_err(to_python)? })
     }
 
     /// Runs a motion of piecewise constant jerk.
@@ -268,14 +233,7 @@ impl PyRig {
         rtol: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
         let run = detached(py, |interrupted| {
-            self.rig.run(
-                &durations,
-                &jerks,
-                &sample_times,
-                initial_position,
-                options(rtol),
-                interrupted,
-            )
+            self.rig.run(&durations, &jerks, &sample_times, initial_position, options(rtol), interrupted)
         })?;
         run_to_dict(py, self.rig.columns(), run)
     }
@@ -291,13 +249,7 @@ fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         law.set_item("title", meta.title)?;
         law.set_item("source", meta.source)?;
         law.set_item("modes", i32::from(meta.sticks))?;
-        law.set_item(
-            "states",
-            meta.states
-                .iter()
-                .map(|state| state.name)
-                .collect::<Vec<_>>(),
-        )?;
+        law.set_item("states", meta.states.iter().map(|state| state.name).collect::<Vec<_>>())?;
         let parameters = PyList::empty(py);
         for p in meta.parameters {
             let parameter = PyDict::new(py);
@@ -328,13 +280,7 @@ fn steady_friction<'py>(
     gauge_b_pa: f64,
     pressure: Option<std::collections::BTreeMap<String, f64>>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let coefficient = |key: &str| {
-        pressure
-            .as_ref()
-            .and_then(|p| p.get(key))
-            .copied()
-            .unwrap_or(0.0)
-    };
+    let coefficient = |key: &str| pressure.as_ref().and_then(|p| p.get(key)).copied().unwrap_or(0.0);
     let spec = specification::Friction {
         law: law.to_string(),
         parameters,
@@ -347,25 +293,11 @@ fn steady_friction<'py>(
     };
     let (law, lips) = friction_law(&spec).map_err(to_python)?;
     let force = |v: f64| {
-        let at = At {
-            v,
-            x: 0.0,
-            gauge_a: gauge_a_pa,
-            gauge_b: gauge_b_pa,
-            applied: 0.0,
-        };
+        let at = At { v, x: 0.0, gauge_a: gauge_a_pa, gauge_b: gauge_b_pa, applied: 0.0, prepared: 0.0 };
         let levels: Levels<f64> = law.levels();
-        law.steady(
-            v,
-            &lips
-                .as_ref()
-                .map_or(levels, |lips| lips.apply(&levels, &at)),
-        )
+        law.steady(v, &lips.as_ref().map_or(levels, |lips| lips.apply(&levels, &at)))
     };
-    Ok(PyArray1::from_iter(
-        py,
-        velocity.as_array().iter().map(|&v| force(v)),
-    ))
+    Ok(PyArray1::from_iter(py, velocity.as_array().iter().map(|&v| force(v))))
 }
 
 #[pymodule]

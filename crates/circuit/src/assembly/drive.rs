@@ -35,34 +35,20 @@ struct Side {
 /// end faces and the rod's surface; the dead volume has no surface of its own.
 fn side(bore: f64, rod: f64) -> Side {
     let area = 0.25 * PI * (bore * bore - rod * rod);
-    Side {
-        area,
-        perimeter: PI * (bore + rod),
-        end_wall: 2.0 * area,
-    }
+    Side { area, perimeter: PI * (bore + rod), end_wall: 2.0 * area }
 }
 
 impl Drive {
     /// Assembles the drive; with `ledger`, its accounts are integrated along.
     pub fn assemble(spec: &specification::Drive, ledger: bool) -> Result<Self, Error> {
         let cylinder = &spec.cylinder;
-        let gas = IdealGas {
-            heat_capacity_ratio: spec.gas.heat_capacity_ratio,
-            gas_constant: spec.gas.gas_constant_j_kg_k,
-        };
+        let gas = IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k);
         let (law, lips) = friction_law(&spec.friction)?;
         let rod = |has_rod: bool| {
-            if has_rod {
-                cylinder.rod_diameter_m
-            } else {
-                0.0
-            }
+            if has_rod { cylinder.rod_diameter_m } else { 0.0 }
         };
         let mut sides = [
-            side(
-                cylinder.bore_m,
-                rod(cylinder.kind == CylinderKind::ThroughRod),
-            ),
+            side(cylinder.bore_m, rod(cylinder.kind == CylinderKind::ThroughRod)),
             side(cylinder.bore_m, rod(cylinder.kind != CylinderKind::Rodless)),
         ];
         let chamber_law = match cylinder.chamber_law {
@@ -83,16 +69,13 @@ impl Drive {
         }
         let mut warnings: Vec<String> = law.warning().into_iter().collect();
         if chamber_law == ChamberLaw::AsPrinted {
-            warnings.push("chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only".into());
+            warnings.push(
+                "chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only"
+                    .into(),
+            );
         }
         let inner = law.meta().states;
-        let citations = vec![
-            law.meta().source,
-            "iso6358-2013",
-            "bejan2016",
-            "steinebach2023",
-            "hairer1996",
-        ];
+        let citations = vec![law.meta().source, "iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"];
 
         let mut circuit = Circuit::new(&gas, spec.ambient.pressure_pa, spec.ambient.temperature_k);
         let supply = circuit.reservoir(spec.supply.pressure_pa, spec.supply.temperature_k);
@@ -106,28 +89,11 @@ impl Drive {
                 cylinder.wall_temperature_k,
             )
         };
-        let (a, b) = (
-            chamber(cylinder.dead_volume_a_m3),
-            chamber(cylinder.dead_volume_b_m3),
-        );
+        let (a, b) = (chamber(cylinder.dead_volume_a_m3), chamber(cylinder.dead_volume_b_m3));
         let mass = cylinder.moving_mass_kg + spec.load.mass_kg;
-        let axis = circuit.axis(
-            mass,
-            cylinder.incline_rad,
-            spec.load.force_n,
-            Some(law),
-            lips,
-        );
+        let axis = circuit.axis(mass, cylinder.incline_rad, spec.load.force_n, Some(law), lips);
         for (gas, side, grows) in [(a, &sides[0], true), (b, &sides[1], false)] {
-            circuit.face(
-                gas,
-                axis,
-                grows,
-                cylinder.stroke_m,
-                side.area,
-                side.perimeter,
-                side.end_wall,
-            );
+            circuit.face(gas, axis, grows, cylinder.stroke_m, side.area, side.perimeter, side.end_wall);
         }
         let stop = &cylinder.end_stop;
         let stop = EndStop {
@@ -151,24 +117,10 @@ impl Drive {
             is_air,
         );
         let mut edge = |from, to| circuit.restriction(edge_law.clone(), from, to);
-        let edges = [
-            edge(supply, a),
-            edge(a, exhaust),
-            edge(supply, b),
-            edge(b, exhaust),
-        ];
+        let edges = [edge(supply, a), edge(a, exhaust), edge(supply, b), edge(b, exhaust)];
         let mut columns: Vec<String> = COLUMNS.iter().map(ToString::to_string).collect();
         columns.extend(inner.iter().map(|state| state.name.to_string()));
-        Ok(Drive {
-            circuit: circuit.build(ledger),
-            axis,
-            a,
-            b,
-            edges,
-            columns,
-            warnings,
-            citations,
-        })
+        Ok(Drive { circuit: circuit.build(ledger), axis, a, b, edges, columns, warnings, citations })
     }
 
     /// Names of the columns of a run.
@@ -218,14 +170,10 @@ impl Drive {
         let (duration, rate) = sampling;
         let (circuit, y) = self.start(initial, commands[0]);
         let command = std::cell::Cell::new(commands[0]);
-        let mut recorder = Recorder::new(
-            &circuit,
-            sample_times(duration, rate),
-            self.columns.len(),
-            |c, t, y, net, row| {
+        let mut recorder =
+            Recorder::new(&circuit, sample_times(duration, rate), self.columns.len(), |c, t, y, net, row| {
                 self.row(c, t, command.get(), y, net, row);
-            },
-        );
+            });
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
         for (i, &u) in commands.iter().enumerate() {
             if times[i] >= duration {
@@ -240,11 +188,7 @@ impl Drive {
         }
         recorder.finish(stepper.system(), stepper.state());
         let balance = recorder.balance(stepper.system());
-        Ok(Run {
-            columns: recorder.columns,
-            statistics: stepper.statistics(0),
-            balance,
-        })
+        Ok(Run { columns: recorder.columns, statistics: stepper.statistics(0), balance })
     }
 
     /// A sampled servo loop: every 1/rate seconds the command is computed from position and velocity
@@ -260,14 +204,9 @@ impl Drive {
         let times = sample_times(sampling.0, sampling.1);
         let (circuit, y) = self.start(initial, 0.0);
         let command = std::cell::Cell::new(0.0);
-        let mut recorder = Recorder::new(
-            &circuit,
-            times.clone(),
-            self.columns.len(),
-            |c, t, y, net, row| {
-                self.row(c, t, command.get(), y, net, row);
-            },
-        );
+        let mut recorder = Recorder::new(&circuit, times.clone(), self.columns.len(), |c, t, y, net, row| {
+            self.row(c, t, command.get(), y, net, row);
+        });
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
         for pair in times.windows(2) {
             let u = servo.command(pair[0], stepper.state()[0], stepper.state()[1]);
@@ -276,28 +215,12 @@ impl Drive {
             advance(&mut stepper, pair[1], &mut recorder, interrupted)?;
         }
         recorder.finish(stepper.system(), stepper.state());
-        Ok(Run {
-            columns: recorder.columns,
-            statistics: stepper.statistics(0),
-            balance: None,
-        })
+        Ok(Run { columns: recorder.columns, statistics: stepper.statistics(0), balance: None })
     }
 
-    fn row(
-        &self,
-        circuit: &Circuit<f64>,
-        t: f64,
-        u: f64,
-        y: &[f64],
-        net: &mut Net<f64>,
-        row: &mut [f64],
-    ) {
+    fn row(&self, circuit: &Circuit<f64>, t: f64, u: f64, y: &[f64], net: &mut Net<f64>, row: &mut [f64]) {
         circuit.observe(y, net);
-        let (axis, a, b) = (
-            &net.axis[self.axis.0],
-            &net.gas[self.a.0],
-            &net.gas[self.b.0],
-        );
+        let (axis, a, b) = (&net.axis[self.axis.0], &net.gas[self.a.0], &net.gas[self.b.0]);
         let values = [
             t,
             axis.x,
@@ -335,12 +258,7 @@ const COLUMNS: [&str; 13] = [
     "mass_flow_b_kg_s",
 ];
 
-fn set_command<R: math::Lane>(
-    circuit: &mut Circuit<R>,
-    edges: &[RestrictionId; 4],
-    lane: usize,
-    u: f64,
-) {
+fn set_command<R: math::Lane>(circuit: &mut Circuit<R>, edges: &[RestrictionId; 4], lane: usize, u: f64) {
     let (extend, retract) = (u.max(0.0), (-u).max(0.0));
     for (edge, opening) in edges.iter().zip([extend, retract, retract, extend]) {
         circuit.set_opening(*edge, lane, opening);

@@ -1,4 +1,4 @@
-use super::{Common, Part, State};
+use super::{Common, Own, OwnRates, Part, State};
 use crate::net::Net;
 use math::{Over, Real};
 
@@ -14,33 +14,22 @@ physics::parameters! {
 impl<P: Real> Part<P> for Carriage<P> {
     fn states(&self) -> Vec<State> {
         vec![
-            State {
-                name: "carriage position",
-                unit: "m",
-                scale: 0.1,
-            },
-            State {
-                name: "carriage velocity",
-                unit: "m/s",
-                scale: 0.1,
-            },
-            State {
-                name: "carriage acceleration",
-                unit: "m/s2",
-                scale: 1.0,
-            },
+            State { name: "carriage position", unit: "m", scale: 0.1 },
+            State { name: "carriage velocity", unit: "m/s", scale: 0.1 },
+            State { name: "carriage acceleration", unit: "m/s2", scale: 1.0 },
         ]
     }
 
     #[inline(always)]
-    fn place<S: Over<P>>(&self, y: &[S], net: &mut Net<S>, _common: &Common<P>) {
+    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
         let node = &mut net.axis[self.node];
-        (node.x, node.v, node.a) = (y[0], y[1], y[2]);
+        [node.x, node.v, node.a] = y.first();
         node.force = S::zero();
     }
 
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, y: &[S], dy: &mut [S], _net: &mut Net<S>, _common: &Common<P>) {
-        dy.copy_from_slice(&[y[1], y[2], S::from(self.jerk)]);
+    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnRates<S>, _net: &mut Net<S>, _common: &Common<P>) {
+        let [_, v, a] = y.first();
+        dy.set([v, a, S::from(self.jerk)]);
     }
 }

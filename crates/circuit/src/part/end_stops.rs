@@ -1,6 +1,6 @@
-use super::{Common, Part};
+use super::{Common, Own, Part};
 use crate::ledger::Kind;
-use crate::net::Net;
+use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
 use physics::mechanics::EndStop;
 
@@ -29,41 +29,35 @@ impl<P: Real> EndStops<P> {
     fn contact<S: Over<P>>(&self, x: S, v: S) -> (S, S, S) {
         let over = x - S::from(self.stroke);
         let far = (-x).lt(over);
-        (
-            S::select(far, over, -x),
-            S::select(far, v, -v),
-            S::select(far, -S::one(), S::one()),
-        )
+        (S::select(far, over, -x), S::select(far, v, -v), S::select(far, -S::one(), S::one()))
+    }
+
+    /// Adds the force of the stops to the axis.
+    #[inline(always)]
+    pub(super) fn push<S: Over<P>>(&self, node: &mut AxisNode<S>) {
+        let (depth, closing, direction) = self.contact(node.x, node.v);
+        node.end_stop = direction * self.law.force(depth, closing);
+        node.force += node.end_stop;
     }
 }
 
 impl<P: Real> Part<P> for EndStops<P> {
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let node = &mut net.axis[self.axis];
-        let (depth, closing, direction) = self.contact(node.x, node.v);
-        node.end_stop = direction * self.law.force(depth, closing);
-        node.force += node.end_stop;
+        self.push(&mut net.axis[self.axis]);
     }
 
-    fn stored<S: Over<P>>(&self, _y: &[S], net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         let node = &net.axis[self.axis];
         let depth = self.contact(node.x, node.v).0.max(S::zero());
-        [
-            S::zero(),
-            S::c(0.5) * S::from(self.law.stiffness) * depth * depth,
-            S::zero(),
-        ]
+        [S::zero(), S::c(0.5) * S::from(self.law.stiffness) * depth * depth, S::zero()]
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![
-            ("damper heat", Kind::Energy),
-            ("damper", Kind::EntropyOfSolid),
-        ]
+        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
     }
 
-    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.axis];
         let (depth, closing, _) = self.contact(node.x, node.v);
         let spring = S::from(self.law.stiffness) * depth.max(S::zero());

@@ -1,6 +1,6 @@
-use super::{Common, Part};
+use super::{Common, Own, Part};
 use crate::ledger::Kind;
-use crate::net::Net;
+use crate::net::{AxisNode, GasNode, Net};
 use math::{Over, Real};
 
 physics::parameters! {
@@ -34,39 +34,45 @@ impl<P: Real> Face<P> {
     }
 }
 
-impl<P: Real> Part<P> for Face<P> {
+impl<P: Real> Face<P> {
+    /// Adds what the piston leaves free to the volume.
     #[inline(always)]
-    fn shape<S: Over<P>>(&self, net: &mut Net<S>) {
-        let axis = &net.axis[self.axis];
-        let (area, length) = (
-            S::from(self.area),
-            S::from(self.offset) + self.signed(axis.x),
-        );
-        let rate = self.signed(area * axis.v);
-        let node = &mut net.gas[self.gas];
+    pub(super) fn enlarge<S: Over<P>>(&self, axis: &AxisNode<S>, node: &mut GasNode<S>) {
+        let (area, length) = (S::from(self.area), S::from(self.offset) + self.signed(axis.x));
         node.volume = area.fma(length, node.volume);
-        node.volume_rate += rate;
+        node.volume_rate += self.signed(area * axis.v);
         node.wall = S::from(self.perimeter).fma(length, node.wall + S::from(self.end_wall));
     }
 
+    /// Adds the force of the gas to the axis.
     #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
-        let gauge = net.gas[self.gas].p - S::from(common.ambient_pressure);
-        let push = self.signed(S::from(self.area) * gauge);
-        let axis = &mut net.axis[self.axis];
-        axis.force += push;
+    pub(super) fn push<S: Over<P>>(&self, node: &GasNode<S>, axis: &mut AxisNode<S>, common: &Common<P>) {
+        let gauge = node.p - S::from(common.ambient_pressure);
+        axis.force += self.signed(S::from(self.area) * gauge);
         if self.grows {
             axis.gauge_a = gauge;
         } else {
             axis.gauge_b = gauge;
         }
     }
+}
+
+impl<P: Real> Part<P> for Face<P> {
+    #[inline(always)]
+    fn shape<S: Over<P>>(&self, net: &mut Net<S>) {
+        self.enlarge(&net.axis[self.axis], &mut net.gas[self.gas]);
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
+        self.push(&net.gas[self.gas], &mut net.axis[self.axis], common);
+    }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         vec![("ambient work", Kind::Energy)]
     }
 
-    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         out[0] = -self.signed(S::from(common.ambient_pressure * self.area) * net.axis[self.axis].v);
     }
 }

@@ -1,4 +1,4 @@
-use super::{Common, Part};
+use super::{Common, Own, Part};
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Over, Real};
@@ -37,13 +37,9 @@ impl<P: Real> Part<P> for Link<P> {
         net.axis[self.from].force -= force;
     }
 
-    fn stored<S: Over<P>>(&self, _y: &[S], net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         let stretch = net.axis[self.from].x - net.axis[self.to].x;
-        [
-            S::zero(),
-            S::c(0.5) * S::from(self.stiffness) * stretch * stretch,
-            S::zero(),
-        ]
+        [S::zero(), S::c(0.5) * S::from(self.stiffness) * stretch * stretch, S::zero()]
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
@@ -54,14 +50,10 @@ impl<P: Real> Part<P> for Link<P> {
         ]
     }
 
-    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let speed = net.axis[self.from].v - net.axis[self.to].v;
         let heat = S::from(self.damping) * speed * speed;
-        out[0] = if self.driven {
-            self.force(net) * net.axis[self.from].v
-        } else {
-            S::zero()
-        };
+        out[0] = if self.driven { self.force(net) * net.axis[self.from].v } else { S::zero() };
         out[1] = -heat;
         out[2] = heat / S::from(common.ambient_temperature);
     }

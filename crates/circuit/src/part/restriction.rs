@@ -1,6 +1,6 @@
-use super::{Common, Part, volume::specific_entropy};
+use super::{Common, Own, Part, volume::specific_entropy};
 use crate::ledger::Kind;
-use crate::net::Net;
+use crate::net::{GasNode, Net};
 use math::{Lane, Over, Real};
 use physics::flow::Iso6358;
 
@@ -32,25 +32,24 @@ impl<R: Lane> Restriction<R> {
 }
 
 impl<P: Real> Restriction<P> {
-    /// Mass flow from `from` to `to`, kg/s.
+    /// Mass flow from `from` to `to`, kg/s, and where it goes backward.
     #[inline(always)]
-    fn flow<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
-        S::from(self.opening)
-            * self
-                .law
-                .mass_flow(one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+    fn flow<S: Over<P>>(&self, one: &GasNode<S>, two: &GasNode<S>) -> (S, S::Mask) {
+        let (w1, w2) = (one.inverse_sqrt_t, two.inverse_sqrt_t);
+        self.law.mass_flow(S::from(self.opening), one.p, w1, two.p, w2)
     }
 
     #[inline(always)]
     pub(crate) fn pass<S: Over<P>>(&self, net: &mut Net<S>) {
-        let m_dot = self.flow(net);
-        let (t1, t2) = (net.gas[self.from].t, net.gas[self.to].t);
-        let h_dot = m_dot * net.cp * S::select(m_dot.lt(S::zero()), t2, t1);
-        net.gas[self.from].m_dot -= m_dot;
-        net.gas[self.from].h_dot -= h_dot;
-        net.gas[self.to].m_dot += m_dot;
-        net.gas[self.to].h_dot += h_dot;
+        let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
+        let (m_dot, backward) = self.flow(one, two);
+        let h_dot = m_dot * (net.cp * S::select(backward, two.t, one.t));
+        let one = &mut net.gas[self.from];
+        one.m_dot -= m_dot;
+        one.h_dot -= h_dot;
+        let two = &mut net.gas[self.to];
+        two.m_dot += m_dot;
+        two.h_dot += h_dot;
     }
 }
 
@@ -65,10 +64,9 @@ impl<P: Real> Part<P> for Restriction<P> {
         ]
     }
 
-    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let m_dot = self.flow(net);
+    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
-        let backward = m_dot.lt(S::zero());
+        let (m_dot, backward) = self.flow(one, two);
         let t_up = S::select(backward, two.t, one.t);
         let h_dot = m_dot * S::from(common.gas.cp) * t_up;
         let zero = S::zero();
@@ -80,7 +78,7 @@ impl<P: Real> Part<P> for Restriction<P> {
         out[0] = one_in(m_dot);
         out[1] = one_in(h_dot);
         out[2] = sign(self.from_boundary, m_dot * s_from) - sign(self.to_boundary, m_dot * s_to);
-        out[3] = m_dot * S::from(common.gas.r) * (one.p / two.p).ln();
+        out[3] = m_dot * S::from(common.gas.gas_constant) * (one.p / two.p).ln();
         let receiver = S::select(backward, one.t, two.t);
         let ratio = t_up / receiver;
         let mixing = m_dot.abs() * S::from(common.gas.cp) * (ratio - S::one() - ratio.ln());

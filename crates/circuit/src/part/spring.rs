@@ -1,4 +1,4 @@
-use super::{Common, Part};
+use super::{Common, Own, Part};
 use crate::net::Net;
 use math::{Over, Real};
 
@@ -19,12 +19,8 @@ impl<P: Real> Part<P> for Spring<P> {
         node.force -= S::from(self.stiffness) * (node.x - S::from(self.rest_position));
     }
 
-    fn stored<S: Over<P>>(&self, _y: &[S], net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         let stretch = net.axis[self.axis].x - S::from(self.rest_position);
-        [
-            S::zero(),
-            S::c(0.5) * S::from(self.stiffness) * stretch * stretch,
-            S::zero(),
-        ]
+        [S::zero(), S::c(0.5) * S::from(self.stiffness) * stretch * stretch, S::zero()]
     }
 }

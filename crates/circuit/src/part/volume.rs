@@ -1,6 +1,6 @@
-use super::{Common, Part, State};
+use super::{Common, Own, OwnRates, Part, State};
 use crate::ledger::Kind;
-use crate::net::Net;
+use crate::net::{GasNode, Net};
 use math::{Over, Real};
 use physics::chamber::{AsPrinted, EnergyBalance, Exchange};
 use physics::heat;
@@ -40,10 +40,9 @@ const T_0: f64 = 293.15;
 impl Volume<f64> {
     pub(crate) fn set_scales(&mut self, k: f64, r: f64) {
         self.scales = match self.law {
-            ChamberLaw::EnergyBalance => [
-                P_0 / (r * T_0) * self.dead_volume,
-                P_0 * self.dead_volume / (k - 1.0),
-            ],
+            ChamberLaw::EnergyBalance => {
+                [P_0 / (r * T_0) * self.dead_volume, P_0 * self.dead_volume / (k - 1.0)]
+            }
             ChamberLaw::AsPrinted => [P_0, T_0],
         };
     }
@@ -51,44 +50,14 @@ impl Volume<f64> {
 
 /// Entropy per mass relative to the reference state, J/(kg K).
 pub(super) fn specific_entropy<P: Real, S: Over<P>>(t: S, p: S, common: &Common<P>) -> S {
-    let (cp, r) = (S::from(common.gas.cp), S::from(common.gas.r));
+    let (cp, r) = (S::from(common.gas.cp), S::from(common.gas.gas_constant));
     cp * (t / S::c(T_0)).ln() - r * (p / S::c(P_0)).ln()
 }
 
-impl<P: Real> Part<P> for Volume<P> {
-    fn states(&self) -> Vec<State> {
-        let [first, second] = self.scales;
-        match self.law {
-            ChamberLaw::EnergyBalance => vec![
-                State {
-                    name: "mass",
-                    unit: "kg",
-                    scale: first,
-                },
-                State {
-                    name: "internal energy",
-                    unit: "J",
-                    scale: second,
-                },
-            ],
-            ChamberLaw::AsPrinted => vec![
-                State {
-                    name: "pressure",
-                    unit: "Pa",
-                    scale: first,
-                },
-                State {
-                    name: "temperature",
-                    unit: "K",
-                    scale: second,
-                },
-            ],
-        }
-    }
-
+impl<P: Real> Volume<P> {
+    /// The volume without pistons, and no flow.
     #[inline(always)]
-    fn place<S: Over<P>>(&self, _y: &[S], net: &mut Net<S>, _common: &Common<P>) {
-        let node = &mut net.gas[self.node];
+    pub(super) fn reset<S: Over<P>>(&self, node: &mut GasNode<S>) {
         node.volume = S::from(self.dead_volume);
         node.wall = S::from(self.dead_wall);
         node.volume_rate = S::zero();
@@ -96,27 +65,21 @@ impl<P: Real> Part<P> for Volume<P> {
         node.h_dot = S::zero();
     }
 
+    /// Pressure and temperature from the states.
     #[inline(always)]
-    fn potential<S: Over<P>>(&self, y: &[S], net: &mut Net<S>, common: &Common<P>) {
-        let node = &mut net.gas[self.node];
+    pub(super) fn fill<S: Over<P>>(&self, y: [S; 2], node: &mut GasNode<S>, common: &Common<P>) {
         (node.p, node.t) = match self.law {
-            ChamberLaw::EnergyBalance => {
-                EnergyBalance::p_t(&common.gas.law(), [y[0], y[1]], node.volume)
-            }
-            ChamberLaw::AsPrinted => (y[0], y[1]),
+            ChamberLaw::EnergyBalance => EnergyBalance::p_t(&common.gas, y, node.volume),
+            ChamberLaw::AsPrinted => y.into(),
         };
         node.inverse_sqrt_t = S::one() / node.t.sqrt();
     }
 
+    /// Rates of the states, once all flows are known.
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, _y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>) {
-        let node = &mut net.gas[self.node];
-        node.heat = heat::newton(
-            S::from(self.heat_transfer),
-            node.wall,
-            S::from(self.wall_temperature),
-            node.t,
-        );
+    pub(super) fn rates<S: Over<P>>(&self, node: &mut GasNode<S>, common: &Common<P>) -> [S; 2] {
+        node.heat =
+            heat::newton(S::from(self.heat_transfer), node.wall, S::from(self.wall_temperature), node.t);
         let exchange = Exchange {
             m_dot: node.m_dot,
             h_dot: node.h_dot,
@@ -124,21 +87,47 @@ impl<P: Real> Part<P> for Volume<P> {
             volume_rate: node.volume_rate,
             heat: node.heat,
         };
-        let rate = match self.law {
+        match self.law {
             ChamberLaw::EnergyBalance => EnergyBalance::rate(node.p, &exchange),
-            ChamberLaw::AsPrinted => AsPrinted::rate(&common.gas.law(), node.p, node.t, &exchange),
-        };
-        dy.copy_from_slice(&rate);
+            ChamberLaw::AsPrinted => AsPrinted::rate(&common.gas, node.p, node.t, &exchange),
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Volume<P> {
+    fn states(&self) -> Vec<State> {
+        let [first, second] = self.scales;
+        match self.law {
+            ChamberLaw::EnergyBalance => vec![
+                State { name: "mass", unit: "kg", scale: first },
+                State { name: "internal energy", unit: "J", scale: second },
+            ],
+            ChamberLaw::AsPrinted => vec![
+                State { name: "pressure", unit: "Pa", scale: first },
+                State { name: "temperature", unit: "K", scale: second },
+            ],
+        }
     }
 
-    fn stored<S: Over<P>>(&self, _y: &[S], net: &Net<S>, common: &Common<P>) -> [S; 3] {
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        self.reset(&mut net.gas[self.node]);
+    }
+
+    #[inline(always)]
+    fn potential<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, common: &Common<P>) {
+        self.fill(y.first(), &mut net.gas[self.node], common);
+    }
+
+    #[inline(always)]
+    fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnRates<S>, net: &mut Net<S>, common: &Common<P>) {
+        dy.set(self.rates(&mut net.gas[self.node], common));
+    }
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>) -> [S; 3] {
         let node = &net.gas[self.node];
-        let m = node.p * node.volume / (S::from(common.gas.r) * node.t);
-        [
-            m,
-            m * S::from(common.gas.cv) * node.t,
-            m * specific_entropy(node.t, node.p, common),
-        ]
+        let m = node.p * node.volume / (S::from(common.gas.gas_constant) * node.t);
+        [m, m * S::from(common.gas.cv) * node.t, m * specific_entropy(node.t, node.p, common)]
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
@@ -149,7 +138,7 @@ impl<P: Real> Part<P> for Volume<P> {
         ]
     }
 
-    fn account<S: Over<P>>(&self, _y: &[S], net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
         let node = &net.gas[self.node];
         let wall = S::from(self.wall_temperature);
         out[0] = node.heat;

@@ -24,15 +24,12 @@ impl EnergyBalance {
     pub fn p_t<P: Real, S: Over<P>>(gas: &IdealGas<P>, state: [S; 2], volume: S) -> (S, S) {
         let [m, u] = state;
         let k1 = gas.heat_capacity_ratio - P::one();
-        (
-            S::from(k1) * u / volume,
-            S::from(k1 / gas.gas_constant) * u / m,
-        )
+        (S::from(k1) * u / volume, S::from(k1 / gas.gas_constant) * u / m)
     }
 
     /// (dm/dt, dU/dt).
     #[inline(always)]
     pub fn rate<S: Real>(p: S, x: &Exchange<S>) -> [S; 2] {
-        [x.m_dot, x.h_dot - p * x.volume_rate + x.heat]
+        [x.m_dot, (-p).fma(x.volume_rate, x.heat) + x.h_dot]
     }
 }

@@ -71,17 +71,12 @@ impl<P: Real> Iso6358<P> {
         let inverse_span = P::one() / (P::one() - b);
         let q = (linear_above - b) * inverse_span;
         let bracket_at_linear = P::one() - q * q;
-        let phi = if elliptic {
-            bracket_at_linear.sqrt()
-        } else {
-            bracket_at_linear.pow(m)
-        };
+        let phi = if elliptic { bracket_at_linear.sqrt() } else { bracket_at_linear.pow(m) };
         let (density, c_gas) = if is_air {
             (P::c(RHO_0), c)
         } else {
             let (k_air, r_air) = AIR;
-            let ratio = (gas.gas_constant / P::c(r_air)).sqrt()
-                * choked_factor(gas.heat_capacity_ratio)
+            let ratio = (gas.gas_constant / P::c(r_air)).sqrt() * choked_factor(gas.heat_capacity_ratio)
                 / choked_factor(P::c(k_air));
             (P::c(1e5) / (gas.gas_constant * P::c(T_0)), c * ratio)
         };
@@ -102,25 +97,22 @@ impl<P: Real> Iso6358<P> {
     #[inline(always)]
     pub fn phi<S: Over<P>>(&self, r: S) -> S {
         let b = S::from(self.critical_pressure_ratio);
-        let q = (r - b) * S::from(self.inverse_span);
-        let bracket = (S::one() - q * q).max(S::from(self.bracket_at_linear));
-        let subsonic = if self.elliptic {
-            bracket.sqrt()
-        } else {
-            bracket.pow(S::from(self.subsonic_index))
-        };
+        let q =
+            r.fma(S::from(self.inverse_span), S::from(-(self.critical_pressure_ratio * self.inverse_span)));
+        let bracket = (-q).fma(q, S::one()).max(S::from(self.bracket_at_linear));
+        let subsonic = if self.elliptic { bracket.sqrt() } else { bracket.pow(S::from(self.subsonic_index)) };
         let linear = S::from(self.linear_slope) * (S::one() - r);
         let above_critical = S::select(S::from(self.linear_above).lt(r), linear, subsonic);
         S::select(b.lt(r), above_critical, S::one())
     }
 
-    /// Mass flow from end 1 to end 2 at full opening, kg/s; `w` is 1/sqrt(T) at each end.
+    /// Mass flow from end 1 to end 2, kg/s, through the share `opening` of the conductance, and where
+    /// it goes from 2 to 1; `w` is 1/sqrt(T) at each end.
     #[inline(always)]
-    pub fn mass_flow<S: Over<P>>(&self, p1: S, w1: S, p2: S, w2: S) -> S {
+    pub fn mass_flow<S: Over<P>>(&self, opening: S, p1: S, w1: S, p2: S, w2: S) -> (S, S::Mask) {
         let backward = p1.lt(p2);
         let (p_up, p_down) = (S::select(backward, p2, p1), S::select(backward, p1, p2));
-        let flow =
-            S::from(self.gain) * p_up * S::select(backward, w2, w1) * self.phi(p_down / p_up);
-        S::select(backward, -flow, flow)
+        let choked = opening * S::from(self.gain) * p_up * S::select(backward, w2, w1);
+        (S::select(backward, -choked, choked) * self.phi(p_down / p_up), backward)
     }
 }

@@ -20,10 +20,7 @@ crate::parameters! {
 
 impl Coulomb<f64> {
     pub(super) fn from_values(values: &[f64]) -> Self {
-        Coulomb {
-            coulomb: values[0],
-            viscous: values[1],
-        }
+        Coulomb { coulomb: values[0], viscous: values[1] }
     }
 
     pub(super) fn warning(&self) -> Option<String> {
@@ -42,19 +39,8 @@ impl<P: Real> Law<P> for Coulomb<P> {
     }
 
     #[inline(always)]
-    fn force<S: Over<P>>(
-        &self,
-        at: &At<S>,
-        levels: &Levels<S>,
-        _z: &[S],
-        _dz: &mut [S],
-        mode: P,
-    ) -> S {
-        dry::force(
-            at,
-            mode,
-            S::from(mode) * levels.coulomb + S::from(self.viscous) * at.v,
-        )
+    fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], _dz: &mut [S], mode: P) -> S {
+        dry::force(at, mode, S::from(mode) * levels.coulomb + S::from(self.viscous) * at.v)
     }
 
     fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, mode: P) -> S {

@@ -19,29 +19,24 @@ fn is_stick<P: Real>(mode: P) -> P::Mask {
 
 /// Stick holds while |applied| < breakaway, N; slip while the velocity has the mode's sign, m/s.
 pub(super) fn event<P: Real, S: Over<P>>(at: &At<S>, breakaway: S, mode: P) -> S {
-    S::select(
-        is_stick(mode),
-        breakaway - at.applied.abs(),
-        S::from(mode) * at.v,
-    )
+    S::select(is_stick(mode), breakaway - at.applied.abs(), S::from(mode) * at.v)
 }
 
 /// From stick the mass leaves with the force; from slip it stops, unless the force is already
 /// strong enough to push it back.
 pub(super) fn next_mode(mode: f64, applied: f64, breakaway: f64) -> f64 {
-    if mode == 0.0 || applied.abs() > breakaway {
-        applied.signum()
-    } else {
-        0.0
-    }
+    if mode == 0.0 || applied.abs() > breakaway { applied.signum() } else { 0.0 }
 }
 
 impl<S: Real> Levels<S> {
+    /// Fc + (Fs - Fc) weight, N.
+    #[inline(always)]
+    pub(super) fn at(&self, weight: S) -> S {
+        (self.breakaway - self.coulomb).fma(weight, self.coulomb)
+    }
+
     /// The same force for starting and for sliding.
     pub(super) fn equal(coulomb: S) -> Self {
-        Levels {
-            coulomb,
-            breakaway: coulomb,
-        }
+        Levels { coulomb, breakaway: coulomb }
     }
 }

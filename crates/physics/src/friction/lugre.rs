@@ -87,14 +87,8 @@ impl LuGre<f64> {
 
 impl<P: Real> LuGre<P> {
     #[inline(always)]
-    fn g<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        let s = weight(
-            v,
-            self.stribeck_velocity,
-            self.stribeck_exponent,
-            self.gaussian,
-        );
-        (levels.breakaway - levels.coulomb).fma(s, levels.coulomb)
+    fn weight<S: Over<P>>(&self, v: S) -> S {
+        weight(v, self.stribeck_velocity, self.stribeck_exponent, self.gaussian)
     }
 }
 
@@ -102,31 +96,23 @@ impl<P: Real> Law<P> for LuGre<P> {
     const KEY: &'static str = "lugre";
     const TITLE: &'static str = "LuGre bristle model";
     const SOURCE: &'static str = "canudas1995";
-    const STATES: &'static [InnerState] = &[InnerState {
-        name: "bristle_deflection_m",
-        unit: "m",
-        scale: 1e-4,
-    }];
+    const STATES: &'static [InnerState] =
+        &[InnerState { name: "bristle_deflection_m", unit: "m", scale: 1e-4 }];
 
     fn levels(&self) -> Levels<P> {
-        Levels {
-            coulomb: self.coulomb,
-            breakaway: self.breakaway,
-        }
+        Levels { coulomb: self.coulomb, breakaway: self.breakaway }
     }
 
     #[inline(always)]
-    fn force<S: Over<P>>(
-        &self,
-        at: &At<S>,
-        levels: &Levels<S>,
-        z: &[S],
-        dz: &mut [S],
-        _mode: P,
-    ) -> S {
+    fn prepare<S: Over<P>>(&self, v: S) -> S {
+        self.weight(v)
+    }
+
+    #[inline(always)]
+    fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
         let v = at.v;
         let elastic = S::from(self.bristle_stiffness) * z[0];
-        let rate = v - v.abs() * elastic / self.g(v, levels);
+        let rate = v - v.abs() * elastic / levels.at(at.prepared);
         let damping = if self.faded {
             let ratio = v / S::from(self.damping_fade_velocity);
             S::from(self.bristle_damping) * (-(ratio * ratio)).exp()
@@ -147,6 +133,6 @@ impl<P: Real> Law<P> for LuGre<P> {
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
         let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
-        sign * self.g(v, levels) + S::from(self.viscous) * v
+        sign * levels.at(self.weight(v)) + S::from(self.viscous) * v
     }
 }

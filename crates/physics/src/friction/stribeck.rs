@@ -9,7 +9,7 @@ const SMALLEST_RATIO: f64 = 1e-12;
 /// exp(-|v/vs|^n): how much of Fs - Fc is left at velocity `v`; `gaussian` says that n = 2.
 #[inline(always)]
 pub fn weight<P: Real, S: Over<P>>(v: S, vs: P, exponent: P, gaussian: bool) -> S {
-    let ratio = v / S::from(vs);
+    let ratio = v * S::from(P::one() / vs);
     if gaussian {
         (-(ratio * ratio)).exp()
     } else {
@@ -60,14 +60,8 @@ impl Stribeck<f64> {
 }
 
 impl<P: Real> Stribeck<P> {
-    fn level<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        let s = weight(
-            v,
-            self.stribeck_velocity,
-            self.stribeck_exponent,
-            self.gaussian,
-        );
-        levels.coulomb + (levels.breakaway - levels.coulomb) * s
+    fn weight<S: Over<P>>(&self, v: S) -> S {
+        weight(v, self.stribeck_velocity, self.stribeck_exponent, self.gaussian)
     }
 }
 
@@ -78,26 +72,17 @@ impl<P: Real> Law<P> for Stribeck<P> {
     const STICKS: bool = true;
 
     fn levels(&self) -> Levels<P> {
-        Levels {
-            coulomb: self.coulomb,
-            breakaway: self.breakaway,
-        }
+        Levels { coulomb: self.coulomb, breakaway: self.breakaway }
     }
 
     #[inline(always)]
-    fn force<S: Over<P>>(
-        &self,
-        at: &At<S>,
-        levels: &Levels<S>,
-        _z: &[S],
-        _dz: &mut [S],
-        mode: P,
-    ) -> S {
-        dry::force(
-            at,
-            mode,
-            S::from(mode) * self.level(at.v, levels) + S::from(self.viscous) * at.v,
-        )
+    fn prepare<S: Over<P>>(&self, v: S) -> S {
+        self.weight(v)
+    }
+
+    #[inline(always)]
+    fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], _dz: &mut [S], mode: P) -> S {
+        dry::force(at, mode, S::from(mode) * levels.at(at.prepared) + S::from(self.viscous) * at.v)
     }
 
     fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, mode: P) -> S {
@@ -110,6 +95,6 @@ impl<P: Real> Law<P> for Stribeck<P> {
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
         let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
-        sign * self.level(v, levels) + S::from(self.viscous) * v
+        sign * levels.at(self.weight(v)) + S::from(self.viscous) * v
     }
 }

@@ -8,24 +8,31 @@ crate::parameters! {
     /// p pressure Pa, V volume m3, m mass kg, T temperature K, U internal energy J, cp and cv
     /// specific heat capacities J/(kg K). Air below 10 bar departs from it by less than 0.5 %
     /// (assumed). Source: [bejan2016].
+    #[derive(Copy)]
     pub struct IdealGas {
         /// Ratio of specific heats k = cp/cv
         heat_capacity_ratio: "-", crate::above(1.0);
         /// Specific gas constant R
         gas_constant: "J/(kg K)", crate::above(0.0);
+        /// Derived: specific heat capacity at constant volume cv
+        cv: "J/(kg K)", crate::above(0.0);
+        /// Derived: specific heat capacity at constant pressure cp
+        cp: "J/(kg K)", crate::above(0.0);
+        /// Derived: 1/cv
+        inverse_cv: "kg K/J", crate::above(0.0);
     }
 }
 
 impl<P: Real> IdealGas<P> {
-    /// cv = R/(k - 1), J/(kg K).
-    #[inline(always)]
-    pub fn cv(&self) -> P {
-        self.gas_constant / (self.heat_capacity_ratio - P::one())
-    }
-
-    /// cp = k R/(k - 1), J/(kg K).
-    #[inline(always)]
-    pub fn cp(&self) -> P {
-        self.heat_capacity_ratio * self.cv()
+    /// From k and R, J/(kg K).
+    pub fn new(heat_capacity_ratio: P, gas_constant: P) -> Self {
+        let cv = gas_constant / (heat_capacity_ratio - P::one());
+        IdealGas {
+            heat_capacity_ratio,
+            gas_constant,
+            cv,
+            cp: heat_capacity_ratio * cv,
+            inverse_cv: P::one() / cv,
+        }
     }
 }

@@ -22,9 +22,8 @@ impl<P: Real> EndStop<P> {
     #[inline(always)]
     pub fn force<S: Over<P>>(&self, d: S, closing: S) -> S {
         let depth = d.max(S::zero());
-        let share = (depth / S::from(self.damping_depth)).min(S::one());
-        let push = (S::from(self.stiffness) * depth + S::from(self.damping) * share * closing)
-            .max(S::zero());
+        let share = (depth * S::from(P::one() / self.damping_depth)).min(S::one());
+        let push = (S::from(self.stiffness) * depth + S::from(self.damping) * share * closing).max(S::zero());
         S::select(S::zero().lt(d), push, S::zero())
     }
 }
