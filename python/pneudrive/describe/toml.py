@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import DescriptionError
 
 if sys.version_info >= (3, 11):
-    import tomllib
+    import tomllib as tomllib
 else:
     import tomli as tomllib
 
@@ -67,12 +67,22 @@ def read(
         raise kind("the file is not text in UTF-8", where=f"{path}:{line}") from None
     if not text.strip():
         raise kind(f"{path} is empty", remedy=start)
+    return parse(text, str(path), kind), text
+
+
+def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError) -> dict[str, Any]:
+    """Read TOML text; `origin` is what a message calls it.
+
+    Raises
+    ------
+    PneudriveError
+        It is not TOML; the message names the line.
+    """
     try:
-        return tomllib.loads(text.replace("\r\n", "\n")), text
+        return tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
         what, line = _syntax(str(error), text)
-        shown = _line(text, line)
-        raise kind(f"the file is not TOML: {what}", where=f"{path}:{line}", value=shown) from None
+        raise kind(f"the file is not TOML: {what}", where=f"{origin}:{line}", value=_line(text, line)) from None
 
 
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
