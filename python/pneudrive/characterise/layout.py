@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.characterise.readers import COMPRESSIONS, TextForm
+from pneudrive.characterise.text_table import COMPRESSIONS, TextForm
 from pneudrive.describe import toml
 from pneudrive.errors import LayoutError, nearest
 

@@ -7,8 +7,9 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.characterise.column_units import column_unit, pressure_range, share, uncertainty
+from pneudrive.characterise.formats import FORMATS
 from pneudrive.characterise.layout import CHANNEL_UNITS, Column, FileLayout, Layout, labels_from_name, stem
-from pneudrive.characterise.readers import READERS, TextForm
+from pneudrive.characterise.text_table import TextForm
 from pneudrive.errors import DescriptionError, LayoutError, nearest
 from pneudrive.units import parse, parse_pressure, parse_range
 
@@ -55,8 +56,8 @@ class LayoutValues:
         """Put everything together for one file."""
         tree = self.tree
         form = tree.get("format", "csv")
-        if form != "csv" and form not in READERS:
-            raise self.fail(f"format = '{form}' is not known", "format", remedy=nearest(form, ["csv", *READERS]))
+        if form != "csv" and form not in FORMATS:
+            raise self.fail(f"format = '{form}' is not known", "format", remedy=nearest(form, ["csv", *FORMATS]))
         for key in ("skip_samples", "skip_lines"):
             if tree.get(key, 0) < 0:
                 raise self.fail(f"{key} must not be negative", key)

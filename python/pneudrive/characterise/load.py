@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.formats import read_columns
 from pneudrive.characterise.layout import CHANNEL_UNITS, FileLayout, Layout, stem
-from pneudrive.characterise.readers import READERS, read_bytes, read_text
 from pneudrive.characterise.recording import Recording
+from pneudrive.characterise.text_table import read_bytes, read_text
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
     if said.format == "csv":
         table = read_text(path, data, said.text, list(wanted.values()))
     else:
-        table = READERS[said.format](path, list(wanted.values()))
+        table = read_columns(said.format, path, list(wanted.values()))
     raw = {channel: values[said.skip_samples :] for channel, values in zip(wanted, table.columns, strict=True)}
     if raw["time"].size == 0:
         raise RecordingError(

@@ -127,7 +127,7 @@ def _repeats(points: list[FrictionPoint]) -> list[list[FrictionPoint]]:
 def _neighbours(
     points: list[FrictionPoint], value: Callable[[FrictionPoint], float], width: Callable[[float], float]
 ) -> list[list[FrictionPoint]]:
-    """Groups of points whose values lie within a width above the lowest of the group."""
+    """Group points whose values lie within a width above the lowest of the group."""
     groups: list[list[FrictionPoint]] = []
     for point in sorted(points, key=value):
         lowest = value(groups[-1][0]) if groups else 0.0

@@ -1,4 +1,4 @@
-"""Foreign files as tables of numbers: text now, Parquet and netCDF, and what optional libraries read."""
+"""Text files as tables of numbers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ import numpy as np
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
 COMPRESSIONS = {".gz": gzip.decompress, ".xz": lzma.decompress, ".bz2": bz2.decompress}
@@ -105,6 +103,17 @@ def to_number(text: str, form: TextForm) -> float:
     return float(text)
 
 
+def is_words(fields: list[str], form: TextForm) -> bool:
+    """Whether no field of a line is a number: a header or a row of units."""
+    for text in fields:
+        try:
+            to_number(text or "empty", form)
+        except ValueError:
+            continue
+        return False
+    return bool(fields)
+
+
 def read_text(path: Path, data: bytes, form: TextForm, wanted: list[int | str]) -> Table:
     """Read the wanted columns of a text table.
 
@@ -124,11 +133,13 @@ def read_text(path: Path, data: bytes, form: TextForm, wanted: list[int | str]) 
             raise RecordingError("there is no header line", where=str(path))
         names = split_row(lines[start].lstrip(form.comment), form.delimiter)
         start += 1
+        if start < len(lines) and is_words(split_row(lines[start], form.delimiter), form):
+            start += 1  # a row of units
     first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
     if first is None:
         raise RecordingError("there are no rows of numbers", where=str(path), value=f"{len(lines)} lines")
     width = len(split_row(first, form.delimiter))
-    use = [_column_number(column, names, width, path) for column in wanted]
+    use = [column_number(column, names, width, path) for column in wanted]
     table = _parse_fast(lines, start, form, use)
     flags: dict[str, int] = {}
     if table is None:
@@ -136,7 +147,8 @@ def read_text(path: Path, data: bytes, form: TextForm, wanted: list[int | str]) 
     return Table(names=[str(w) for w in wanted], columns=list(table.T), flags=flags)
 
 
-def _column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
+def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
+    """Give the number of a column that is named or numbered; one that is not there is refused."""
     if isinstance(column, str):
         if column not in names:
             raise RecordingError(
@@ -195,123 +207,3 @@ def _parse_slow(
             remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
         )
     return np.array(rows, dtype=np.float64).reshape(-1, len(use)), ({"unreadable_row": len(bad)} if bad else {})
-
-
-def _pick(path: Path, wanted: list[int | str], names: list[str], get: Callable[[str], NDArray]) -> Table:
-    columns = []
-    for column in wanted:
-        name = names[_column_number(column, names, len(names), path)]
-        values = np.asarray(get(name))
-        if values.ndim != 1 or not np.issubdtype(values.dtype, np.number):
-            raise RecordingError(f"column '{name}' is not a row of numbers", where=str(path), value=str(values.dtype))
-        columns.append(values.astype(np.float64))
-    return Table(names=[str(w) for w in wanted], columns=columns)
-
-
-def read_parquet(path: Path, wanted: list[int | str]) -> Table:
-    """Read the wanted columns of a Parquet file."""
-    import polars as pl
-
-    try:
-        names = list(pl.read_parquet_schema(path))
-        chosen = [names[_column_number(column, names, len(names), path)] for column in wanted]
-        frame = pl.read_parquet(path, columns=sorted(set(chosen)))
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise RecordingError(f"the file cannot be read as Parquet: {_first_line(error)}", where=str(path)) from None
-    return _pick(path, wanted, names, lambda name: frame[name].to_numpy())
-
-
-def read_netcdf(path: Path, wanted: list[int | str]) -> Table:
-    """Read the wanted variables of a netCDF 4 file."""
-    import xarray as xr
-
-    try:
-        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
-            data.load()
-    except (OSError, ValueError) as error:
-        raise RecordingError(f"the file cannot be read as netCDF: {_first_line(error)}", where=str(path)) from None
-    return _pick(path, wanted, [str(name) for name in data.variables], lambda name: data[name].to_numpy())
-
-
-def read_tdms(path: Path, wanted: list[int | str]) -> Table:
-    """Read the wanted channels of a TDMS file, by ``group/channel`` or by a channel name that is unique."""
-    nptdms = _optional("nptdms", "tdms", path)
-    try:
-        data = nptdms.TdmsFile.read(path)
-    except Exception as error:
-        raise RecordingError(f"the file cannot be read as TDMS: {_first_line(error)}", where=str(path)) from None
-    channels = {f"{group.name}/{channel.name}": channel for group in data.groups() for channel in group.channels()}
-    short: dict[str, list[str]] = {}
-    for name in channels:
-        short.setdefault(name.split("/", 1)[1], []).append(name)
-    full = [short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted]
-    return _pick(path, full, list(channels), lambda name: channels[name][:])
-
-
-def read_mf4(path: Path, wanted: list[int | str]) -> Table:
-    """Read the wanted channels of an MDF 4 file, brought to the time base of the first one.
-
-    The channel ``time`` is that time base.
-    """
-    asammdf = _optional("asammdf", "mf4", path)
-    try:
-        with asammdf.MDF(path) as data:
-            names = ["time", *sorted(name for name in data.channels_db if name not in ("time", "t"))]
-            chosen = [names[_column_number(column, names, len(names), path)] for column in wanted]
-            signals = {name: data.get(name) for name in chosen if name != "time"}
-    except RecordingError:
-        raise
-    except Exception as error:
-        raise RecordingError(f"the file cannot be read as MDF: {_first_line(error)}", where=str(path)) from None
-    if not signals:
-        raise RecordingError("no channel but the time is wanted", where=str(path))
-    base = next(iter(signals.values())).timestamps
-    values = {name: np.interp(base, s.timestamps, np.asarray(s.samples, dtype=float)) for name, s in signals.items()}
-    return _pick(path, wanted, names, lambda name: base if name == "time" else values[name])
-
-
-def read_mat(path: Path, wanted: list[int | str]) -> Table:
-    """Read the wanted variables of a MAT file (v5 to v7.3); fields of structures by dotted names."""
-    pymatreader = _optional("pymatreader", "mat", path)
-    try:
-        data = pymatreader.read_mat(path)
-    except Exception as error:
-        raise RecordingError(f"the file cannot be read as MAT: {_first_line(error)}", where=str(path)) from None
-    flat: dict[str, NDArray] = {}
-
-    def collect(prefix: str, value: object) -> None:
-        if isinstance(value, dict):
-            for key, inner in value.items():
-                collect(f"{prefix}.{key}" if prefix else str(key), inner)
-        elif np.ndim(value) >= 1:
-            flat[prefix] = np.squeeze(np.asarray(value))
-
-    collect("", {key: value for key, value in data.items() if not key.startswith("__")})
-    return _pick(path, wanted, list(flat), lambda name: flat[name])
-
-
-READERS: dict[str, Callable[[Path, list[int | str]], Table]] = {
-    "parquet": read_parquet,
-    "netcdf": read_netcdf,
-    "tdms": read_tdms,
-    "mf4": read_mf4,
-    "mat": read_mat,
-}
-
-
-def _optional(module: str, format_name: str, path: Path):  # noqa: ANN202 - a module
-    from importlib import import_module
-
-    try:
-        return import_module(module)
-    except ImportError:
-        raise RecordingError(
-            f"format '{format_name}' needs an optional library",
-            where=str(path),
-            value=module,
-            remedy="pip install 'pneudrive[formats]'",
-        ) from None
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).strip() or type(error).__name__).splitlines()[0][:200]

@@ -1,0 +1,101 @@
+"""``pneudrive characterise``: recordings into friction map, fit and report."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from pneudrive.characterise import Characterisation
+    from pneudrive.identify import FrictionFit
+
+Fits = dict[str, dict[str, "FrictionFit"]]
+
+
+def characterise(
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Recordings; compressed ones (.gz, .xz, .bz2) too.", metavar="RECORDING...")
+    ],
+    layout: Annotated[
+        Path | None, typer.Option(help="How the files are read; default: layout.toml beside them.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("characterisation"),
+    protocol: Annotated[
+        str, typer.Option(help="Which samples count: settled, or source-paper (first 5 % dropped).")
+    ] = "settled",
+    law: Annotated[str, typer.Option(help="Friction law of fit.toml: coulomb or stribeck.")] = "stribeck",
+) -> None:
+    """Characterise recordings: friction map (map.parquet, map.csv), fit (fit.toml), report.html."""
+    from pneudrive.characterise import characterise_recordings, write_map
+    from pneudrive.characterise.settling import SAMPLE_CHOICES
+    from pneudrive.errors import CommandError, nearest
+    from pneudrive.identify.fit import LAWS
+    from pneudrive.identify.seals import fit_characterisation
+    from pneudrive.report import write_report
+
+    if protocol not in SAMPLE_CHOICES:
+        raise CommandError(f"--protocol {protocol} is not known", remedy=nearest(protocol, SAMPLE_CHOICES))
+    if law not in LAWS:
+        raise CommandError(f"--law {law} is not known", remedy=nearest(law, LAWS))
+    folder = _folder(out)
+    found = characterise_recordings(list(recordings), layout, SAMPLE_CHOICES[protocol]())
+    written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
+    fits, problems = fit_characterisation(found)
+    written += _write_fits(fits, law, folder)
+    written.append(Path(write_report(found, fits, folder)))
+    for problem in problems:
+        sys.stderr.write(f"Note: no fit of {problem}\n")
+    _say(found, written)
+
+
+def _folder(out: Path) -> Path:
+    """Make the output folder before any work is done."""
+    from pneudrive.errors import CommandError
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        probe = out / ".pneudrive-probe"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise CommandError(f"--out {out}: the folder cannot be written to", value=error.strerror) from None
+    return out
+
+
+def _write_fits(fits: Fits, law: str, folder: Path) -> list[Path]:
+    """Write fit.toml for all recordings and, where there are several seals, fit-SEAL.toml for each."""
+    from pneudrive.identify.seals import ALL
+
+    written = []
+    for group, by_law in fits.items():
+        if law in by_law:
+            name = "fit.toml" if group == ALL else f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', group)}.toml"
+            by_law[law].to_toml(folder / name)
+            written.append(folder / name)
+    return written
+
+
+def _say(found: Characterisation, written: list[Path]) -> None:
+    """Print one line per recording, the notes, and where the results lie."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("recording", no_wrap=True)
+    for heading in ("speed mm/s", "friction N", "U (k=2) N", "offset N"):
+        table.add_column(heading, justify="right")
+    table.add_column("flags")
+    for level in found.levels[:60]:
+        speeds = ", ".join(f"{row.velocity_m_s * 1e3:+.1f}" for row in level.rows)
+        numbers = (f"{level.friction_n:.2f}", f"{level.expanded_n:.2f}", f"{level.offset_n:.2f}")
+        table.add_row(level.recording, speeds, *numbers, " ".join(level.flags))
+    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+    console.print(table)
+    for note in found.notes:
+        console.print(f"- {note}", markup=False)
+    for path in written:
+        typer.echo(str(path))

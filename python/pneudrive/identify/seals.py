@@ -1,0 +1,59 @@
+"""Fits of one characterisation: all recordings together, and each seal by itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.fit import LAWS, fit_friction
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pneudrive.characterise import Characterisation
+    from pneudrive.identify.result import FrictionFit
+
+ALL = "all recordings"
+#: Pressures that differ by less than this are one level: their effect is not asked for.
+PRESSURE_STEP_PA = 2e4
+
+
+def fit_characterisation(
+    characterisation: Characterisation, laws: Sequence[str] = LAWS
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+    """Fit laws to the friction map of a characterisation.
+
+    Parameters
+    ----------
+    characterisation : Characterisation
+        As returned by ``characterise_recordings``.
+    laws : sequence of str
+        Laws to fit.
+
+    Returns
+    -------
+    dict of dict of FrictionFit, list of str
+        Group -> law -> fit, and what could not be fitted. Groups are ``all recordings`` and, where there are several,
+        each seal. Friction may depend on pressure where the recordings have several pressures.
+    """
+    seals = {r.name: r.labels.get("seal", ALL) for r in characterisation.recordings}
+    seals |= {point.recording: point.seal for point in characterisation.points}
+    curves = characterisation.friction_map
+    of_row = np.array([seals[name] for name in curves["recording"].to_numpy()])
+    groups = {ALL: np.ones(of_row.size, dtype=bool)}
+    if len(set(of_row)) > 1:
+        groups |= {seal: of_row == seal for seal in dict.fromkeys(of_row)}
+    fits: dict[str, dict[str, FrictionFit]] = {}
+    problems: list[str] = []
+    for group, rows in groups.items():
+        part = curves.isel(row=np.flatnonzero(rows))
+        spread = max(float(np.ptp(part[f"pressure_{side}_pa"])) for side in ("a", "b"))
+        for law in laws:
+            try:
+                found = fit_friction(part, law, pressure_dependence=spread > PRESSURE_STEP_PA)
+                fits.setdefault(group, {})[law] = found
+            except FitError as error:
+                problems.append(f"{group}, {law}: {error.what}")
+    return fits, problems
