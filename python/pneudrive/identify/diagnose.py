@@ -29,6 +29,10 @@ TAIL = 2.0
 #: Without a level above this multiple of vs the plateau Fc + Fv v is never reached; 2.8 vs is the support point of
 #: the optimal design of four speeds.
 PLATEAU = 2.8
+#: A falling part that chance makes this often is not there.
+CHANCE = 0.05
+#: A viscous part whose interval spans more than this share of all friction is not told from the Coulomb force.
+VISCOUS_REACH = 0.5
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,6 @@ def diagnose(
     data: Observations,
     found: Estimate,
     intervals: dict[str, tuple[float, float]],
-    excess_p_value: float | None,
 ) -> list[Undetermined]:
     """Statements on parameters that were free but that the data do not bound.
 
@@ -137,13 +140,11 @@ def diagnose(
     ----------
     model, data, found, intervals
         As of the fit.
-    excess_p_value : float or None
-        Probability of a Stribeck part as large as the one found where there is none.
     """
     statements: dict[str, Undetermined] = {}
     theta = dict(zip(model.names, model.natural(found.q), strict=True))
     if model.stribeck:
-        for statement in _stribeck(theta, data, intervals, excess_p_value):
+        for statement in _stribeck(theta, data, intervals):
             statements.setdefault(statement.parameter, statement)
     for name in _weak_directions(model, found):
         statements.setdefault(
@@ -166,23 +167,55 @@ def diagnose(
     return [statements[n] for n in model.names if n in statements]
 
 
+def without_support(
+    model: FrictionModel,
+    data: Observations,
+    found: Estimate,
+    intervals: dict[str, tuple[float, float]],
+    excess_p_value: float | None,
+) -> tuple[FrictionModel, list[Undetermined]]:
+    """Take a part out of the law that the values do not support; returns `model` itself where they support all of it.
+
+    Parameters
+    ----------
+    model, data, found, intervals
+        As of the fit.
+    excess_p_value : float or None
+        Probability of a Stribeck part as large as the one found where there is none.
+    """
+    slowest, fastest = float(data.speed_m_s.min()), float(data.speed_m_s.max())
+    if model.stribeck and excess_p_value is not None and excess_p_value > CHANCE:
+        reason = (
+            f"friction does not fall with speed by more than chance between {_mm_s(slowest)} and {_mm_s(fastest)} "
+            f"(a falling part improves the fit with p = {excess_p_value:.2g})"
+        )
+        remedy = (
+            f"add levels well below {_mm_s(slowest)} and well above {_mm_s(fastest)}, "
+            "and repeat strokes to lower the noise"
+        )
+        names = ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * (model.exponent is None)
+        names += [f"breakaway_{c}" for chamber in model.chambers for c in chamber]
+        smaller = FrictionModel("coulomb", chambers=model.chambers, viscous=model.viscous)
+        return smaller, [Undetermined(n, reason, remedy) for n in names]
+    if model.viscous and not model.stribeck:
+        typical = float(np.median(np.abs(data.friction_n)))
+        reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))
+        if reach > VISCOUS_REACH * typical:
+            reason = (
+                f"between {_mm_s(slowest)} and {_mm_s(fastest)} it could be anything up to {reach:.2g} N of the "
+                f"{typical:.2g} N measured; what is called coulomb here is all the friction at these speeds"
+            )
+            smaller = FrictionModel("coulomb", chambers=model.chambers, viscous=False)
+            return smaller, [Undetermined("viscous", reason, f"add levels above {_mm_s(3.0 * fastest)}")]
+    return model, []
+
+
 def _stribeck(
-    theta: dict[str, float], data: Observations, intervals: dict[str, tuple[float, float]], p_value: float | None
+    theta: dict[str, float], data: Observations, intervals: dict[str, tuple[float, float]]
 ) -> list[Undetermined]:
     slowest, fastest = float(data.speed_m_s.min()), float(data.speed_m_s.max())
     vs = theta["stribeck_velocity"]
     out = []
-    if p_value is not None and p_value > 0.05:
-        reason = (
-            f"friction does not fall with speed by more than chance between {_mm_s(slowest)} and {_mm_s(fastest)} "
-            f"(a falling part improves the fit with p = {p_value:.2g})"
-        )
-        remedy = f"add levels well below {_mm_s(slowest)} and repeat strokes to lower the noise"
-        return [
-            Undetermined(n, reason, remedy)
-            for n in ("breakaway", "stribeck_velocity", "stribeck_exponent")
-            if n in theta
-        ]
     if slowest > TAIL * vs:
         reason = (
             f"the slowest level, {_mm_s(slowest)}, lies above {TAIL:g} vs (vs is near {_mm_s(vs)}): "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,8 +55,9 @@ def fit_toml(fit: FrictionFit) -> str:
         source = f"{name}b" if f"{name}b" in fit.free else name
         if source in fit.free:
             entry["standard_error"] = fit.standard_errors[source]
-            entry["interval"] = list(fit.intervals[source])
             entry["u_systematic"] = fit.systematic[source]
+        if source in fit.intervals:
+            entry["interval"] = list(fit.intervals[source])
         out += _table(f"parameters.{name}", entry)
     out += _table("covariance", {"names": list(fit.free), "matrix": fit.covariance.tolist()})
     for statement in fit.undetermined:
@@ -99,8 +100,8 @@ def _from_content(content: dict) -> FrictionFit:
     free = tuple(content["covariance"]["names"])
     entries = content["parameters"]
 
-    def of(name: str, key: str) -> object:  # a slope shared by both chambers is written under each of them
-        return entries[name[:-1] if name.endswith("_ab") else name][key]
+    def of(name: str, key: str) -> Any:  # noqa: ANN401 - a slope shared by both chambers is written under each of them
+        return entries[name.replace("_ab", "_a")][key]
 
     model = dict(content["model"])
     exponent = model["stribeck_exponent"]
@@ -112,8 +113,13 @@ def _from_content(content: dict) -> FrictionFit:
         parameters={name: float(entry["value"]) for name, entry in entries.items()},
         free=free,
         covariance=covariance,
-        intervals={name: tuple(map(float, of(name, "interval"))) for name in free},  # type: ignore[arg-type, misc]
-        systematic={name: float(of(name, "u_systematic")) for name in free},  # type: ignore[arg-type]
+        intervals={
+            name: (float(low), float(high))
+            for name in (*free, *(n for n in entries if n not in free and f"{n[:-1]}ab" not in free))
+            if "interval" in entries[name.replace("_ab", "_a")]
+            for low, high in [of(name, "interval")]
+        },
+        systematic={name: float(of(name, "u_systematic")) for name in free},
         undetermined=tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
         notes=tuple(content["notes"]),
         statistics={name: float(value) for name, value in content["statistics"].items()},

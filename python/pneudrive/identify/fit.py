@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.identify.diagnose import Undetermined, choose_model, diagnose
-from pneudrive.identify.model import UNITS, FrictionModel, Observations
+from pneudrive.identify.diagnose import Undetermined, choose_model, diagnose, without_support
+from pneudrive.identify.model import PRESSURE_NAMES, UNITS, FrictionModel, Observations
 from pneudrive.identify.observations import observations
 from pneudrive.identify.profile import profile_intervals
 from pneudrive.identify.result import FrictionFit
 from pneudrive.identify.robust import Estimate, estimate
+from pneudrive.identify.scatter import with_scatter
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -78,7 +80,7 @@ def fit_friction(
     that intervals (Student's t; profile likelihood, which for the Stribeck velocity and the breakaway force is far
     from symmetric) also hold where the stated errors are too small by a factor. Systematic uncertainty, which all
     rows share, is carried to each parameter separately (`FrictionFit.systematic`). Methods: [huber2009],
-    [bates1988], [smyth2004].
+    [bates1988], [smyth2004], [paule1982].
     """
     _check(law, stribeck_exponent, direction)
     ambient = _ambient(friction_map, ambient_pressure_pa, pressure_dependence)
@@ -87,13 +89,16 @@ def fit_friction(
     )
     model, lost = choose_model(law, data, exponent=stribeck_exponent, pressure_dependence=pressure_dependence)
     notes += _confounding(data, pressure_dependence)
-    exact = len(data) == len(model.names)
-    if exact:
+    support = _shrunk_to_the_data(model, data, robust)
+    model, data, found, intervals = support.model, support.data, support.found, support.intervals
+    lost += support.lost + diagnose(model, data, found, intervals)
+    if support.scatter_n > 0.0:
+        notes.append(
+            f"the levels scatter by {support.scatter_n:.2g} N more than their standard errors say (runs differ, or the "
+            "law does not hold); the weights and the intervals count it"
+        )
+    if len(data) == len(model.names):
         notes.append("as many values as parameters: the intervals rest on the stated standard errors alone")
-    found = estimate(model, data, robust=robust and not exact, fixed_scale=exact)
-    dof = len(data) - len(model.names)
-    intervals = profile_intervals(model, data, found, student(dof))
-    lost += diagnose(model, data, found, intervals, _excess_p_value(model, data, found, dof))
     provenance = {
         "version": _version(),
         "map_sha256": fingerprint(data),
@@ -103,7 +108,7 @@ def fit_friction(
         "ambient_pressure_pa": ambient,
         "exclude_flags": sorted(exclude_flags),
     }
-    return _result(law, model, data, found, intervals, lost, notes, provenance)
+    return _result(law, support, lost, notes, provenance)
 
 
 def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: object) -> dict[int, FrictionFit]:
@@ -113,6 +118,32 @@ def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: o
     force what it takes from the other, and only a fit of the pairs is free of it.
     """
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class _Support:
+    """The part of a law that the values support, with its estimate."""
+
+    model: FrictionModel
+    data: Observations
+    found: Estimate
+    scatter_n: float
+    intervals: dict[str, tuple[float, float]]
+    lost: list[Undetermined]
+
+
+def _shrunk_to_the_data(model: FrictionModel, stated: Observations, robust: bool) -> _Support:
+    """Fit, and leave out the parts of the law that the values do not support: they would only blur the others."""
+    lost: list[Undetermined] = []
+    while True:
+        dof = len(stated) - len(model.names)
+        found = estimate(model, stated, robust=robust and dof > 0, fixed_scale=dof == 0)
+        data, found, scatter = with_scatter(model, stated, found, robust=robust)
+        intervals = profile_intervals(model, data, found, student(dof))
+        smaller, statements = without_support(model, data, found, intervals, _excess_p_value(model, data, found, dof))
+        if smaller == model:
+            return _Support(model, data, found, scatter, intervals, lost)
+        model, lost = smaller, lost + statements
 
 
 def student(dof: int, probability: float = PROBABILITY) -> float:
@@ -226,16 +257,8 @@ def information_criteria(model: FrictionModel, data: Observations, found: Estima
     return {"aicc": deviance + 2.0 * k + small, "bic": deviance + k * float(np.log(n))}
 
 
-def _result(
-    law: str,
-    model: FrictionModel,
-    data: Observations,
-    found: Estimate,
-    intervals: dict[str, tuple[float, float]],
-    lost: list[Undetermined],
-    notes: list[str],
-    provenance: dict,
-) -> FrictionFit:
+def _result(law: str, support: _Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
+    model, data, found, intervals = support.model, support.data, support.found, support.intervals
     theta = dict(zip(model.names, map(float, model.natural(found.q)), strict=True))
     systematic = dict(zip(model.names, map(float, _systematic(model, data, found)), strict=True))
     parameters = {name: theta.get(name, float("nan")) for name in ("coulomb", "viscous")}
@@ -253,6 +276,9 @@ def _result(
             parameters[name] = theta[name]
         elif f"{name}b" in theta:  # coulomb_ab -> both chambers
             parameters[name] = parameters[f"{name[:-1]}b"] = theta[f"{name}b"]
+    for name in parameters:
+        if name not in theta and f"{name[:-1]}ab" not in theta and not (name == "stribeck_exponent" and model.stribeck):
+            intervals = intervals | {name: (-np.inf if name in PRESSURE_NAMES else 0.0, np.inf)}
     residual = found.residual
     weighted_mean = float(np.average(data.friction_n, weights=data.stderr_n**-2))
     spread = float(np.sum(((data.friction_n - weighted_mean) / data.stderr_n) ** 2))
@@ -261,6 +287,7 @@ def _result(
         "degrees_of_freedom": float(len(data) - len(model.names)),
         "scale": found.scale,
         "variance": found.variance,
+        "scatter_n": support.scatter_n,
         "rms_n": float(np.sqrt(np.mean((residual * data.stderr_n) ** 2))),
         "outlying": float(np.sum(found.weight < 0.5)),
         "fit_percent": 100.0 * (1.0 - float(np.sqrt(np.sum(residual**2) / spread))) if spread > 0.0 else float("nan"),

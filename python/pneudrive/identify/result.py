@@ -64,7 +64,8 @@ class FrictionFit:
     notes : tuple of str
         What was left out or assumed.
     statistics : dict
-        values, degrees_of_freedom, scale (1: the stated standard errors are right), variance, rms_n, outlying,
+        values, degrees_of_freedom, scale (1: the standard errors are right), variance, scatter_n
+        (between levels, beyond their standard errors), rms_n, outlying,
         fit_percent, aicc, bic.
     provenance : dict
         Version, hash of the values, options.
@@ -123,8 +124,8 @@ class FrictionFit:
         gauge_a_pa, gauge_b_pa : array_like
             Gauge pressures, broadcast with the speeds; without effect where the fit does not depend on pressure.
         stderr_n : float, optional
-            None: interval of the law itself. A value: interval of a new mean with this standard error, which is
-            scaled as the residuals of the fit were.
+            None: interval of the law itself. A value: interval of a new mean with this standard error, to which the
+            scatter between levels is added and which is scaled as the residuals of the fit were.
 
         Returns
         -------
@@ -149,7 +150,8 @@ class FrictionFit:
         natural = np.linalg.solve(self.model.natural_jacobian(q).T, jac.T).T
         variance = np.einsum("ij,jk,ik->i", natural, self.covariance, natural)
         if stderr_n is not None:
-            variance = variance + self.statistics["variance"] * stderr_n**2
+            new = stderr_n**2 + self.statistics["scatter_n"] ** 2
+            variance = variance + self.statistics["variance"] * new
         stderr = np.sqrt(np.maximum(variance, 0.0))
         reach = student(int(self.statistics["degrees_of_freedom"])) * stderr
         value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
@@ -177,6 +179,16 @@ class FrictionFit:
         from pneudrive.identify.apply import apply_to_drive
 
         return apply_to_drive(self, drive)
+
+    def statements(self) -> list[str]:
+        """Return what cannot be determined in sentences, one for all parameters that share reason and remedy."""
+        shared: dict[tuple[str, str], list[str]] = {}
+        for s in self.undetermined:
+            shared.setdefault((s.reason, s.remedy), []).append(s.parameter)
+        return [
+            f"{', '.join(names)} cannot be determined: {reason}. Remedy: {remedy}."
+            for (reason, remedy), names in shared.items()
+        ]
 
     def to_toml(self, path: str | Path) -> None:
         """Write the fit with covariance and provenance; :meth:`from_toml` reads it back."""
@@ -208,14 +220,14 @@ class FrictionFit:
         lines = [
             f"{self.law} friction from {s['values']:.0f} values "
             f"(directions: {self.provenance['direction']}, rms {s['rms_n']:.3g} N, fit {s['fit_percent']:.1f} %, "
-            f"residuals {s['scale']:.2g} times the stated standard errors)"
+            f"residuals {s['scale']:.2g} times their standard errors)"
         ]
         lost = {u.parameter for u in self.undetermined}
         for name, value in self._free_values().items():
             if name in PRESSURE_NAMES and name not in self.free:
                 continue
             lines.append("  " + _line(self, name, value, name in lost))
-        lines += [f"  ! {statement}" for statement in self.undetermined]
+        lines += [f"  ! {statement}" for statement in self.statements()]
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)
 

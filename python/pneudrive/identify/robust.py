@@ -67,7 +67,14 @@ class Estimate:
     cost: float
 
 
-def estimate(model: FrictionModel, data: Observations, *, robust: bool = True, fixed_scale: bool = False) -> Estimate:
+def estimate(
+    model: FrictionModel,
+    data: Observations,
+    *,
+    robust: bool = True,
+    fixed_scale: bool = False,
+    start: Array | None = None,
+) -> Estimate:
     """Estimate the free parameters of `model`.
 
     Parameters
@@ -78,6 +85,8 @@ def estimate(model: FrictionModel, data: Observations, *, robust: bool = True, f
         Huber's loss; otherwise plain weighted least squares.
     fixed_scale : bool
         Take the stated standard errors as exact (the only choice where there are no more rows than parameters).
+    start : ndarray, shape (p,), optional
+        Internal coordinates to start from alone, where a near estimate is known.
 
     Returns
     -------
@@ -86,7 +95,7 @@ def estimate(model: FrictionModel, data: Observations, *, robust: bool = True, f
     k = HUBER_K if robust else np.inf
     dof = max(len(data) - len(model.names), 1)
     floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
-    starts = starting_points(model, data)
+    starts = starting_points(model, data) if start is None else [start]
     scale = 1.0 if fixed_scale else max(_mad(_residual(model, starts[0], data), dof), floor)
     candidates = [_polish(model, data, q, k * scale) for q in starts]
     q = min(candidates, key=lambda c: c[1])[0]

@@ -63,12 +63,12 @@ def test_free_exponent_holds_its_truth(make_map, truth):
     speed = np.geomspace(1e-3, 0.45, 24)
     exact = _core.steady_friction("stribeck", truth | {"stribeck_exponent": 1.5}, speed, 0.0, 0.0)
     inside = 0
-    for seed in range(60):
+    for seed in range(30):
         rng = np.random.default_rng([7, seed])
         noisy = make_map(speed, exact + 0.3 * rng.standard_normal(24), 0.3)
         low, high = fit_friction(noisy, stribeck_exponent=None).intervals["stribeck_exponent"]
         inside += low <= 1.5 <= high
-    assert 51 <= inside <= 60
+    assert 25 <= inside <= 30
 
 
 def test_prediction_holds_the_truth_as_often_as_stated(make_map, truth):
@@ -77,7 +77,7 @@ def test_prediction_holds_the_truth_as_often_as_stated(make_map, truth):
     at = np.array([0.002, 0.01, 0.03, 0.3])
     wanted = _core.steady_friction("stribeck", truth, at, 0.0, 0.0)
     law, new = np.zeros(4), np.zeros(4)
-    for seed in range(RUNS):
+    for seed in range(100):
         rng = np.random.default_rng([11, seed])
         fit = fit_friction(make_map(speed, exact + 0.5 * rng.standard_normal(20), 0.5))
         band = fit.predict(at)
@@ -85,5 +85,5 @@ def test_prediction_holds_the_truth_as_often_as_stated(make_map, truth):
         band = fit.predict(at, stderr_n=0.5)
         value = wanted + 0.5 * rng.standard_normal(4)
         new += (band.lower_n <= value) & (value <= band.upper_n)
-    assert np.all((law >= 176) & (law <= 199)), law
-    assert np.all((new >= 176) & (new <= 199)), new
+    assert np.all((law >= 87) & (law <= 100)), law
+    assert np.all((new >= 87) & (new <= 100)), new
