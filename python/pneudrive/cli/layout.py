@@ -1,0 +1,42 @@
+"""``pneudrive layout``: propose how a foreign recording is read."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def layout(
+    file: Annotated[Path, typer.Argument(help="A recording in any supported format.", metavar="FILE")],
+    out: Annotated[Path | None, typer.Option(help="Layout file to write; default: standard output.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Picture of what was understood; default: beside the layout, or FILE.layout.png here.")
+    ] = None,
+) -> None:
+    """Propose how to read a foreign recording, with a picture of what was understood."""
+    from pneudrive.characterise.layout import stem
+    from pneudrive.characterise.propose import propose_layout
+    from pneudrive.errors import CommandError
+    from pneudrive.report.layout_figure import write_layout_figure
+
+    proposal = propose_layout(file)
+    if out is None:
+        typer.echo(proposal.text)
+    else:
+        try:
+            out.write_text(proposal.text, encoding="utf-8")
+        except OSError as error:
+            raise CommandError(f"--out {out}: the layout cannot be written", value=error.strerror) from None
+    if picture is None:
+        picture = out.with_suffix(".png") if out is not None else Path(f"{stem(file)}.layout.png")
+    write_layout_figure(proposal, picture)
+    if proposal.problem:
+        sys.stderr.write(f"Note: this proposal does not read the file yet: {proposal.problem}.\n")
+    else:
+        sys.stderr.write(f"{len(proposal.strokes)} strokes understood; check the lines that say guess.\n")
+    for path in (out, picture):
+        if path is not None:
+            sys.stderr.write(f"{path}\n")
