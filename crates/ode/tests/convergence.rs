@@ -94,7 +94,6 @@ fn orders<E: Equations>(
 ) -> (f64, f64) {
     let (one, two) = (errors(&equations, span, exact, coarse), errors(&equations, span, exact, fine));
     let ratio = (fine as f64 / coarse as f64).ln();
-    println!("{one:?} {two:?}");
     ((one.0 / two.0).ln() / ratio, (one.1 / two.1).ln() / ratio)
 }
 
@@ -116,21 +115,25 @@ fn order_5_on_a_nonlinear_autonomous_problem() {
 }
 
 #[test]
-fn order_does_not_fall_where_the_problem_is_stiff() {
+fn order_5_in_the_limit_of_infinite_stiffness() {
     let exact = |t: f64| kaps(t).to_vec();
     let (end, _) = orders(Kaps(1e8), (0.0, 2.0), &exact, (10, 40));
-    assert!(end > 4.8, "index-1 limit {end}");
+    assert!(end > 4.8, "{end}");
+}
+
+/// Stiff problems with a moving equilibrium cost many methods most of their order: for each step
+/// there is a stiffness that is worst. Over all of them the error still falls with the fourth power.
+#[test]
+fn no_stiffness_spoils_the_order() {
     let sine = |t: f64| vec![t.sin()];
-    for (a, b) in [(10, 20), (20, 40), (40, 80), (80, 160)] {
-        for stiffness in [1e2, 1e3, 1e4, 1e6, 1e8] {
-            let (end, _) = orders(ProtheroRobinson(stiffness), (0.0, 3.0), &sine, (a, b));
-            println!("{a} {stiffness:e} {end}");
-        }
-    }
-    for stiffness in [1e4, 1e6, 1e8] {
-        let (end, _) = orders(ProtheroRobinson(stiffness), (0.0, 3.0), &sine, (10, 40));
-        assert!(end > 3.8, "Prothero-Robinson {stiffness:e}: {end}");
-    }
+    let worst = |n: usize| -> f64 {
+        let each = (0..=32).map(|k| 10.0_f64.powf(0.25 * f64::from(k)));
+        let errors = each.map(|stiffness| errors(&ProtheroRobinson(stiffness), (0.0, 3.0), &sine, n).0);
+        errors.fold(0.0, f64::max)
+    };
+    let (coarse, fine) = (worst(20), worst(80));
+    let order = (coarse / fine).ln() / 4.0_f64.ln();
+    assert!(order > 3.8, "{coarse:e} {fine:e}: {order}");
 }
 
 #[test]
