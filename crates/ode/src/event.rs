@@ -16,8 +16,13 @@ pub(crate) fn locate(
     debug_assert!(g_low > 0.0 && g_high <= 0.0);
     let mut side = 0;
     for _ in 0..60 {
-        let middle = (low * g_high - high * g_low) / (g_high - g_low);
-        if !(middle > low && middle < high) {
+        let inside = |point: f64| point > low && point < high;
+        let mut middle = (low * g_high - high * g_low) / (g_high - g_low);
+        if !inside(middle) {
+            // One end is so near the root that the secant rounds onto it: the other end must follow.
+            middle = 0.5 * (low + high);
+        }
+        if !inside(middle) {
             break;
         }
         let value = g(middle);

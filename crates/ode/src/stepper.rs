@@ -331,14 +331,19 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let t = R::from_lanes(|lane| self.t[lane]);
         for i in 0..S {
             let (done, rest) = self.u.split_at_mut(i * blocks);
+            let b = &mut rest[..blocks];
             if i == 0 {
-                rest[..blocks].copy_from_slice(&self.f0);
+                b.copy_from_slice(&self.f0);
             } else {
-                combine(&mut self.stage, &self.y, &METHOD.a[i][..i], done);
+                combine(&mut self.stage, b, &self.y, &METHOD.a[i][..i], &METHOD.c[i][..i], inverse_h, done);
                 let time = h.fma(R::c(METHOD.alpha[i]), t);
                 let stage = &self.stage.as_flattened()[..n];
                 self.system.rhs(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
-                combine_scaled(&mut rest[..blocks], &self.rhs, &METHOD.c[i][..i], inverse_h, done);
+                for (b, rhs) in b.iter_mut().zip(&self.rhs) {
+                    for l in 0..BLOCK {
+                        b[l] += rhs[l];
+                    }
+                }
             }
             if self.structure.depends_on_time {
                 let weight = h * R::c(METHOD.gamma_t[i]);
@@ -405,6 +410,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 match self.look_for_event(lane, t0, h_lane) {
                     Found::Nothing => {}
                     Found::AtEnd(event) => taken = Some(event),
+                    // Where the clock's rounding leaves nothing to cut, the event lies at the end.
+                    Found::Inside(theta, event) if theta >= 1.0 => taken = Some(event),
                     Found::Inside(theta, event) => {
                         let control = &mut self.lanes[lane];
                         control.statistics.steps -= 1;
@@ -415,6 +422,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                             self.switch(lane, event, false);
                             any_accepted = true;
                         }
+                        self.check_progress(lane, error.get(lane));
                         continue;
                     }
                 }
@@ -592,61 +600,64 @@ fn substitute<R: Real>(x: &mut [R], entries: &[Entry], values: &[R]) {
     }
 }
 
-/// out = base + sum_j coefficient_j u_j, unrolled for the number of stages done.
+/// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j, unrolled for the number of stages done.
 #[inline]
-fn combine<R: Lane>(out: &mut [Block<R>], base: &[Block<R>], coefficients: &[f64], u: &[Block<R>]) {
+fn combine<R: Lane>(
+    stage: &mut [Block<R>],
+    b: &mut [Block<R>],
+    y: &[Block<R>],
+    a: &[f64],
+    c: &[f64],
+    inverse_h: R,
+    u: &[Block<R>],
+) {
     macro_rules! unrolled {
-        ($($k:literal)*) => { match coefficients.len() {
-            $($k => sum::<R, $k>(out, coefficients, u, |b, l, sum| sum + base[b][l]),)*
+        ($($k:literal)*) => { match a.len() {
+            $($k => combine_stages::<R, $k>(stage, b, y, a, c, inverse_h, u),)*
             _ => unreachable!("a method has at most {S} stages"),
         }};
     }
     unrolled!(1 2 3 4 5 6 7);
 }
 
-/// out = base + factor sum_j coefficient_j u_j.
-#[inline]
-fn combine_scaled<R: Lane>(
-    out: &mut [Block<R>],
-    base: &[Block<R>],
-    coefficients: &[f64],
-    factor: R,
+#[inline(always)]
+fn combine_stages<R: Lane, const K: usize>(
+    stage: &mut [Block<R>],
+    b: &mut [Block<R>],
+    y: &[Block<R>],
+    a: &[f64],
+    c: &[f64],
+    inverse_h: R,
     u: &[Block<R>],
 ) {
-    macro_rules! unrolled {
-        ($($k:literal)*) => { match coefficients.len() {
-            $($k => sum::<R, $k>(out, coefficients, u, |b, l, sum| sum.fma(factor, base[b][l])),)*
-            _ => unreachable!("a method has at most {S} stages"),
-        }};
+    let blocks = y.len();
+    for k in 0..blocks {
+        let (mut sum_a, mut sum_c) = (y[k], [R::zero(); BLOCK]);
+        for j in 0..K {
+            let row = &u[j * blocks + k];
+            for l in 0..BLOCK {
+                sum_a[l] = row[l].fma(R::c(a[j]), sum_a[l]);
+                sum_c[l] = row[l].fma(R::c(c[j]), sum_c[l]);
+            }
+        }
+        stage[k] = sum_a;
+        for l in 0..BLOCK {
+            b[k][l] = sum_c[l] * inverse_h;
+        }
     }
-    unrolled!(1 2 3 4 5 6 7);
 }
 
 /// out = sum_j coefficient_j u_j over all stages.
 #[inline]
 fn combine_zero<R: Lane>(out: &mut [Block<R>], coefficients: &[f64; S], u: &[Block<R>]) {
-    sum::<R, S>(out, coefficients, u, |_, _, sum| sum);
-}
-
-#[inline(always)]
-fn sum<R: Lane, const K: usize>(
-    out: &mut [Block<R>],
-    coefficients: &[f64],
-    u: &[Block<R>],
-    finish: impl Fn(usize, usize, R) -> R,
-) {
     let blocks = out.len();
-    let c: [R; K] = std::array::from_fn(|j| R::c(coefficients[j]));
-    for (b, out) in out.iter_mut().enumerate() {
-        let mut acc = [R::zero(); BLOCK];
-        for j in 0..K {
-            let row = &u[j * blocks + b];
+    for (k, out) in out.iter_mut().enumerate() {
+        let mut sum = [R::zero(); BLOCK];
+        for (j, c) in coefficients.iter().enumerate() {
             for l in 0..BLOCK {
-                acc[l] = row[l].fma(c[j], acc[l]);
+                sum[l] = u[j * blocks + k][l].fma(R::c(*c), sum[l]);
             }
         }
-        for l in 0..BLOCK {
-            out[l] = finish(b, l, acc[l]);
-        }
+        *out = sum;
     }
 }
