@@ -49,7 +49,7 @@ def fit_characterisation(
     problems: list[str] = []
     for group, rows in groups.items():
         part = curves.isel(row=np.flatnonzero(rows))
-        spread = max(float(np.ptp(part[f"pressure_{side}_pa"])) for side in ("a", "b"))
+        spread = max(float(np.ptp(part[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
         for law in laws:
             try:
                 found = fit_friction(part, law, pressure_dependence=spread > PRESSURE_STEP_PA)
