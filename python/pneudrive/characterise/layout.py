@@ -120,11 +120,7 @@ class Layout:
     @classmethod
     def loads(cls, text: str, origin: str = "layout") -> Layout:
         """Read and check a layout from TOML text."""
-        try:
-            tree = toml.tomllib.loads(text)
-        except toml.tomllib.TOMLDecodeError as error:
-            raise LayoutError(f"the layout is not TOML: {error}", where=origin) from None
-        return cls(tree, origin, text)._checked()
+        return cls(toml.parse(text, origin, LayoutError), origin, text)._checked()
 
     def for_file(self, path: Path) -> FileLayout:
         """Apply the overrides that match the file's name and bring all values to SI.
