@@ -128,8 +128,8 @@ def main() -> None:
     }
     (HERE / "results.json").write_text(json.dumps(results, indent=1) + "\n")
     note = (
-        f"{machine()['cpu']}, {machine()['cores']} cores; one trajectory, median of {ROUNDS['A']} (A) and {ROUNDS['C']} (C) "
-        "interleaved rounds.\nEach solver, ours too, at the loosest tolerance at which it and every tighter one of "
+        f"{machine()['cpu']}, {machine()['cores']} cores; one trajectory, median of {ROUNDS['A']} (A) and {ROUNDS['C']} "
+        "(C) interleaved rounds.\nEach solver, ours too, at the loosest tolerance at which it and every tighter one of "
         f"{GRID[0]:g} .. {GRID[-1]:g}\nstay within 1 um and 1e-4 of the golden trajectory."
     )
     (HERE / "results.md").write_text(f"<!-- written by `make bench` -->\n{note}\n\n{marked}")

@@ -69,8 +69,9 @@ def test_servo_control_follows_the_independent_model():
         servo["frequency_hz"],
         case["duration_s"],
         servo["sample_rate_hz"],
+        case["initial"],
         DEFAULT_RTOL,
-    )
+    )["columns"]
     keep = round(servo["sample_rate_hz"] / case["sample_rate_hz"])
     states = np.stack([run[c][::keep] for c in COLUMNS], axis=1)
     found = difference(case, states, want)

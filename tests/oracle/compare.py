@@ -49,10 +49,11 @@ def outside_impact(times: np.ndarray, position: np.ndarray, stroke: float) -> np
 
 def difference(case: Json, got: np.ndarray, want: np.ndarray) -> Difference:
     """Compare two trajectories of a case, each of shape (n, >= 6)."""
+    got, want = got[:, : len(COLUMNS)], want[:, : len(COLUMNS)]
     times = np.arange(len(want)) / case["sample_rate_hz"]
     keep = outside_impact(times, want[:, 0], case["drive"]["cylinder"]["stroke_m"])
     position = np.abs(got[:, 0] - want[:, 0]) * 1e6
-    relative = np.abs(got[keep] / np.where(want[keep] == 0.0, 1.0, want[keep]) - 1.0)[:, :6]
+    relative = np.abs(got[keep] / np.where(want[keep] == 0.0, 1.0, want[keep]) - 1.0)
     return Difference(
         position_um=float(position[keep].max()),
         velocity_m_s=float(np.abs(got[keep, 1] - want[keep, 1]).max()),
