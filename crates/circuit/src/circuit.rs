@@ -350,9 +350,11 @@ impl<R: Lane> Circuit<R> {
 
     /// The nodes at state `y`, with flows, forces and accelerations.
     pub fn observe(&self, y: &[R], net: &mut Net<R>) {
+        let mut rates = std::mem::take(&mut net.rates);
+        rates.resize(self.topology.n_states, R::zero());
         self.evaluate(y, net);
-        let mut dy = vec![R::zero(); self.topology.n_states];
-        self.parts.rate(y, &mut dy, net, &self.common);
+        self.parts.rate(y, &mut rates, net, &self.common);
+        net.rates = rates;
     }
 
     /// Force of a link at the nodes, N in +x on its second axis.

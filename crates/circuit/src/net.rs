@@ -52,11 +52,13 @@ pub struct Net<S> {
     pub axis: Vec<AxisNode<S>>,
     /// Specific heat capacity at constant pressure, J/(kg K).
     pub cp: S,
+    /// Room for rates that nobody reads, when only the nodes are observed.
+    pub(crate) rates: Vec<S>,
 }
 
 impl<S: Real> Net<S> {
     pub(crate) fn new(gas: usize, axes: usize, cp: S) -> Self {
-        Net { gas: vec![GasNode::empty(); gas], axis: vec![AxisNode::at_rest(); axes], cp }
+        Net { gas: vec![GasNode::empty(); gas], axis: vec![AxisNode::at_rest(); axes], cp, rates: Vec::new() }
     }
 }
 

@@ -79,6 +79,41 @@ impl<F: FnMut(&Circuit<f64>, f64, &[f64], &mut Net<f64>, &mut [f64])> Output<f64
     }
 }
 
+/// Keeps states as they are integrated, row by row.
+pub struct States {
+    times: Vec<f64>,
+    next: usize,
+    n: usize,
+    rows: Vec<f64>,
+}
+
+impl States {
+    /// For states of length `n`.
+    pub fn new(times: Vec<f64>, n: usize) -> Self {
+        States { next: 0, n, rows: Vec::with_capacity(times.len() * n), times }
+    }
+
+    /// All rows, the samples still due being those at the end.
+    pub fn finish(mut self, y: &[f64]) -> Vec<f64> {
+        for _ in self.next..self.times.len() {
+            self.rows.extend_from_slice(&y[..self.n]);
+        }
+        self.rows
+    }
+}
+
+impl Output<f64, Circuit<f64>> for States {
+    #[inline]
+    fn due(&self, _lane: usize) -> f64 {
+        self.times.get(self.next).copied().unwrap_or(f64::INFINITY)
+    }
+    #[inline]
+    fn sample(&mut self, _lane: usize, _t: f64, y: &[f64], _circuit: &Circuit<f64>) {
+        self.rows.extend_from_slice(&y[..self.n]);
+        self.next += 1;
+    }
+}
+
 /// k/rate for k = 0 .. round(duration rate), the last one at the duration.
 pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
     let n = (duration * rate).round().max(1.0) as usize;

@@ -110,7 +110,7 @@ impl Control {
             self.statistics.rejected += 1;
             return false;
         }
-        let factor = SAFETY * elementary::pow(error.max(1e-12), -exponent);
+        let factor = SAFETY * elementary::exp(-exponent * elementary::ln(error.max(1e-12)));
         let factor = factor.clamp(MIN_FACTOR, MAX_FACTOR);
         if error > 1.0 {
             self.wish = h * factor.min(SAFETY);

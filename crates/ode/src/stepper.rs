@@ -15,6 +15,9 @@ const BLOCK: usize = 4;
 /// A step below this fraction of the present time (or of 1) no longer moves the clock reliably.
 const MIN_RELATIVE_STEP: f64 = 4.0 * f64::EPSILON;
 
+/// Up to so many states the inverse of W is formed.
+const SMALL: usize = 8;
+
 type Block<R> = [R; BLOCK];
 type Direction<R> = Dual<R, DIRECTIONS>;
 
@@ -88,6 +91,7 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     jacobian: Vec<R>,
     lu: Vec<R>,
     reciprocal: Vec<Block<R>>,
+    inverse: [[R; SMALL]; SMALL],
     u: Vec<Block<R>>,
     stage: Vec<Block<R>>,
     rhs: Vec<Block<R>>,
@@ -110,7 +114,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let structure = system.structure().clone();
         let n = structure.n();
         assert_eq!(y0.len(), n, "one initial value for each state");
-        let blocks = n.div_ceil(BLOCK);
+        let blocks = n.div_ceil(BLOCK).max(SMALL / BLOCK);
         let zeros = |count: usize| vec![[R::zero(); BLOCK]; count];
         let mut y = zeros(blocks);
         y.as_flattened_mut()[..n].copy_from_slice(y0);
@@ -128,6 +132,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             jacobian: vec![R::zero(); structure.n_slots],
             lu: vec![R::zero(); structure.n_slots],
             reciprocal: zeros(blocks),
+            inverse: [[R::zero(); SMALL]; SMALL],
             u: zeros(S * blocks),
             stage: zeros(blocks),
             rhs: zeros(blocks),
@@ -278,6 +283,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// W = I/(h gamma) - J, factorised in the fixed order; the values below the diagonal and, divided
     /// by their pivot, above it are stored with the sign in which the substitutions add them.
+    #[inline(never)] // One body of this size in `attempt` is enough: more spill registers.
     fn factorise(&mut self, h: R) {
         let diagonal = R::one() / (h * R::c(METHOD.gamma));
         for (w, j) in self.lu.iter_mut().zip(&self.jacobian) {
@@ -285,10 +291,18 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
         let structure = &*self.structure;
         let (lower, upper) = (structure.lower.len(), structure.upper.len());
-        for w in &mut self.lu[lower + upper..] {
+        let first_diagonal = self.lu.len() - structure.n_coupled;
+        for w in &mut self.lu[first_diagonal..] {
             *w += diagonal;
         }
         let reciprocal = self.reciprocal.as_flattened_mut();
+        let scale = h * R::c(METHOD.gamma);
+        for r in &mut reciprocal[structure.n_coupled..] {
+            *r = scale;
+        }
+        for w in &mut self.lu[lower + upper..first_diagonal] {
+            *w = -(*w * scale);
+        }
         for pivot in &structure.pivots {
             let inverse = R::one() / self.lu[pivot.diagonal as usize];
             reciprocal[pivot.row as usize] = inverse;
@@ -306,25 +320,56 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
     }
 
-    /// Solves W x = b in place, for stage `i`.
-    fn solve(&mut self, i: usize) {
-        let blocks = self.y.len();
+    /// The columns of W^-1, for a small system: eight substitutions side by side cost as much as one,
+    /// and each of the eight solves of a step becomes a product without a chain of dependences.
+    #[inline(never)]
+    fn invert(&mut self) {
         let (lower, upper) = (&self.structure.lower[..], &self.structure.upper[..]);
         let (lower_values, rest) = self.lu.split_at(lower.len());
-        let upper_values = &rest[..upper.len()];
-        let b = &mut self.u[i * blocks..(i + 1) * blocks];
-        substitute(b.as_flattened_mut(), lower, lower_values);
-        for (x, d) in b.iter_mut().zip(&self.reciprocal) {
-            for l in 0..BLOCK {
-                x[l] *= d[l];
+        let z = &mut self.inverse;
+        *z = [[R::zero(); SMALL]; SMALL];
+        for (k, row) in z.iter_mut().enumerate() {
+            row[k] = R::one();
+        }
+        substitute_transposed(z, upper, &rest[..upper.len()]);
+        for (row, d) in z.iter_mut().zip(self.reciprocal.as_flattened()) {
+            for value in row {
+                *value *= *d;
             }
         }
-        substitute(b.as_flattened_mut(), upper, upper_values);
+        substitute_transposed(z, lower, lower_values);
+    }
+
+    /// Solves W x = b in place, for stage `i`.
+    #[inline(never)]
+    fn solve(&mut self, i: usize) {
+        let blocks = self.y.len();
+        let structure = &*self.structure;
+        let b = &mut self.u[i * blocks..(i + 1) * blocks];
+        let (lower_values, rest) = self.lu.split_at(structure.lower.len());
+        let (upper_values, rest) = rest.split_at(structure.upper.len());
+        if structure.n_coupled <= SMALL {
+            for (x, d) in b.as_flattened_mut().iter_mut().zip(self.reciprocal.as_flattened()).skip(SMALL) {
+                *x *= *d;
+            }
+            let x = b.as_flattened_mut().first_chunk_mut().expect("at least SMALL entries are stored");
+            *x = product(&self.inverse, x);
+        } else {
+            substitute(b.as_flattened_mut(), &structure.lower, lower_values);
+            for (x, d) in b.as_flattened_mut().iter_mut().zip(self.reciprocal.as_flattened()) {
+                *x *= *d;
+            }
+            substitute(b.as_flattened_mut(), &structure.upper, upper_values);
+        }
+        substitute(b.as_flattened_mut(), &structure.quadratures, rest);
     }
 
     /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
     fn attempt(&mut self, h: R) {
         self.factorise(h);
+        if self.structure.n_coupled <= SMALL {
+            self.invert();
+        }
         let n = self.structure.n();
         let blocks = self.y.len();
         let inverse_h = R::one() / h;
@@ -566,6 +611,7 @@ impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
             jacobian: self.jacobian.clone(),
             lu: self.lu.clone(),
             reciprocal: self.reciprocal.clone(),
+            inverse: self.inverse,
             u: self.u.clone(),
             stage: self.stage.clone(),
             rhs: self.rhs.clone(),
@@ -584,24 +630,42 @@ impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
     }
 }
 
-/// x[row] += value * x[column] for each entry in turn. A small system has a length that the compiler
-/// knows: an index is then masked into it and needs no check.
+/// x[row] += value * x[column] for each entry in turn.
 #[inline(always)]
 fn substitute<R: Real>(x: &mut [R], entries: &[Entry], values: &[R]) {
-    if let Ok(x) = <&mut [R; 8]>::try_from(&mut *x) {
-        for (e, value) in entries.iter().zip(values) {
-            let (row, column) = (e.row as usize & 7, e.column as usize & 7);
-            x[row] = value.fma(x[column], x[row]);
-        }
-    } else {
-        for (e, value) in entries.iter().zip(values) {
-            x[e.row as usize] = value.fma(x[e.column as usize], x[e.row as usize]);
+    for (e, value) in entries.iter().zip(values) {
+        x[e.row as usize] = value.fma(x[e.column as usize], x[e.row as usize]);
+    }
+}
+
+/// The transposed operations in reverse order, on all rows of `z` at once.
+#[inline(always)]
+fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry], values: &[R]) {
+    for (e, value) in entries.iter().zip(values).rev() {
+        // Masked, an index into a fixed array needs no check.
+        let (row, column) = (e.row as usize % SMALL, e.column as usize % SMALL);
+        let from = z[row];
+        for (to, from) in z[column].iter_mut().zip(from) {
+            *to = value.fma(from, *to);
         }
     }
 }
 
+/// sum_j x_j columns_j, in two chains.
+#[inline(always)]
+fn product<R: Real>(columns: &[[R; SMALL]; SMALL], x: &[R; SMALL]) -> [R; SMALL] {
+    let (mut even, mut odd) = ([R::zero(); SMALL], [R::zero(); SMALL]);
+    for j in 0..SMALL / 2 {
+        for l in 0..SMALL {
+            even[l] = columns[2 * j][l].fma(x[2 * j], even[l]);
+            odd[l] = columns[2 * j + 1][l].fma(x[2 * j + 1], odd[l]);
+        }
+    }
+    std::array::from_fn(|l| even[l] + odd[l])
+}
+
 /// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j, unrolled for the number of stages done.
-#[inline]
+#[inline(never)]
 fn combine<R: Lane>(
     stage: &mut [Block<R>],
     b: &mut [Block<R>],
@@ -648,7 +712,7 @@ fn combine_stages<R: Lane, const K: usize>(
 }
 
 /// out = sum_j coefficient_j u_j over all stages.
-#[inline]
+#[inline(never)]
 fn combine_zero<R: Lane>(out: &mut [Block<R>], coefficients: &[f64; S], u: &[Block<R>]) {
     let blocks = out.len();
     for (k, out) in out.iter_mut().enumerate() {

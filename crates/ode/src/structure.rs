@@ -54,20 +54,25 @@ pub struct Structure {
     /// Strictly lower entries in elimination order, column by column: slots 0 .. lower.len().
     pub(crate) lower: Vec<Entry>,
     /// Strictly upper entries in reverse elimination order, column by column: the slots that follow.
-    /// The diagonal comes last. So both substitutions read their values in sequence.
     pub(crate) upper: Vec<Entry>,
+    /// Entries of the quadratures' rows: the slots that follow. They take no part in the elimination.
+    pub(crate) quadratures: Vec<Entry>,
+    /// Number of states that are not quadratures; their diagonal lies in the last slots.
+    pub(crate) n_coupled: usize,
     pub(crate) depends_on_time: bool,
 }
 
 impl Structure {
     /// From the dependencies of each component of `f` on the states, and the scale of each state:
-    /// quadratures (infinite scale) come last in the elimination, so that adding one changes no bit
-    /// of the rest. `depends_on_time` says that `f` contains `t` itself.
+    /// quadratures (infinite scale) come after all other states and outside the elimination, so that
+    /// adding one changes no bit of the rest. `depends_on_time` says that `f` contains `t` itself.
     ///
-    /// Panics if a state depends on a quadrature: nothing may.
+    /// Panics if a state depends on a quadrature, or follows one.
     pub fn of(rows: &[Deps], scale: &[f64], depends_on_time: bool) -> Self {
         let n = rows.len();
         let quadrature = |i: usize| scale[i].is_infinite();
+        let n_coupled = (0..n).take_while(|&i| !quadrature(i)).count();
+        assert!((n_coupled..n).all(quadrature), "quadratures come after all other states");
         let pattern: Vec<Vec<bool>> = (0..n).map(|i| (0..n).map(|j| rows[i].contains(j)).collect()).collect();
         for row in &pattern {
             for (j, used) in row.iter().enumerate() {
@@ -77,18 +82,25 @@ impl Structure {
                 );
             }
         }
-        let order = elimination_order(&pattern, &quadrature);
-        let filled = fill_in(&pattern, &order);
+        let coupled: Vec<Vec<bool>> =
+            pattern[..n_coupled].iter().map(|row| row[..n_coupled].to_vec()).collect();
+        let order = elimination_order(&coupled);
+        let filled = fill_in(&coupled, &order);
         let (lower, upper) = substitutions(&filled, &order);
+        let entry = |i: usize, j: usize| Entry { row: i as u16, column: j as u16 };
+        let of_row =
+            |i: usize| (0..n_coupled).filter(move |&j| rows[i].contains(j)).map(move |j| entry(i, j));
+        let quadratures: Vec<Entry> = (n_coupled..n).flat_map(of_row).collect();
         let mut slots = vec![vec![Slot::MAX; n]; n];
-        let diagonal = (0..n).map(|k| Entry { row: k as u16, column: k as u16 });
-        for (slot, entry) in lower.iter().chain(&upper).copied().chain(diagonal).enumerate() {
+        let diagonal = (0..n_coupled).map(|k| entry(k, k));
+        let all = lower.iter().chain(&upper).chain(&quadratures).copied().chain(diagonal);
+        for (slot, entry) in all.enumerate() {
             slots[entry.row as usize][entry.column as usize] = slot as Slot;
         }
-        let n_slots = lower.len() + upper.len() + n;
+        let n_slots = lower.len() + upper.len() + quadratures.len() + n_coupled;
         let passes = colour(&pattern, &slots, &quadrature, depends_on_time);
         let pivots = factorisation(&filled, &slots, &order);
-        Structure { n, n_slots, passes, pivots, lower, upper, depends_on_time }
+        Structure { n, n_slots, passes, pivots, lower, upper, quadratures, n_coupled, depends_on_time }
     }
 
     /// Number of states.
@@ -107,11 +119,11 @@ impl Structure {
     }
 }
 
-/// Markowitz order on the diagonal: the pivot with the least possible fill-in first; quadratures last.
-fn elimination_order(pattern: &[Vec<bool>], quadrature: &dyn Fn(usize) -> bool) -> Vec<usize> {
+/// Markowitz order on the diagonal: the pivot with the least possible fill-in first.
+fn elimination_order(pattern: &[Vec<bool>]) -> Vec<usize> {
     let n = pattern.len();
     let mut work: Vec<Vec<bool>> = pattern.to_vec();
-    let mut left: Vec<usize> = (0..n).filter(|&i| !quadrature(i)).collect();
+    let mut left: Vec<usize> = (0..n).collect();
     let mut order = Vec::with_capacity(n);
     while !left.is_empty() {
         let count = |k: usize| {
@@ -129,7 +141,6 @@ fn elimination_order(pattern: &[Vec<bool>], quadrature: &dyn Fn(usize) -> bool) 
         }
         order.push(k);
     }
-    order.extend((0..n).filter(|&i| quadrature(i)));
     order
 }
 

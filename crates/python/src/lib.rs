@@ -1,7 +1,7 @@
 //! The seam to Python: conversion and error mapping, nothing else.
 
 use circuit::{Balance, Drive, Error, Kind, Rig, Run, Servo, friction_law, specification};
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use ode::{Options, Statistics};
 use physics::friction::{At, LAWS, Levels};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
@@ -127,32 +127,26 @@ impl PyDrive {
         Ok(out)
     }
 
-    /// The bare solution, for benchmarks: positions, velocities, pressures and temperatures only are
-    /// not singled out; this is `simulate` without conversion to Python objects.
-    fn bench(
+    /// The same run, but only its states as they are integrated, shape (samples, states).
+    #[allow(clippy::too_many_arguments)]
+    fn states<'py>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         times: Vec<f64>,
         commands: Vec<f64>,
         duration: f64,
         sample_rate: f64,
-        initial: &Bound<'_, PyDict>,
+        initial: &Bound<'py, PyDict>,
         rtol: f64,
-    ) -> PyResult<f64> {
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let initial = initial_state(initial)?;
-        let start = std::time::Instant::now();
-        let run = detached(py, |interrupted| {
-            self.drive.simulate(
-                &times,
-                &commands,
-                (duration, sample_rate),
-                &initial,
-                options(rtol),
-                interrupted,
-            )
+        let rows = detached(py, |interrupted| {
+            let sampling = (duration, sample_rate);
+            self.drive.states(&times, &commands, sampling, &initial, options(rtol), interrupted)
         })?;
-        std::hint::black_box(&run.columns);
-        Ok(start.elapsed().as_secs_f64())
+        let n = self.drive.n_states();
+        let samples = rows.len() / n;
+        PyArray1::from_vec(py, rows).reshape([samples, n])
     }
 
     /// A sampled servo loop tracking a sine around mid stroke.

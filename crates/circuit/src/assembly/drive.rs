@@ -2,9 +2,9 @@ use super::friction_law;
 use crate::circuit::{AxisId, Circuit, GasId, RestrictionId};
 use crate::net::Net;
 use crate::part::ChamberLaw;
-use crate::run::{Error, Recorder, Run, advance, sample_times};
+use crate::run::{Error, Recorder, Run, States, advance, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
-use ode::{Options, Stepper};
+use ode::{Options, Output, Stepper};
 use physics::IdealGas;
 use physics::flow::Iso6358;
 use physics::mechanics::EndStop;
@@ -128,6 +128,11 @@ impl Drive {
         &self.columns
     }
 
+    /// Number of states.
+    pub fn n_states(&self) -> usize {
+        self.circuit.n_states()
+    }
+
     /// What the user should know about this description.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -175,20 +180,54 @@ impl Drive {
                 self.row(c, t, command.get(), y, net, row);
             });
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
+        let plan = (times, commands, duration);
+        self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), interrupted)?;
+        recorder.finish(stepper.system(), stepper.state());
+        let balance = recorder.balance(stepper.system());
+        Ok(Run { columns: recorder.columns, statistics: stepper.statistics(0), balance })
+    }
+
+    /// The same run, but only its states as they are integrated: one row of x, v, m_a, U_a, m_b, U_b and
+    /// inner states for each sample.
+    pub fn states(
+        &self,
+        times: &[f64],
+        commands: &[f64],
+        sampling: (f64, f64),
+        initial: &Initial,
+        options: Options,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Vec<f64>, Error> {
+        let (circuit, y) = self.start(initial, commands[0]);
+        let mut recorder = States::new(sample_times(sampling.0, sampling.1), y.len());
+        let mut stepper = Stepper::new(circuit, 0.0, &y, options);
+        let plan = (times, commands, sampling.0);
+        self.follow(plan, &mut stepper, &mut recorder, |_| {}, interrupted)?;
+        Ok(recorder.finish(stepper.state()))
+    }
+
+    /// Advances through the segments of a plan (times, commands, duration), the stepper starting with
+    /// the first command.
+    fn follow(
+        &self,
+        (times, commands, duration): (&[f64], &[f64], f64),
+        stepper: &mut Stepper<f64, Circuit<f64>>,
+        output: &mut impl Output<f64, Circuit<f64>>,
+        note: impl Fn(f64),
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), Error> {
         for (i, &u) in commands.iter().enumerate() {
             if times[i] >= duration {
                 break;
             }
-            command.set(u);
+            note(u);
             if i > 0 {
                 set_command(stepper.system_mut(), &self.edges, 0, u);
             }
             let until = times.get(i + 1).map_or(duration, |&t| t.min(duration));
-            advance(&mut stepper, until, &mut recorder, interrupted)?;
+            advance(stepper, until, output, interrupted)?;
         }
-        recorder.finish(stepper.system(), stepper.state());
-        let balance = recorder.balance(stepper.system());
-        Ok(Run { columns: recorder.columns, statistics: stepper.statistics(0), balance })
+        Ok(())
     }
 
     /// A sampled servo loop: every 1/rate seconds the command is computed from position and velocity
