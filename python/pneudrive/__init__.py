@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from pneudrive.identify import fit_friction as fit_friction
     from pneudrive.simulate import citations as citations
     from pneudrive.simulate import simulate as simulate
+    from pneudrive.trajectory import save as save
 
 # Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
 _HOME = {
@@ -43,6 +44,7 @@ _HOME = {
     ),
     **dict.fromkeys(["Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
+    "save": "pneudrive.trajectory",
     "characterise": "pneudrive.characterise",
     "fit_friction": "pneudrive.identify",
 }

@@ -1,0 +1,6 @@
+"""``python -m pneudrive`` is the ``pneudrive`` command."""
+
+from pneudrive.cli.main import main
+
+if __name__ == "__main__":
+    main()
