@@ -6,6 +6,8 @@
 //! and alpha below one with several (Hairer & Wanner, section IV.7). Trees are enumerated here, so
 //! no condition can be forgotten.
 
+#![allow(clippy::needless_range_loop)] // indices as in the book
+
 use ode::{RODAS5P, Rosenbrock};
 
 const S: usize = 8;
@@ -51,13 +53,8 @@ fn step_weights(method: &Rosenbrock<S>) -> Row {
 
 impl Classical {
     fn of(method: &Rosenbrock<S>) -> Self {
-        let mut gamma_inverse = [[0.0; S]; S];
-        for i in 0..S {
-            for j in 0..=i {
-                gamma_inverse[i][j] = if i == j { 1.0 / method.gamma } else { -method.c[i][j] };
-            }
-        }
-        let gamma = inverse(&gamma_inverse);
+        let cell = |i: usize, j: usize| if i == j { 1.0 / method.gamma } else { -method.c[i][j] };
+        let gamma = inverse(&std::array::from_fn(|i| std::array::from_fn(|j| cell(i, j))));
         let alpha = multiply(&method.a, &gamma);
         let beta = std::array::from_fn(|i| std::array::from_fn(|j| alpha[i][j] + gamma[i][j]));
         Classical {
@@ -219,7 +216,7 @@ fn it_is_stiffly_accurate_and_l_stable() {
         assert!((method.b[j] - last).abs() < 1e-12, "b is the last stage");
     }
     // Poles lie at 1/gamma > 0 alone, so |R| <= 1 on the imaginary axis means in the left half plane.
-    assert!(RODAS5P.gamma > 0.0);
+    const { assert!(RODAS5P.gamma > 0.0) };
     for k in 0..=1200 {
         let y = 10.0_f64.powf(-3.0 + k as f64 / 100.0);
         let (re, im) = on_the_imaginary_axis(&method, &method.b, y);

@@ -58,8 +58,9 @@ fn dense_solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
         b.swap(k, pivot);
         for i in k + 1..n {
             let factor = a[i][k] / a[k][k];
-            for j in k..n {
-                a[i][j] -= factor * a[k][j];
+            let (done, rest) = a.split_at_mut(i);
+            for (below, right) in rest[0].iter_mut().zip(&done[k]).skip(k) {
+                *below -= factor * right;
             }
             b[i] -= factor * b[k];
         }
