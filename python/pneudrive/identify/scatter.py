@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 CHANCE = 0.01
 #: Degrees of freedom below which a scatter cannot be told from chance.
 LEAST_DOF = 3
+#: Deviance by which one wrong factor has to be the better explanation before it is taken (p = 0.01 for one parameter):
+#: a scatter is the usual one, and the safe one.
+CLEARLY = 6.6
 
 
 def with_scatter(
@@ -30,7 +33,7 @@ def with_scatter(
     """Add a scatter to the standard errors where the residuals ask for it and are then more likely.
 
     The other explanation of large residuals, standard errors that are too small by one factor, is what an estimate
-    without scatter assumes already; the more likely of both is kept.
+    without scatter assumes already; it is kept only where it is clearly more likely.
 
     Parameters
     ----------
@@ -66,7 +69,7 @@ def with_scatter(
     scatter = float(np.exp(brentq(excess, low, high, xtol=1e-2)))  # pyright: ignore[reportCallIssue, reportArgumentType]
     wider = spread(scatter)
     again = estimate(model, wider, robust=robust)
-    if _deviance(wider, again) < _deviance(data, found):
+    if _deviance(wider, again) < _deviance(data, found) + CLEARLY:
         return wider, again, scatter
     return data, found, 0.0
 

@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive.characterise.recording import Recording
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.rig.description import DEFAULT, RigDescription, read_description
-from pneudrive.rig.motion import Motion, cycles
+from pneudrive.rig.motion import Limits, Motion, cycles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -95,6 +95,7 @@ class SimulatedRig:
         count: int = 1,
         dwell_s: float = 0.0,
         clock: TimeClock | EncoderClock | None = None,
+        limits: Limits | None = None,
         rtol: float = DEFAULT_RTOL,
     ) -> Trace:
         """Drag the piston out and back; return the true signals.
@@ -111,6 +112,8 @@ class SimulatedRig:
             Stop at each reversal.
         clock : TimeClock or EncoderClock, optional
             Another sample clock than the rig's own.
+        limits : Limits, optional
+            Other limits of the servo than the rig's own.
         rtol : float
             Relative tolerance of the integration.
 
@@ -128,7 +131,9 @@ class SimulatedRig:
         from pneudrive import _core
 
         d = self.description
-        motion = cycles(d.margin_m, d.stroke_m - d.margin_m, speed_m_s, d.limits, count=count, dwell_s=dwell_s)
+        motion = cycles(
+            d.margin_m, d.stroke_m - d.margin_m, speed_m_s, limits or d.limits, count=count, dwell_s=dwell_s
+        )
         pressure_a, pressure_b = self._absolute(gauge_pa)
         times = (clock or d.clock).times(motion, count)
         try:
