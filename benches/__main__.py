@@ -50,7 +50,7 @@ def solvers(peers_only: bool) -> list[Any]:
         return peers
     from benches.solvers import ours
 
-    return [ours.Pneudrive(), *peers]
+    return [ours.Pneudrive(), ours.Columns(), *peers]
 
 
 def machine() -> dict[str, Any]:
@@ -74,8 +74,9 @@ def measured(peers_only: bool, rounds: dict[str, int]) -> list[Entry]:
     entries: list[Entry] = []
     for solver in solvers(peers_only):
         # a Python right-hand side is slower in A already, and takes minutes in C
-        for case in ("A",) if "Python" in solver.name else ("A", "C"):
-            entry = Entry(solver.name, case, solver.case_a if case == "A" else solver.case_c)
+        for case in ("a",) if "Python" in solver.name or "columns" in solver.name else ("a", "c"):
+            solve = getattr(solver, f"case_{case}")
+            entry = Entry(solver.name, case.upper(), solve, getattr(solver, f"bare_{case}", solve))
             entry.run_sweep(GRID)
             entries.append(entry)
     for case in ("A", "C"):
@@ -127,9 +128,10 @@ def main() -> None:
         "doors_s": {what: float(f"{seconds:.4g}") for what, seconds, _ in waits},
     }
     (HERE / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    cpu = f"{machine()['cpu']}, {machine()['cores']} cores"
     note = (
-        f"{machine()['cpu']}, {machine()['cores']} cores; one trajectory, median of {ROUNDS['A']} (A) and {ROUNDS['C']} "
-        "(C) interleaved rounds.\nEach solver, ours too, at the loosest tolerance at which it and every tighter one of "
+        f"{cpu}; one trajectory, median of interleaved rounds ({ROUNDS['A']} of A, {ROUNDS['C']} of C).\n"
+        "Each solver, ours too, at the loosest tolerance at which it and every tighter one of "
         f"{GRID[0]:g} .. {GRID[-1]:g}\nstay within 1 um and 1e-4 of the golden trajectory."
     )
     (HERE / "results.md").write_text(f"<!-- written by `make bench` -->\n{note}\n\n{marked}")

@@ -31,4 +31,4 @@ for ratio in (0.99, 0.995, COMMON, 0.9999, 0.99999):
     run = motion(ratio)
     shift = 1e6 * np.abs(run.position - usual.position).max()
     pressure = np.abs(run.pressure_a - usual.pressure_a).max()
-    print(f"| {ratio:g} | {slope:.3g} | {float(shift):.2g} | {float(pressure):.2g} |")
+    print(f"| {ratio:g} | {slope:.3g} | {float(shift):.0f} | {float(pressure):.0f} |")

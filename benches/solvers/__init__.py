@@ -1,1 +1,1 @@
-"""One file a peer: each gives objects with `name`, `case_a(tol)` and, where it can, `case_c(tol)`."""
+"""One file a solver: `name`, `case_a(tol)` and `case_c(tol)` give p-T states; `bare_a`, `bare_c` what is timed."""

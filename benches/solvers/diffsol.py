@@ -101,14 +101,18 @@ class Diffsol:
 
     def case_a(self, tol: float) -> np.ndarray:
         """Return the states of case A at 1 kHz, shape (2001, 7)."""
+        first, *later = (part.T * SCALE for part in self.bare_a(tol))
+        return np.concatenate([initial(CASE_A)[None], first[1:], *(part[1:] for part in later)])
+
+    def bare_a(self, tol: float) -> list[np.ndarray]:
+        """Solve case A for the scaled states, one array a command step."""
         ode = self.ode
         ode.rtol = ode.atol = tol
-        y, parts = initial(CASE_A) / SCALE, [initial(CASE_A)[None]]
+        y, parts = initial(CASE_A) / SCALE, []
         for u, times in SEGMENTS_A:
-            states = ode.solve_dense(_inputs(u, y), times - times[0]).ys
-            parts.append(states[:, 1:].T * SCALE)
-            y = states[:, -1]
-        return np.concatenate(parts)
+            parts.append(ode.solve_dense(_inputs(u, y), times - times[0]).ys)
+            y = parts[-1][:, -1]
+        return parts
 
     def case_c(self, tol: float) -> np.ndarray:
         """Return the states of case C at its samples, shape (10001, 7)."""

@@ -1,4 +1,4 @@
-"""The product: the call that `pneudrive.simulate` makes, without description, units and labels."""
+"""The product's core: the solver's own states, and all columns of a trajectory file."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from pneudrive import _core
 
 
 class Pneudrive:
-    """States at 1 kHz, and with them all that a trajectory file holds: forces, flows, acceleration."""
+    """Timed as a bare solution, as the peers are: states at 1 kHz, in case C the columns at every sample."""
 
     name = "pneudrive"
 
     def __init__(self) -> None:
         self.drive = _core.Drive(json.dumps(CASE_A["drive"]))
-        self.times, self.commands = (list(column) for column in zip(*CASE_A["commands"], strict=True))
-
-    def solve_a(self, tol: float) -> dict[str, np.ndarray]:
-        """Solve case A; the columns of a trajectory file, 2001 samples each."""
-        case = CASE_A
-        return self.drive.simulate(
-            self.times, self.commands, case["duration_s"], case["sample_rate_hz"], case["initial"], tol
-        )["columns"]
-
-    def solve_c(self, tol: float) -> dict[str, np.ndarray]:
-        """Solve case C; the columns of a trajectory file, 10001 samples each."""
-        s, case = SERVO, CASE_C
-        return self.drive.servo(
-            s["kp"],
-            s["kd"],
-            s["amplitude_m"],
-            s["frequency_hz"],
-            case["duration_s"],
-            s["sample_rate_hz"],
-            case["initial"],
-            tol,
-        )["columns"]
+        times, commands = (list(column) for column in zip(*CASE_A["commands"], strict=True))
+        self.motion = (times, commands, CASE_A["duration_s"], CASE_A["sample_rate_hz"], CASE_A["initial"])
+        servo = (SERVO[name] for name in ("kp", "kd", "amplitude_m", "frequency_hz"))
+        self.control = (*servo, CASE_C["duration_s"], SERVO["sample_rate_hz"], CASE_C["initial"])
 
     def case_a(self, tol: float) -> np.ndarray:
         """Return the states of case A at 1 kHz, shape (2001, 6)."""
-        columns = self.solve_a(tol)
+        columns = self.drive.simulate(*self.motion, tol)["columns"]
         return np.stack([columns[c] for c in COLUMNS], axis=1)
 
     def case_c(self, tol: float) -> np.ndarray:
         """Return the states of case C at its samples, shape (10001, 6)."""
-        columns = self.solve_c(tol)
+        columns = self.bare_c(tol)["columns"]
         return np.stack([columns[c] for c in COLUMNS], axis=1)
+
+    def bare_a(self, tol: float) -> np.ndarray:
+        """Solve case A for the solver's own states: mass and energy of the gas in place of p and T."""
+        return self.drive.states(*self.motion, tol)
+
+    def bare_c(self, tol: float) -> dict:
+        """Solve case C; the columns of a trajectory file."""
+        return self.drive.servo(*self.control, tol)
+
+
+class Columns(Pneudrive):
+    """The same with everything that a trajectory file holds: forces, flows, acceleration."""
+
+    name = "pneudrive, with all columns"
+
+    def bare_a(self, tol: float) -> dict:
+        """Solve case A; the columns of a trajectory file, 2001 samples each."""
+        return self.drive.simulate(*self.motion, tol)
