@@ -1,6 +1,8 @@
 //! What parts share while the right-hand side is evaluated.
 
+use crate::circuit::{AxisId, GasId};
 use math::Real;
+use std::ops::Index;
 
 /// A point where gas is: a volume or a reservoir.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +61,20 @@ pub struct Net<S> {
 impl<S: Real> Net<S> {
     pub(crate) fn new(gas: usize, axes: usize, cp: S) -> Self {
         Net { gas: vec![GasNode::empty(); gas], axis: vec![AxisNode::at_rest(); axes], cp, rates: Vec::new() }
+    }
+}
+
+impl<S> Index<GasId> for Net<S> {
+    type Output = GasNode<S>;
+    fn index(&self, id: GasId) -> &GasNode<S> {
+        &self.gas[id.0]
+    }
+}
+
+impl<S> Index<AxisId> for Net<S> {
+    type Output = AxisNode<S>;
+    fn index(&self, id: AxisId) -> &AxisNode<S> {
+        &self.axis[id.0]
     }
 }
 
