@@ -203,6 +203,8 @@ def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = N
             if process.poll() is None:
                 process.kill()
                 process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
     return sheaves
 
 

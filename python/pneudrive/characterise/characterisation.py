@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive.characterise.campaign import Cycles, Sheaf, Source, find_cycles, harvest, read_cycles
 from pneudrive.characterise.closure import ClosureFit, fit_closures
 from pneudrive.characterise.extract import Level, RecordingResult, extract
-from pneudrive.characterise.friction_map import to_dataset
+from pneudrive.characterise.friction_map import MapRow, to_dataset
 from pneudrive.characterise.layout import Layout
 from pneudrive.characterise.load import load_recording, recording_files
 from pneudrive.characterise.pressure_line import (
@@ -199,7 +199,8 @@ def _assemble(
     points = tuple(point for sheaf in sheaves for point in sheaf.friction_points)
     closures = fit_closures([point for sheaf in sheaves for point in sheaf.closure_points])
     lines = fit_pressure_lines(list(points))
-    friction_map = to_dataset([row for sheaf in sheaves for row in sheaf.rows])
+    rows = [row for sheaf in sheaves for row in sheaf.rows]
+    friction_map = to_dataset(rows)
     friction_map.attrs["protocol"] = choice.name
     if results:
         ambient = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
@@ -211,7 +212,7 @@ def _assemble(
         pressure_lines=tuple(lines),
         points=points,
         run_spread=run_spread(list(points)),
-        notes=(*notes, *_notes(results, points, lines)),
+        notes=(*notes, *_notes(results, points, lines, rows)),
         skipped=tuple(skipped),
         protocol=choice.name,
     )
@@ -249,22 +250,40 @@ def _sheaves_once(sheaves: list[Sheaf]) -> tuple[list[Sheaf], list[tuple[str, st
     return kept, skipped, notes
 
 
+def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[MapRow]) -> float:
+    """Correlation of speed and pressure within seals, in the direction in which it is the stronger one."""
+    of_recording = {point.recording: point for point in points}
+    strongest = 0.0
+    for direction in (1, -1):
+        mine = [row for row in rows if row.direction == direction]
+        seals = [of_recording[row.recording].seal for row in mine]
+        values = np.array([[abs(row.velocity_m_s), of_recording[row.recording].pressure_pa] for row in mine])
+        for seal in set(seals):
+            members = np.array([s == seal for s in seals])
+            values[members] -= values[members].mean(axis=0)
+        if len(mine) >= 3 and (np.ptp(values, axis=0) > 0).all():
+            found = float(np.corrcoef(values.T)[0, 1])
+            strongest = max(strongest, found, key=abs)
+    return strongest
+
+
 def _notes(
-    results: tuple[RecordingResult, ...], points: tuple[FrictionPoint, ...], lines: list[PressureLine]
+    results: tuple[RecordingResult, ...],
+    points: tuple[FrictionPoint, ...],
+    lines: list[PressureLine],
+    rows: list[MapRow],
 ) -> list[str]:
     notes = []
     speeds = np.array([p.speed_m_s for p in points])
-    pressures = np.array([p.pressure_pa for p in points])
     low, high = speeds.min() * 1e3, speeds.max() * 1e3
     notes.append(f"What is measured is the mean sliding friction in the window at {low:.3g} to {high:.3g} mm/s.")
-    if len(points) >= 3 and np.ptp(speeds) > 0 and np.ptp(pressures) > 0:
-        together = float(np.corrcoef(speeds, pressures)[0, 1])
-        if abs(together) > CONFOUNDED:
-            word = "falls" if together < 0 else "rises"
-            notes.append(
-                f"Speed {word} as pressure rises (correlation {together:+.2f}): their effects on friction are "
-                "confounded, and neither can be given alone."
-            )
+    together = _speed_with_pressure(points, rows)
+    if abs(together) > CONFOUNDED:
+        word = "falls" if together < 0 else "rises"
+        notes.append(
+            f"Speed {word} as pressure rises (correlation {together:+.2f} within a seal): their effects on friction "
+            "are confounded, and neither can be given alone."
+        )
     only_one_side = all(
         np.ptp(r.recording.pressure_a_pa) == 0 or np.ptp(r.recording.pressure_b_pa) == 0 for r in results
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,7 +93,7 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     window = _window(recording, strokes, choice)
     levels = []
     for members in speed_levels(strokes):
-        level = _level(recording, len(levels), members, balance, settled, window)
+        level = _level(recording, len(levels), members, balance, settled, window, choice)
         if level is not None:
             levels.append(level)
     if not levels:
@@ -133,72 +133,107 @@ def _level(
     balance: NDArray[np.float64],
     settled: NDArray[np.bool_],
     window: tuple[float, float],
+    choice: SampleChoice,
 ) -> Level | None:
     """Put one speed level together; None where no stroke covers the window."""
     profile = build_profile(recording.name, index, strokes, recording.position_m, balance, settled, window)
-    rows = {1: profile.up_strokes_n, -1: profile.down_strokes_n}
-    covered = {
-        d: np.isfinite(r[:, profile.in_window]).mean(axis=1) >= COVERED_SHARE if r.size else np.zeros(0, bool)
-        for d, r in rows.items()
-    }
-    by_direction = {d: [s for s in strokes if s.direction == d] for d in (1, -1)}
-    used = {d: [s for s, ok in zip(by_direction[d], covered[d], strict=True) if ok] for d in (1, -1)}
-    present = [d for d in (1, -1) if used[d]]
-    if not present:
+    used, rows = _covering(strokes, profile)
+    if not used:
         return None
     # Equal positions: only bins that every present direction has.
     bins = profile.in_window.copy()
-    for d in present:
-        bins &= np.isfinite(rows[d][covered[d]]).any(axis=0)
+    for matrix in rows.values():
+        bins &= np.isfinite(matrix).any(axis=0)
     if not bins.any():
         return None
-    means = {d: stroke_means(rows[d][covered[d]], bins) if d in present else np.zeros(0) for d in (1, -1)}
-    spreads = {d: spread_of(means[d]) for d in (1, -1)}
-    conditions = {d: _conditions(recording, used[d], settled, window) for d in present}
-    paired = len(present) == 2
-    up, down = (conditions.get(d, conditions[present[0]]) for d in (1, -1))
-    slope = _slope(profile.position_m[bins], profile.offset_n[bins]) if paired else 0.0
-    interval = middle(np.diff(recording.time_s))
-    budget = systematic_budget(recording, up.means, down.means, slope, interval)
-    u_friction, u_offset = combined(budget)
-    if paired:
-        friction = (spreads[1].mean_n - spreads[-1].mean_n) / 2
-        offset = (spreads[1].mean_n + spreads[-1].mean_n) / 2
-        stderr = pair_stderr(spreads[1], spreads[-1])
-        if not np.isfinite(stderr):
-            stderr = profile_stderr(profile.friction_n[bins])
+    if choice.uses_window:
+        means = {d: stroke_means(matrix, bins) for d, matrix in rows.items()}
     else:
-        only = present[0]
-        friction, offset, u_friction = only * spreads[only].mean_n, float("nan"), u_offset
-        stderr = spreads[only].stderr_n
-        if not np.isfinite(stderr):
-            stderr = profile_stderr(rows[only][covered[only]][0][bins])
+        means = {d: np.array([balance[s.samples][settled[s.samples]].mean() for s in used[d]]) for d in used}
+    spreads = {d: spread_of(means.get(d, np.zeros(0))) for d in (1, -1)}
+    conditions = {d: _conditions(recording, members, settled, window) for d, members in used.items()}
+    found = _estimate(recording, profile, bins, spreads, rows, conditions)
+    paired = len(used) == 2
     peaks = find_reversal_peaks(recording, strokes, balance, profile) if paired else []
-    slips = [_stick_slip(recording, s) for s in (*used[1], *used[-1])]
-    stick_slip = tuple(s for s in slips if s is not None)
-    flags = _level_flags(recording, used, conditions, spreads, stick_slip, bins, profile, friction, paired=paired)
-    centre = offset if paired else 0.0
+    slips = [_stick_slip(recording, s) for members in used.values() for s in members]
     level = Level(
         recording=recording.name,
         index=index,
         strokes=tuple(strokes),
         profile=profile,
         window_m=window,
-        friction_n=friction,
-        offset_n=offset,
-        stderr_n=stderr,
-        u_systematic_n=u_friction,
-        u_offset_n=u_offset,
+        friction_n=found.friction_n,
+        offset_n=found.offset_n,
+        stderr_n=found.stderr_n,
+        u_systematic_n=found.u_friction_n,
+        u_offset_n=found.u_offset_n,
         spreads=spreads,
-        stroke_friction_n={d: d * (means[d] - centre) for d in (1, -1)},
-        stroke_times_s={d: np.array([recording.time_s[s.start] for s in used[d]]) for d in (1, -1)},
-        budget=tuple(budget),
+        stroke_friction_n={d: d * (m - (found.offset_n if paired else 0.0)) for d, m in means.items()},
+        stroke_times_s={d: recording.time_s[[s.start for s in members]] for d, members in used.items()},
+        budget=tuple(found.budget),
         peaks=tuple(peaks),
-        stick_slip=stick_slip,
-        flags=flags,
+        stick_slip=tuple(s for s in slips if s is not None),
+        flags=(),
         rows=(),
     )
-    return _with_rows(level, conditions, used, peaks)
+    level = replace(level, flags=_level_flags(recording, level, used, conditions, bins))
+    return replace(level, rows=_rows(level, conditions, used))
+
+
+def _covering(
+    strokes: list[Stroke], profile: Profile
+) -> tuple[dict[int, list[Stroke]], dict[int, NDArray[np.float64]]]:
+    """Keep the strokes that cover the window, and their bins, by direction; a direction without any is absent."""
+    used: dict[int, list[Stroke]] = {}
+    rows: dict[int, NDArray[np.float64]] = {}
+    for direction, matrix in ((1, profile.up_strokes_n), (-1, profile.down_strokes_n)):
+        covered = np.isfinite(matrix[:, profile.in_window]).mean(axis=1) >= COVERED_SHARE
+        if covered.any():
+            members = [s for s in strokes if s.direction == direction]
+            used[direction] = [s for s, ok in zip(members, covered, strict=True) if ok]
+            rows[direction] = matrix[covered]
+    return used, rows
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """Friction and offset of one level with their uncertainties, N."""
+
+    friction_n: float
+    offset_n: float
+    stderr_n: float
+    u_friction_n: float
+    u_offset_n: float
+    budget: list[BudgetEntry]
+
+
+def _estimate(
+    recording: Recording,
+    profile: Profile,
+    bins: NDArray[np.bool_],
+    spreads: dict[int, Spread],
+    rows: dict[int, NDArray[np.float64]],
+    conditions: dict[int, _Conditions],
+) -> _Estimate:
+    """Pair the directions, or take the one that is there, and state the uncertainty."""
+    only = next(iter(conditions))
+    up, down = (conditions.get(d, conditions[only]).means for d in (1, -1))
+    paired = len(conditions) == 2
+    slope = _slope(profile.position_m[bins], profile.offset_n[bins]) if paired else 0.0
+    budget = systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s)))
+    u_friction, u_offset = combined(budget)
+    if not paired:
+        stderr = spreads[only].stderr_n
+        if not np.isfinite(stderr):
+            stderr = profile_stderr(rows[only][0][bins])
+        # Nothing cancels in one direction alone: friction is as uncertain as the offset would be.
+        return _Estimate(only * spreads[only].mean_n, float("nan"), stderr, u_offset, u_offset, budget)
+    stderr = pair_stderr(spreads[1], spreads[-1])
+    if not np.isfinite(stderr):
+        stderr = profile_stderr(profile.friction_n[bins])
+    half_difference = (spreads[1].mean_n - spreads[-1].mean_n) / 2
+    half_sum = (spreads[1].mean_n + spreads[-1].mean_n) / 2
+    return _Estimate(half_difference, half_sum, stderr, u_friction, u_offset, budget)
 
 
 @dataclass(frozen=True)
@@ -259,78 +294,62 @@ def _stick_slip(recording: Recording, stroke: Stroke) -> StickSlip | None:
 
 def _level_flags(
     recording: Recording,
+    level: Level,
     used: dict[int, list[Stroke]],
     conditions: dict[int, _Conditions],
-    spreads: dict[int, Spread],
-    stick_slip: tuple[StickSlip, ...],
     bins: NDArray[np.bool_],
-    profile: Profile,
-    friction: float,
-    *,
-    paired: bool,
 ) -> tuple[str, ...]:
     """Names of what the reader of the map should know."""
-    flags = [kind for kind in recording.flags if recording.flags[kind]]
-    if not paired:
-        flags.append("unpaired")
-    if min(len(used[d]) for d in conditions) == 1:
-        flags.append("single_stroke")
-    if any(s.has_trend for s in spreads.values()):
-        flags.append("trend")
-    if stick_slip and np.mean([s.found for s in stick_slip]) > 0.5:
-        flags.append("stick_slip")
-    elif stick_slip and np.median([s.ripple for s in stick_slip]) > RIPPLE_LIMIT:
-        flags.append("speed_ripple")
-    if bins.sum() < 0.9 * profile.in_window.sum():
-        flags.append("window_not_covered")
-    if any(c.pressure_moves_n > 0.5 * abs(friction) for c in conditions.values()):
-        flags.append("pressure_moves")
-    if paired:
-        speeds = [abs(c.means.speed_m_s) for c in conditions.values()]
-        if abs(speeds[0] - speeds[1]) > 0.1 * max(speeds):
-            flags.append("unequal_speeds")
-    return tuple(flags)
+    flags = [kind for kind, count in recording.flags.items() if count]
+    slips = level.stick_slip
+    speeds = [abs(c.means.speed_m_s) for c in conditions.values()]
+    stick_slip = bool(slips) and float(np.mean([s.found for s in slips])) > 0.5
+    ripple = bool(slips) and float(np.median([s.ripple for s in slips])) > RIPPLE_LIMIT
+    seen = {
+        "unpaired": len(used) < 2,
+        "single_stroke": min(len(members) for members in used.values()) == 1,
+        "trend": any(s.has_trend for s in level.spreads.values()),
+        "stick_slip": stick_slip,
+        "speed_ripple": ripple and not stick_slip,
+        "window_not_covered": bins.sum() < 0.9 * level.profile.in_window.sum(),
+        "pressure_moves": any(c.pressure_moves_n > 0.5 * abs(level.friction_n) for c in conditions.values()),
+        "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
+    }
+    return (*flags, *(name for name, is_so in seen.items() if is_so))
 
 
-def _with_rows(
-    level: Level, conditions: dict[int, _Conditions], used: dict[int, list[Stroke]], peaks: list[ReversalPeak]
-) -> Level:
-    """Add the map's rows, one per direction that is there."""
-    from dataclasses import replace
-
+def _rows(level: Level, conditions: dict[int, _Conditions], used: dict[int, list[Stroke]]) -> tuple[MapRow, ...]:
+    """Write the map's rows, one per direction that is there."""
     rows = []
-    for direction in conditions:
-        mine = [p for p in peaks if p.direction == direction]
-        good = usable(mine)
-        strokes = [s for s in used[direction] if s.index > 0]
-        rates = [p.loading_rate_n_s for p in mine if np.isfinite(p.loading_rate_n_s)]
-        flags = list(level.flags)
-        if mine and not good:
-            flags.append("breakaway_spoiled")
-        means = conditions[direction].means
+    for direction, condition in conditions.items():
+        peaks = [p for p in level.peaks if p.direction == direction]
+        good = usable(peaks)
+        dwells = [s.dwell_s for s in used[direction] if s.index > 0]
+        rates = [p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]
+        spoiled = ("breakaway_spoiled",) if peaks and not good else ()
         rows.append(
             MapRow(
                 recording=level.recording,
                 direction=direction,
-                velocity_m_s=means.speed_m_s,
-                pressure_a_pa=means.pressure_a_pa,
-                pressure_b_pa=means.pressure_b_pa,
+                velocity_m_s=condition.means.speed_m_s,
+                pressure_a_pa=condition.means.pressure_a_pa,
+                pressure_b_pa=condition.means.pressure_b_pa,
                 balance_n=level.spreads[direction].mean_n,
                 friction_n=level.friction_n,
                 offset_n=level.offset_n,
                 stderr_n=level.stderr_n,
                 u_systematic_n=level.u_systematic_n,
-                samples=conditions[direction].samples,
+                samples=condition.samples,
                 strokes=len(used[direction]),
                 position_from_m=level.window_m[0],
                 position_to_m=level.window_m[1],
                 breakaway_n=float(np.median([p.friction_n for p in good])) if good else float("nan"),
-                dwell_s=float(np.median([s.dwell_s for s in strokes])) if strokes else float("nan"),
+                dwell_s=float(np.median(dwells)) if dwells else float("nan"),
                 loading_rate_n_s=float(np.median(rates)) if rates else float("nan"),
-                flags=",".join(flags),
+                flags=",".join((*level.flags, *spoiled)),
             )
         )
-    return replace(level, rows=tuple(rows))
+    return tuple(rows)
 
 
 def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:

@@ -124,16 +124,15 @@ def read_map(path: str | Path) -> xr.Dataset:
     path = Path(path)
     types = {name: _polars_type(name) for name in COLUMNS}
     try:
-        if path.suffix == ".parquet":
-            frame = pl.read_parquet(path)
-        else:
-            frame = pl.read_csv(path, schema_overrides=types, null_values=[], missing_utf8_is_empty_string=True)
+        frame = pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, schema_overrides=types)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise RecordingError(f"not a friction map: {str(error).splitlines()[0]}", where=str(path)) from None
     missing = [name for name in COLUMNS if name not in frame.columns]
     if missing:
         raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path))
-    return columns_to_dataset({name: frame[name].to_list() for name in COLUMNS})
+    return columns_to_dataset(
+        {name: [v or "" for v in frame[name]] if name in _TEXT else frame[name].to_list() for name in COLUMNS}
+    )
 
 
 def _polars_type(name: str):  # noqa: ANN202 - polars is imported on use

@@ -135,7 +135,10 @@ def to_recording(
     return Recording(
         name=name,
         time_s=time,
-        **{key: np.broadcast_to(value, time.shape).copy() for key, value in channels.items()},
+        position_m=np.asarray(channels["position_m"]),
+        force_n=np.asarray(channels["force_n"]),
+        pressure_a_pa=np.asarray(channels["pressure_a_pa"]),
+        pressure_b_pa=np.asarray(channels["pressure_b_pa"]),
         area_a_m2=said.area_a_m2,
         area_b_m2=said.area_b_m2,
         ambient_pressure_pa=said.ambient_pressure_pa,

@@ -140,7 +140,7 @@ def _neighbours(
 
 def _run_means(cell: list[FrictionPoint]) -> NDArray[np.float64]:
     runs = dict.fromkeys(p.run for p in cell)
-    return np.array([np.mean([p.friction_n for p in cell if p.run == run]) for run in runs])
+    return np.array([float(np.mean([p.friction_n for p in cell if p.run == run])) for run in runs], dtype=np.float64)
 
 
 def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
@@ -204,7 +204,7 @@ def _fit(title: str, seal: str, points: list[FrictionPoint], spread: RunSpread |
     unit = np.diag([1.0, 1.0 / scale])
     speeds = np.array([abs(p.speed_m_s) for p in points])
     together = float(np.corrcoef(speeds, pressure)[0, 1]) if np.ptp(speeds) > 0 else 0.0
-    covariance = unit @ (inverse * variance) @ unit
+    covariance = np.asarray(unit @ (inverse * variance) @ unit, dtype=np.float64)
     slope = float(solution[1] / scale)
     return PressureLine(
         seal=title,

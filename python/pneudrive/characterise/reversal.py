@@ -63,12 +63,13 @@ def find_reversal_peaks(
     balance_n
         Shape (n,).
     profile
-        Of the same level; its offset is taken out, at the nearest position where it is known.
+        Of the same level. Its offset is taken out: the straight line through the offset of the window, since near
+        the ends one direction is still in its transient and half the sum is not the offset.
     """
-    known = np.isfinite(profile.offset_n)
-    if not known.any():
+    known = np.isfinite(profile.offset_n) & profile.in_window
+    if known.sum() < 2:
         return []
-    offset_at = profile.position_m[known], profile.offset_n[known]
+    offset = np.polynomial.Polynomial.fit(profile.position_m[known], profile.offset_n[known], 1)
     sliding = float(np.nanmean(profile.friction_n[profile.in_window]))
     usual_step = middle(np.diff(recording.time_s))
     noise = noise_level(balance_n)
@@ -76,7 +77,7 @@ def find_reversal_peaks(
     for stroke in strokes:
         if stroke.start == 0 or stroke.index == 0:
             continue
-        peaks.append(_peak(recording, stroke, balance_n, offset_at, sliding, usual_step, noise, profile.level))
+        peaks.append(_peak(recording, stroke, balance_n, offset, sliding, usual_step, noise, profile.level))
     return peaks
 
 
@@ -84,7 +85,7 @@ def _peak(
     recording: Recording,
     stroke: Stroke,
     balance_n: NDArray[np.float64],
-    offset_at: tuple[NDArray[np.float64], NDArray[np.float64]],
+    offset: np.polynomial.Polynomial,
     sliding: float,
     usual_step: float,
     noise: float,
@@ -98,9 +99,11 @@ def _peak(
     travelled = np.abs(position[stroke.samples] - stroke.from_m)
     end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
     part = slice(begin, end)
-    friction = stroke.direction * (balance_n[part] - np.interp(position[part], *offset_at))
+    friction = stroke.direction * (balance_n[part] - offset(position[part]))
     top = int(np.argmax(friction))
-    low = int(np.argmin(friction[: top + 1]))
+    bottom = float(friction[: top + 1].min())
+    # The rise begins at the last sample that has not left the bottom, not at the lowest one of a noisy rest.
+    low = int(np.flatnonzero(friction[: top + 1] <= bottom + 0.1 * (friction[top] - bottom))[-1])
     times = recording.time_s[part]
     rise = friction[low : top + 1]
     swing = friction[top] - friction[low]
@@ -140,7 +143,9 @@ def _peak_flags(recording: Recording, part: slice, low: int, top: int, swing: fl
         flags.append("undersampled")
     moved = 0.0
     for side in ("a", "b"):
-        pressure = getattr(recording, f"pressure_{side}_pa")[part][low : top + 1]
+        pressure = getattr(recording, f"pressure_{side}_pa")[part][
+            : top + 1
+        ]  # what moves in the rest before counts too
         moved += float(np.ptp(pressure)) * getattr(recording, f"area_{side}_m2")
     if moved > TRANSIENT_SHARE * swing:
         flags.append("pressure_transient")

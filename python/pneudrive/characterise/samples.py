@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 GAP_FACTOR = 5.0  # a gap is an interval longer than this many usual ones
 SPIKE_FACTOR = 12.0  # a spike stands out of both neighbours by this many noise deviations
 SATURATED_RUN = 5  # equal samples in a row at a channel's extreme
+CLIPPED_SHARE = 0.5  # more of the samples than this at the extremes: a smooth signal
 STUCK_RUN = 20  # equal samples in a row while the piston travels
 STUCK_TRAVEL_SHARE = 0.02
 
@@ -121,16 +122,24 @@ def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDA
 
 def _usual_run(lengths: NDArray[np.intp]) -> float:
     """Length of run that coarse quantisation makes by itself, weighted by samples."""
+    if lengths.size == 0:
+        return 0.0
     numbers = np.bincount(lengths)
     covered = np.cumsum(numbers * np.arange(numbers.size))
     return float(np.searchsorted(covered, 0.9 * covered[-1]))
 
 
 def _saturated(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+    """Mark runs at the largest or smallest value of a channel that is noisy elsewhere.
+
+    A channel that rests at its extremes for most of the time is a smooth signal (a simulation), not a clipped one.
+    """
     starts, lengths = runs
-    needed = max(SATURATED_RUN, 4 * _usual_run(lengths))
     extreme = (values[starts] == values.max()) | (values[starts] == values.min())
+    needed = max(SATURATED_RUN, 4 * _usual_run(lengths[~extreme]))
     hit = extreme & (lengths >= needed)
+    if lengths[hit].sum() > CLIPPED_SHARE * values.size:
+        return np.zeros(values.size, dtype=bool)
     return _fill(values.size, starts[hit], lengths[hit])
 
 

@@ -18,8 +18,15 @@ if TYPE_CHECKING:
 class SampleChoice(Protocol):
     """A way to choose, and perhaps smooth, the samples of a stroke that enter its mean."""
 
-    name: str
-    uses_window: bool
+    @property
+    def name(self) -> str:
+        """Name for provenance."""
+        ...
+
+    @property
+    def uses_window(self) -> bool:
+        """Whether the mean is over equal positions of the window; otherwise over all samples that count."""
+        ...
 
     def choose(
         self,

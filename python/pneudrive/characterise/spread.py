@@ -64,7 +64,7 @@ def _trend(values: NDArray[np.float64]) -> tuple[float, float]:
         return slope, 1.0
     from scipy.stats import kendalltau
 
-    return slope, float(kendalltau(np.arange(n), values).pvalue)
+    return slope, float(np.asarray(kendalltau(np.arange(n), values))[1])
 
 
 def _effective_number(values: NDArray[np.float64], *, has_trend: bool) -> float:

@@ -12,6 +12,8 @@ from pneudrive.identify.fit import LAWS, fit_friction
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import xarray as xr
+
     from pneudrive.characterise import Characterisation
     from pneudrive.identify.result import FrictionFit
 
@@ -51,9 +53,17 @@ def fit_characterisation(
         part = curves.isel(row=np.flatnonzero(rows))
         spread = max(float(np.ptp(part[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
         for law in laws:
-            try:
-                found = fit_friction(part, law, pressure_dependence=spread > PRESSURE_STEP_PA)
+            found = _fit(part, law, pressure_dependence=spread > PRESSURE_STEP_PA)
+            if isinstance(found, str):
+                problems.append(f"{group}, {law}: {found}")
+            else:
                 fits.setdefault(group, {})[law] = found
-            except FitError as error:
-                problems.append(f"{group}, {law}: {error.what}")
     return fits, problems
+
+
+def _fit(part: xr.Dataset, law: str, *, pressure_dependence: bool) -> FrictionFit | str:
+    """Fit, or say why that cannot be done."""
+    try:
+        return fit_friction(part, law, pressure_dependence=pressure_dependence)
+    except FitError as error:
+        return error.what

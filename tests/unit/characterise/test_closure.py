@@ -1,0 +1,54 @@
+"""Half the sum of both directions against pressure gives effective area and force zero."""
+
+from dataclasses import replace
+
+import pytest
+
+from pneudrive.characterise import characterise_recordings
+
+
+def test_area_error_and_force_zero_are_found(make):
+    recordings = [
+        make(friction=4.0 + p / 1e5, gauge_b=p, swing=0.04e5, area_error=0.02, zero=1.0, seed=i, name=f"{p:g}",
+             stroke_spread=0.1, labels={"seal": "lip"})
+        for i, p in enumerate((1e5, 2e5, 3e5, 5e5, 7e5))
+    ]  # fmt: skip
+    (fit,) = characterise_recordings(recordings).closures
+    area = fit.areas_m2["b"]
+    truth = 1.02 * fit.nominal_m2["b"]
+    assert area.value == pytest.approx(truth, rel=0.005)
+    assert area.low <= truth <= area.high
+    assert area.low > fit.nominal_m2["b"], "an error of 2 % is seen"
+    assert fit.force_zero_n.value == pytest.approx(1.0, abs=0.2)
+    assert fit.force_zero_n.low <= 1.0 <= fit.force_zero_n.high
+    assert fit.group == "lip"
+    assert "not separable" in fit.statement
+
+
+def test_area_of_chamber_a_has_its_own_sign(make):
+    recordings = []
+    for i, gauge in enumerate((1e5, 3e5, 5e5)):
+        made = make(gauge_b=gauge, seed=i, name=f"{gauge:g}")
+        push = (made.pressure_b_pa - 101325.0) * made.area_b_m2
+        recordings.append(
+            replace(
+                made,
+                pressure_a_pa=made.pressure_b_pa,
+                pressure_b_pa=made.pressure_a_pa,
+                force_n=made.force_n - push - 1.01 * push,
+            )
+        )
+    (fit,) = characterise_recordings(recordings).closures
+    assert list(fit.areas_m2) == ["a"]
+    assert fit.areas_m2["a"].value == pytest.approx(1.01 * fit.nominal_m2["a"], rel=0.002)
+
+
+def test_one_pressure_says_nothing_about_the_area(make):
+    assert characterise_recordings([make(seed=1), make(seed=2, name="b")]).closures == ()
+
+
+def test_two_points_have_no_interval(make):
+    (fit,) = characterise_recordings([make(gauge_b=1e5), make(gauge_b=5e5, name="b")]).closures
+    assert fit.degrees_of_freedom == 0
+    assert fit.areas_m2["b"].high == float("inf")
+    assert "no interval" in fit.statement

@@ -1,0 +1,262 @@
+"""Layout files: every key read, every mistake one message with file, line, rule and remedy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneudrive.characterise import Layout, load_recordings
+from pneudrive.errors import LayoutError
+
+PLAIN = """\
+format = "csv"
+delimiter = "whitespace"
+skip_samples = 2
+
+[columns]
+time = { column = 0, unit = "ms" }
+position = { column = 1, unit = "mm" }
+pressure_b = { column = 2, unit = "bar gauge" }
+force = { column = 3, unit = "N", positive = "+x" }
+
+[geometry]
+kind = "rodless"
+bore = "25.0 mm"
+
+[chamber_a]
+open_to_ambient = true
+
+[labels]
+pattern = "{seal}_{pressure}bar"
+"""
+ROWS = "\n".join(f"{10 * i} {0.5 * i} {2.0 + 0.01 * i} {100.0 + i}" for i in range(30))
+
+
+def read(tmp_path: Path, layout: str = PLAIN, rows: str = ROWS, name: str = "lip_2bar.csv"):
+    (tmp_path / "layout.toml").write_text(layout)
+    (tmp_path / name).write_text(rows)
+    return load_recordings([tmp_path / name])[0]
+
+
+def test_units_pressures_and_labels(tmp_path):
+    recording = read(tmp_path)
+    assert len(recording) == 28
+    assert recording.time_s[0] == pytest.approx(0.02)
+    assert recording.position_m[:2] == pytest.approx([1e-3, 1.5e-3])
+    assert recording.pressure_b_pa[0] == pytest.approx(101325 + 2.02e5)
+    assert (recording.pressure_a_pa == 101325).all()
+    assert recording.area_a_m2 == recording.area_b_m2 == pytest.approx(np.pi / 4 * 0.025**2)
+    assert recording.labels == {"seal": "lip", "pressure": "2"}
+    assert len(recording.sha256) == 64
+
+
+def test_scale_offset_sign_delay_and_accuracy(tmp_path):
+    layout = PLAIN.replace(
+        'unit = "N", positive = "+x" }',
+        'unit = "N", positive = "-x", scale = 2.0, offset = 5.0, delay = "10 ms", accuracy = "0.5 N" }',
+    ).replace(
+        'unit = "bar gauge" }', 'unit = "bar gauge", accuracy = "0.03 bar", range = "0 bar gauge .. 10 bar gauge" }'
+    )
+    recording = read(tmp_path, layout)
+    # Raw 102 at 20 ms is -(2 * 102 + 5); read 10 ms late, the value at 20 ms stands in the next row.
+    assert recording.force_n[0] == pytest.approx(-(2 * 103 + 5))
+    assert recording.accuracy == {"force_n": 0.5, "pressure_b_pa": pytest.approx(3000.0)}
+    assert recording.limits["pressure_b_pa"] == pytest.approx((101325, 101325 + 10e5))
+
+
+def test_rig_geometry_and_window(tmp_path):
+    layout = PLAIN.replace('kind = "rodless"', 'kind = "single-rod"\nrod_diameter = "10 mm"\nbore_accuracy = "20 um"')
+    layout = layout.replace("[chamber_a]\nopen_to_ambient = true", '[chamber_a]\npressure = "3 bar abs"')
+    layout += '[rig]\nambient_pressure = "0.95 bar abs"\nincline = "30 deg"\nmass_beyond_sensor = "2 kg"\n'
+    layout += 'stiffness = "20 N/um"\nalignment = "0.5 deg"\n[window]\nposition = "5 mm .. 30 mm"\n'
+    recording = read(tmp_path, layout.replace("20 N/um", "2e4 N/mm"))
+    assert recording.area_a_m2 == pytest.approx(np.pi / 4 * 0.025**2)
+    assert recording.area_b_m2 == pytest.approx(np.pi / 4 * (0.025**2 - 0.01**2))
+    assert recording.pressure_a_pa[0] == pytest.approx(3e5)
+    assert recording.pressure_b_pa[0] == pytest.approx(0.95e5 + 2.02e5)
+    assert recording.incline_rad == pytest.approx(np.pi / 6)
+    assert recording.stiffness_n_m == pytest.approx(2e7)
+    assert recording.window_m == pytest.approx((0.005, 0.03))
+    assert recording.accuracy == {"bore_m": pytest.approx(2e-5), "alignment_rad": pytest.approx(np.pi / 360)}
+
+
+def test_areas_of_a_piston_that_is_not_round(tmp_path):
+    layout = PLAIN.replace(
+        'kind = "rodless"\nbore = "25.0 mm"', 'area_a = "5 cm2"\narea_b = "4 cm2"\narea_accuracy = "0.5 %"'
+    )
+    recording = read(tmp_path, layout)
+    assert (recording.area_a_m2, recording.area_b_m2) == pytest.approx((5e-4, 4e-4))
+    assert recording.accuracy == {"area": 0.005}
+
+
+def test_overrides_by_file_name(tmp_path):
+    layout = PLAIN + '\n[[for]]\nmatch = "*257*"\ngeometry.bore = "25.7 mm"\n\n[[for]]\nmatch = "[0-9]_*"\n'
+    layout += 'labels.pattern = "{run}_{seal}_{pressure}bar"\n'
+    recording = read(tmp_path, layout, name="3_lip257_2bar.csv")
+    assert recording.area_a_m2 == pytest.approx(np.pi / 4 * 0.0257**2)
+    assert recording.labels == {"run": "3", "seal": "lip257", "pressure": "2"}
+    assert read(tmp_path, layout).area_a_m2 == pytest.approx(np.pi / 4 * 0.025**2)
+
+
+def test_decimal_comma_header_units_row_and_lines_above(tmp_path):
+    layout = PLAIN.replace('"whitespace"', '";"\nheader = true\ndecimal = ","\nskip_lines = 1')
+    for old, new in (("column = 0", 'column = "t"'), ("column = 1", 'column = "weg"')):
+        layout = layout.replace(old, new)
+    rows = "Bench 3\nt;weg;p;F\nms;mm;bar;N\n" + ROWS.replace(".", ",").replace(" ", ";")
+    recording = read(tmp_path, layout, rows)
+    assert recording.position_m[0] == pytest.approx(1e-3)
+    assert recording.flags == {}
+
+
+def test_a_dot_that_is_decimal_and_thousands_separator(tmp_path):
+    rows = "\n".join(f"{t} {i} 2.0 1.0" for i, t in enumerate(["903.000", "1.003.000", "1.103.000", "12.103.000"]))
+    recording = read(tmp_path, PLAIN.replace("skip_samples = 2", 'thousands = "."'), rows)
+    assert recording.time_s == pytest.approx([0.903, 1.003, 1.103, 12.103])
+
+
+@pytest.mark.parametrize("suffix", [".gz", ".xz", ".bz2"])
+def test_compressed_files_read_the_same(tmp_path, suffix):
+    import bz2
+    import gzip
+    import lzma
+
+    plain = read(tmp_path)
+    packed = {".gz": gzip.compress, ".xz": lzma.compress, ".bz2": bz2.compress}[suffix](ROWS.encode())
+    (tmp_path / f"lip_2bar.csv{suffix}").write_bytes(packed)
+    again = load_recordings([tmp_path / f"lip_2bar.csv{suffix}"])[0]
+    assert again.sha256 == plain.sha256
+    assert again.labels == plain.labels
+    assert (again.force_n == plain.force_n).all()
+
+
+NAMES = ("t", "x", "p", "f")
+
+
+def table() -> dict[str, np.ndarray]:
+    return dict(zip(NAMES, np.array([[float(v) for v in row.split()] for row in ROWS.splitlines()]).T, strict=True))
+
+
+def write_parquet(path: Path) -> None:
+    import polars as pl
+
+    pl.DataFrame(table()).write_parquet(path)
+
+
+def write_netcdf(path: Path) -> None:
+    import xarray as xr
+
+    xr.Dataset({name: ("sample", values) for name, values in table().items()}).to_netcdf(path, engine="h5netcdf")
+
+
+def write_tdms(path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.ChannelObject("rig", name, values) for name, values in table().items()])
+
+
+def write_mat(path: Path) -> None:
+    from scipy.io import savemat
+
+    pytest.importorskip("pymatreader")
+    savemat(path, {"rig": table()})
+
+
+def write_mf4(path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    values = table()
+    with asammdf.MDF() as file:
+        stamps = values["t"] / 1e3
+        file.append([asammdf.Signal(values[n], stamps, name=n) for n in NAMES[1:]])
+        file.save(path)
+
+
+@pytest.mark.filterwarnings("ignore")  # of the optional libraries
+@pytest.mark.parametrize(
+    ("form", "write", "prefix"),
+    [
+        ("parquet", write_parquet, ""),
+        ("netcdf", write_netcdf, ""),
+        ("tdms", write_tdms, "rig/"),
+        ("mat", write_mat, "rig."),
+        ("mf4", write_mf4, ""),
+    ],
+)
+def test_other_formats_give_the_same_numbers(tmp_path, form, write, prefix):
+    plain = read(tmp_path)
+    file = tmp_path / f"lip_2bar.{form}"
+    write(file)
+    layout = PLAIN.replace('"csv"', f'"{form}"')
+    for index, name in enumerate(NAMES):
+        layout = layout.replace(f"column = {index},", f'column = "{prefix}{name}",')
+    if form == "mf4":  # the time base is not a channel, and it counts in seconds
+        layout = layout.replace('column = "t", unit = "ms"', 'column = "time", unit = "s"')
+    recording = load_recordings([file], Layout.loads(layout))[0]
+    for channel in ("time_s", "position_m", "force_n", "pressure_b_pa"):
+        assert getattr(recording, channel) == pytest.approx(getattr(plain, channel))
+
+
+def test_a_format_whose_library_is_missing_names_the_extra(tmp_path, monkeypatch):
+    from pneudrive.characterise import formats
+    from pneudrive.errors import RecordingError
+
+    def absent(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(formats, "import_module", absent)
+    (tmp_path / "a.tdms").write_bytes(b"TDSm")
+    with pytest.raises(RecordingError, match=r"(?s)needs the optional library nptdms.*pneudrive\[formats\]"):
+        load_recordings([tmp_path / "a.tdms"], Layout.loads(PLAIN.replace('"csv"', '"tdms"')))
+
+
+# what is changed, into what, line of the message, words of the message
+MISTAKES = [
+    (', unit = "mm" }', " }", 7, "columns.position has no unit"),
+    ('"bar gauge"', '"bar"', 8, "does not say gauge or abs"),
+    ('"bar gauge"', '"mm"', 8, "is a length"),
+    ('unit = "ms"', 'unit = "blorb"', 6, "not known"),
+    ('unit = "mm"', 'units = "mm"', 7, "Did you mean 'unit'"),
+    ("skip_samples", "skip_sample", 3, "Did you mean 'skip_samples'"),
+    ("skip_samples = 2", "skip_samples = -1", 3, "must not be negative"),
+    ("skip_samples = 2", 'skip_samples = "2"', 3, "must be a whole number"),
+    ('"csv"', '"xls"', 1, "format = 'xls' is not known"),
+    ('positive = "+x"', 'positive = "up"', 9, '\'"\\+x" or "-x"\'|\\+x'),
+    ('positive = "+x"', "scale = 0", 9, "must be a finite number"),
+    ('positive = "+x"', 'accuracy = "-1 N"', 9, "negative"),
+    ("column = 3, ", "", 9, "does not say its column"),
+    ('bore = "25.0 mm"', 'bore = "25.0"', 13, "no unit"),
+    ('bore = "25.0 mm"', 'bore = "-25 mm"', 13, "greater than zero"),
+    ('kind = "rodless"', 'kind = "rodles"', 12, "Did you mean 'rodless'"),
+    ('kind = "rodless"', 'kind = "single-rod"\nrod_diameter = "30 mm"', 13, "were bore and rod swapped"),
+    ('kind = "rodless"', 'kind = "single-rod"', 11, "needs rod_diameter"),
+    ('kind = "rodless"', 'area_a = "5 cm2"', 11, "gives the area twice"),
+    ("open_to_ambient = true", "", 15, "says nothing of the pressure in chamber a"),
+    ("open_to_ambient = true", 'open_to_ambient = true\npressure = "3 bar abs"', 15, "more than once"),
+    ('pattern = "{seal}_{pressure}bar"', 'pattern = "{seal}_{seal}"', 19, "no pattern"),
+    ("[labels]", '[window]\nposition = "30 mm .. 5 mm"\n[labels]', 19, "empty"),
+    ("[labels]", '[rig]\nambient_pressure = "1 bar gauge"\n[labels]', 19, "must be an absolute pressure"),
+    ("[labels]", '[rig]\nincline = "100 deg"\n[labels]', 19, "between -90 deg and 90 deg"),
+    ("[labels]", '[[for]]\ngeometry.bore = "1 mm"\n[labels]', 18, "does not say which files"),
+    ("[labels]", '[[for]]\nmatch = "a*"\n[[for]]\nmatch = "b*"\ngeometry.bore = "1"\n[labels]', 22, "no unit"),
+    ("[columns]", "[columns", 5, "not TOML"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "words"), MISTAKES)
+def test_a_mistake_is_one_message_with_its_line(tmp_path, old, new, line, words):
+    assert old in PLAIN
+    with pytest.raises(LayoutError, match=words) as caught:
+        read(tmp_path, PLAIN.replace(old, new))
+    assert f"layout.toml:{line}" in str(caught.value)
+
+
+def test_no_layout_an_empty_one_and_one_that_is_not_there(tmp_path):
+    from pneudrive.errors import RecordingError
+
+    (tmp_path / "a.csv").write_text(ROWS)
+    with pytest.raises(RecordingError, match="no layout says how to read"):
+        load_recordings([tmp_path / "a.csv"])
+    with pytest.raises(LayoutError, match="there is no file"):
+        load_recordings([tmp_path / "a.csv"], tmp_path / "none.toml")
+    (tmp_path / "empty.toml").write_text("")
+    with pytest.raises(LayoutError, match=r"(?s)empty.*pneudrive layout"):
+        load_recordings([tmp_path / "a.csv"], tmp_path / "empty.toml")

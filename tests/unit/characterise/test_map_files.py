@@ -1,0 +1,61 @@
+"""The friction map: exactly the contract's columns, the same numbers back from its files."""
+
+import numpy as np
+import pytest
+
+from pneudrive.characterise import characterise, read_map, write_map
+from pneudrive.errors import RecordingError
+
+CONTRACT = [
+    *(
+        "recording",
+        "direction",
+        "velocity_m_s",
+        "pressure_a_pa",
+        "pressure_b_pa",
+        "balance_n",
+        "friction_n",
+        "offset_n",
+    ),
+    *("stderr_n", "u_systematic_n", "samples", "strokes", "position_from_m", "position_to_m", "breakaway_n", "dwell_s"),
+    *("loading_rate_n_s", "flags"),
+]
+
+
+def test_dataset_has_the_contract_s_variables_with_units(make):
+    curves = characterise([make(), make(name="b", seed=2)])
+    assert list(curves.data_vars) == CONTRACT
+    assert dict(curves.sizes) == {"row": 4}
+    assert all("units" in curves[name].attrs for name in CONTRACT)
+    assert curves.friction_n.attrs["units"] == "N"
+    assert curves.attrs["ambient_pressure_pa"] == 101325.0
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_files_hold_the_same_columns_and_numbers(make, tmp_path, suffix):
+    import polars as pl
+
+    curves = characterise([make(), make(name="7,5 bar", strokes=1)])  # NaN, empty flags and a comma in a name
+    path = write_map(curves, tmp_path / f"map{suffix}")
+    frame = pl.read_parquet(path) if suffix == ".parquet" else pl.read_csv(path)
+    assert frame.columns == CONTRACT
+    again = read_map(path)
+    for name in CONTRACT:
+        if curves[name].dtype == object:
+            assert again[name].to_numpy().tolist() == curves[name].to_numpy().tolist()
+        else:
+            np.testing.assert_array_equal(again[name].to_numpy(), curves[name].to_numpy())
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_what_cannot_be_written_or_read(make, tmp_path):
+    curves = characterise(make())
+    with pytest.raises(RecordingError, match=r"cannot be written as '\.xlsx'"):
+        write_map(curves, tmp_path / "map.xlsx")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        write_map(curves, tmp_path / "none" / "map.csv")
+    (tmp_path / "a.csv").write_text("recording,direction\nx,1\n")
+    with pytest.raises(RecordingError, match="lacks velocity_m_s"):
+        read_map(tmp_path / "a.csv")
+    with pytest.raises(RecordingError, match="not a friction map"):
+        read_map(tmp_path / "none.parquet")

@@ -1,0 +1,54 @@
+"""Breakaway peaks after a reversal, and what spoils them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneudrive.characterise import characterise_recordings
+
+PEAK = 3.0  # N above sliding friction
+DECAY = 1e-3  # m
+
+
+def with_peaks(make, rate: float, swing: float = 0.0, **options):
+    """Friction 5 N that starts at 8 N after each reversal and settles over 1 mm; the rise takes 0.2 mm."""
+    recording = make(rate=rate, presliding=1e-4, swing=swing, noise=0.02, dwell=0.5, position_noise=1e-8, **options)
+    velocity = np.gradient(recording.position_m, recording.time_s)
+    direction = np.sign(np.where(np.abs(velocity) > 1e-3, velocity, 0.0))
+    for i in range(1, direction.size):
+        direction[i] = direction[i] or direction[i - 1]
+    away = np.where(direction > 0, recording.position_m, 0.04 - recording.position_m)
+    extra = direction * PEAK * np.exp(-np.maximum(away, 0) / DECAY) * (1 - np.exp(-np.maximum(away, 0) / 1e-4))
+    return replace(recording, force_n=recording.force_n + extra)
+
+
+def test_a_well_sampled_peak_is_measured(make):
+    level = characterise_recordings(with_peaks(make, rate=1000.0)).levels[0]
+    good = [p for p in level.peaks if not p.flags]
+    assert len(good) >= 8
+    assert all(p.significant for p in good)
+    a = np.linspace(0.0, 2e-3, 2001)
+    truth = (5 * (1 - 2 * np.exp(-a / 1e-4)) + PEAK * np.exp(-a / DECAY) * (1 - np.exp(-a / 1e-4))).max()
+    assert np.median([p.friction_n for p in good]) == pytest.approx(truth, abs=0.1)
+    assert all(p.dwell_s == pytest.approx(0.5, abs=0.05) for p in good)
+    assert all(p.loading_rate_n_s > 100 for p in good)
+    for row in level.rows:
+        assert row.breakaway_n == pytest.approx(truth, abs=0.1)
+        assert "breakaway_spoiled" not in row.flags
+
+
+def test_fewer_than_ten_samples_on_the_rise_spoil_it(make):
+    level = characterise_recordings(with_peaks(make, rate=60.0)).levels[0]
+    assert all("undersampled" in p.flags for p in level.peaks)
+    assert all(np.isnan(row.breakaway_n) and "breakaway_spoiled" in row.flags for row in level.rows)
+
+
+def test_a_pressure_transient_spoils_it(make):
+    level = characterise_recordings(with_peaks(make, rate=1000.0, swing=0.1e5)).levels[0]
+    assert all("pressure_transient" in p.flags for p in level.peaks)
+
+
+def test_without_a_peak_nothing_is_significant(make):
+    level = characterise_recordings(make(rate=1000.0, noise=0.05)).levels[0]
+    assert np.mean([p.significant for p in level.peaks]) < 0.3

@@ -1,0 +1,66 @@
+"""Stick-slip is found and measured in any motion."""
+
+import numpy as np
+import pytest
+
+from pneudrive.characterise import find_stick_slip
+from pneudrive.errors import RecordingError
+
+PERIOD, STEP, STUCK = 0.5, 0.005, 0.6  # s, m, share of time
+
+
+def staircase(time: np.ndarray) -> np.ndarray:
+    """Rest for 60 % of each period, then move by 5 mm along half a cosine: peak speed pi/2 * 5 mm / 0.2 s."""
+    phase = np.mod(time, PERIOD) / PERIOD
+    move = np.clip((phase - STUCK) / (1 - STUCK), 0.0, 1.0)
+    return STEP * (np.floor(time / PERIOD) + (1 - np.cos(np.pi * move)) / 2)
+
+
+@pytest.mark.parametrize("noise", [0.0, 5e-6])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_period_step_peak_and_share_of_time(noise, direction):
+    time = np.arange(0.0, 10.0, 0.002)
+    position = direction * staircase(time) + np.random.default_rng(1).normal(0.0, noise, time.size)
+    (found,) = find_stick_slip(time, position)
+    assert found.found
+    assert found.direction == direction
+    assert found.period_s == pytest.approx(PERIOD, rel=0.01)
+    assert found.step_m == pytest.approx(STEP, rel=0.01)
+    assert found.mean_speed_m_s == pytest.approx(STEP / PERIOD, rel=0.05)
+    assert found.peak_speed_m_s == pytest.approx(np.pi / 2 * STEP / (PERIOD * (1 - STUCK)), rel=0.05)
+    # Also slow: the parts of each slip below 20 % of the mean speed.
+    slow = 2 * np.arcsin(0.2 * (1 - STUCK) * 2 / np.pi) / np.pi * (1 - STUCK)
+    assert found.stuck_share == pytest.approx(STUCK + slow, abs=0.03)
+
+
+def test_a_known_velocity_is_used():
+    time = np.arange(0.0, 5.0, 0.01)
+    position = staircase(time)
+    velocity = np.gradient(position, time)
+    velocity[100] = 99.0
+    (found,) = find_stick_slip(time, position, velocity, trim=0.0)
+    assert found.ripple > 5
+
+
+@pytest.mark.parametrize("ripple", [0.0, 0.5])
+def test_smooth_motion_and_a_ripple_that_never_rests_are_no_stick_slip(ripple):
+    time = np.arange(0.0, 10.0, 0.005)
+    position = 0.01 * (time + ripple * np.sin(2 * np.pi * time) / (2 * np.pi))
+    position += np.random.default_rng(2).normal(0.0, 5e-6, time.size)
+    (found,) = find_stick_slip(time, position)
+    assert not found.found
+    assert found.stuck_share < 0.02
+    assert found.ripple == pytest.approx(np.hypot(ripple / np.sqrt(2), 0.03), abs=0.03)
+
+
+def test_each_stroke_is_measured():
+    time = np.arange(0.0, 20.0, 0.002)
+    position = np.where(time < 10.0, staircase(time), staircase(10.0 - 1e-9) - staircase(time - 10.0))
+    assert [s.direction for s in find_stick_slip(time, position) if s.found] == [1, -1]
+
+
+def test_no_motion_is_refused():
+    with pytest.raises(RecordingError, match="no motion"):
+        find_stick_slip(np.arange(100.0), np.zeros(100))
+    with pytest.raises(RecordingError, match="one length"):
+        find_stick_slip(np.arange(100.0), np.zeros(99))
