@@ -200,12 +200,21 @@ def without_support(
     if model.viscous and not model.stribeck:
         typical = float(np.median(np.abs(data.friction_n)))
         reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))
+        smaller = FrictionModel("coulomb", chambers=model.chambers, viscous=False)
+        if found.active[model.names.index("viscous")] and reach < 1e-3 * typical:
+            reason = (
+                f"friction falls with speed between {_mm_s(slowest)} and {_mm_s(fastest)}, which no viscous part does; "
+                "what is called coulomb here is the mean friction at these speeds"
+            )
+            remedy = (
+                f"add levels below {_mm_s(slowest)} and above {_mm_s(3.0 * fastest)}, for a law with a Stribeck part"
+            )
+            return smaller, [Undetermined("viscous", reason, remedy)]
         if reach > VISCOUS_REACH * typical:
             reason = (
                 f"between {_mm_s(slowest)} and {_mm_s(fastest)} it could be anything up to {reach:.2g} N of the "
                 f"{typical:.2g} N measured; what is called coulomb here is all the friction at these speeds"
             )
-            smaller = FrictionModel("coulomb", chambers=model.chambers, viscous=False)
             return smaller, [Undetermined("viscous", reason, f"add levels above {_mm_s(3.0 * fastest)}")]
     return model, []
 

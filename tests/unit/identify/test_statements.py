@@ -120,3 +120,26 @@ def test_speed_and_pressure_that_change_together_are_named(make_map, friction_of
     notes = " ".join(fit_friction(data).notes)
     assert "speed and pressure change together" in notes
     assert "averages over them" in notes
+
+
+def test_friction_that_falls_between_two_speeds_is_no_viscous_part(make_map, friction_of):
+    fit = fit_friction(make_map([0.005, 0.015], friction_of([0.005, 0.015]), 0.01))
+    assert "which no viscous part does" in lost(fit)["viscous"].reason
+    assert fit.determined == ("coulomb",)
+    low, high = fit.intervals["coulomb"]
+    assert low < min(friction_of([0.005, 0.015]))
+    assert high > max(friction_of([0.005, 0.015]))
+
+
+def test_four_good_speeds_are_enough(make_map, friction_of, truth):
+    speed = np.array([0.001, 0.012, 0.0335, 0.45])  # support of the optimal design
+    fit = fit_friction(make_map(speed, friction_of(speed), 0.05))
+    assert fit.undetermined == ()
+    for name in fit.free:
+        assert fit.parameters[name] == pytest.approx(truth[name], rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"])
+def test_what_is_not_determined_has_an_open_interval(make_map, name):
+    fit = fit_friction(make_map([0.01], [12.0], 0.2))
+    assert (fit.intervals[name] == (0.0, np.inf)) == (name != "coulomb")
