@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.campaign import Cycles, Sheaf, Source, find_cycles, harvest, read_cycles
-from pneudrive.characterise.closure import ClosureFit, fit_closures
+from pneudrive.characterise.closure import MINIMUM_RANGE_PA, ClosureFit, fit_closures
 from pneudrive.characterise.extract import Level, RecordingResult, extract
 from pneudrive.characterise.friction_map import MapRow, to_dataset
 from pneudrive.characterise.layout import Layout
@@ -261,7 +261,8 @@ def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[MapRow]) 
         for seal in set(seals):
             members = np.array([s == seal for s in seals])
             values[members] -= values[members].mean(axis=0)
-        if len(mine) >= 3 and (np.ptp(values, axis=0) > 0).all():
+        spans = np.ptp(values, axis=0) if mine else np.zeros(2)
+        if len(mine) >= 3 and spans[0] > 0 and spans[1] > MINIMUM_RANGE_PA:
             found = float(np.corrcoef(values.T)[0, 1])
             strongest = max(strongest, found, key=abs)
     return strongest

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import middle, noise_level
+from pneudrive.characterise.motion import local_slope, middle, noise_level
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 NEEDED_RISE_SAMPLES = 10
 # A pressure change during the rise spoils the peak when it moves the force by this share of it.
 TRANSIENT_SHARE = 0.1
+# Inertia of the mass beyond the sensor spoils it likewise: acceleration from positions is late, smoothed and noisy.
+INERTIA_SHARE = 0.1
 # The peak is sought from the start of a stroke over this share of its travel.
 SOUGHT_SHARE = 0.25
 
@@ -30,7 +32,7 @@ class ReversalPeak:
     ``friction_n`` is the peak, offset taken out; ``sliding_n`` the friction level of the window.
     ``excess_n`` is their difference, ``significant`` whether it exceeds the noise of a single peak.
     ``rise_samples`` counts samples between the reversal and the peak; ``flags`` names what spoils it:
-    ``undersampled``, ``pressure_transient``, ``gap``, ``no_peak``.
+    ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
     """
 
     recording: str
@@ -114,7 +116,7 @@ def _peak(
         first, last = low, top
     duration = float(times[last] - times[first])
     rate = float((friction[last] - friction[first]) / duration) if duration > 0 else float("nan")
-    flags = _peak_flags(recording, part, low, top, float(swing), usual_step)
+    flags = _peak_flags(recording, stroke, part, low, top, float(swing), usual_step)
     excess = float(friction[top] - sliding)
     if top >= friction.size - 2:
         flags.append("no_peak")  # still rising where the search ends: no maximum of its own
@@ -137,7 +139,17 @@ def _peak(
     )
 
 
-def _peak_flags(recording: Recording, part: slice, low: int, top: int, swing: float, usual_step: float) -> list[str]:
+def _run_up(recording: Recording, stroke: Stroke) -> float:
+    """Mean acceleration until the stroke has 80 % of its speed, at least one sample, m/s2."""
+    time = recording.time_s[stroke.samples]
+    velocity = local_slope(time, recording.position_m[stroke.samples])
+    reached = max(int(np.argmax(np.abs(velocity) >= 0.8 * abs(stroke.speed_m_s))), 1)
+    return 0.8 * abs(stroke.speed_m_s) / float(time[reached] - time[0])
+
+
+def _peak_flags(
+    recording: Recording, stroke: Stroke, part: slice, low: int, top: int, swing: float, usual_step: float
+) -> list[str]:
     flags = []
     if top - low < NEEDED_RISE_SAMPLES:
         flags.append("undersampled")
@@ -149,6 +161,8 @@ def _peak_flags(recording: Recording, part: slice, low: int, top: int, swing: fl
         moved += float(np.ptp(pressure)) * getattr(recording, f"area_{side}_m2")
     if moved > TRANSIENT_SHARE * swing:
         flags.append("pressure_transient")
+    if recording.mass_beyond_sensor_kg * _run_up(recording, stroke) > INERTIA_SHARE * swing:
+        flags.append("inertia")
     steps = np.diff(recording.time_s[part][low : top + 1])
     if steps.size and steps.max() > 5 * usual_step:
         flags.append("gap")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 GAP_FACTOR = 5.0  # a gap is an interval longer than this many usual ones
 SPIKE_FACTOR = 12.0  # a spike stands out of both neighbours by this many noise deviations
+AGREEMENT = 0.5  # neighbours of a spike differ by less than this share of its height
 SATURATED_RUN = 5  # equal samples in a row at a channel's extreme
 CLIPPED_SHARE = 0.5  # more of the samples than this at the extremes: a smooth signal
 STUCK_RUN = 20  # equal samples in a row while the piston travels
@@ -94,7 +95,11 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
 
 
 def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Single samples that stand out of both neighbours, on the same side, far beyond the noise."""
+    """Single samples that stand out of both neighbours, far beyond the noise, where these agree with each other.
+
+    Where the neighbours differ, or the channel is on its way just before or after, it is a change of level, whose
+    overshoot may be real: breakaway after a reversal.
+    """
     mask = np.zeros(values.size, dtype=bool)
     steps = np.diff(values)
     some = np.abs(thinned(steps))
@@ -102,8 +107,12 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     usual = float(np.partition(some, rank)[rank])
     threshold = max(SPIKE_FACTOR * noise_level(values), 3.0 * usual)
     large = np.flatnonzero(np.abs(steps[:-1]) > threshold)  # few, as a rule none
-    there_and_back = (np.abs(steps[large + 1]) > threshold) & (steps[large] * steps[large + 1] < 0)
-    mask[large[there_and_back] + 1] = True
+    there, back = steps[large], steps[large + 1]
+    height = np.minimum(np.abs(there), np.abs(back))
+    alone = (there * back < 0) & (height > threshold) & (np.abs(there + back) < AGREEMENT * height)
+    for neighbour in (np.maximum(large - 1, 0), np.minimum(large + 2, steps.size - 1)):
+        alone &= (np.abs(steps[neighbour]) < AGREEMENT * height) | (neighbour == large) | (neighbour == large + 1)
+    mask[large[alone] + 1] = True
     return mask
 
 
