@@ -18,7 +18,7 @@ from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2, Recording
 from pneudrive.characterise.reversal import ReversalPeak, find_reversal_peaks, usable
 from pneudrive.characterise.samples import clean
 from pneudrive.characterise.settling import SampleChoice
-from pneudrive.characterise.spread import Spread, pair_stderr, profile_stderr, spread_of
+from pneudrive.characterise.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.characterise.stick_slip import StickSlip, measure_stick_slip
 from pneudrive.errors import RecordingError
 
@@ -229,7 +229,10 @@ def _estimate(
         # Nothing cancels in one direction alone: friction is as uncertain as the offset would be.
         return _Estimate(only * spreads[only].mean_n, float("nan"), stderr, u_offset, u_offset, budget)
     stderr = pair_stderr(spreads[1], spreads[-1])
-    if not np.isfinite(stderr):
+    if np.isfinite(stderr):
+        inside = [within_stderr(matrix[:, bins]) for matrix in rows.values()]
+        stderr = max(stderr, float(np.hypot(*inside)) / 2)
+    else:
         stderr = profile_stderr(profile.friction_n[bins])
     half_difference = (spreads[1].mean_n - spreads[-1].mean_n) / 2
     half_sum = (spreads[1].mean_n + spreads[-1].mean_n) / 2

@@ -106,13 +106,37 @@ def profile_stderr(profile_n: NDArray[np.float64]) -> float:
         return float("nan")
     x = np.linspace(-1, 1, n)
     rest = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 1))
-    power = float(rest @ rest)
+    return _stderr_of_mean(rest[None, :], n - 2)
+
+
+def within_stderr(strokes_n: NDArray[np.float64]) -> float:
+    """Estimate the standard error of the mean of all strokes that noise inside the strokes alone would cause.
+
+    The spread of two or three stroke means may be small by chance, but never is their error below this.
+
+    Parameters
+    ----------
+    strokes_n
+        Balance of each stroke in each bin, shape (strokes, bins), at least two strokes.
+    """
+    strokes_n = strokes_n[:, np.isfinite(strokes_n).all(axis=0)]
+    strokes, bins = strokes_n.shape
+    if strokes < 2 or bins < 4:
+        return 0.0
+    rest = strokes_n - strokes_n.mean(axis=0) - strokes_n.mean(axis=1, keepdims=True) + strokes_n.mean()
+    return _stderr_of_mean(rest, (strokes - 1) * (bins - 1)) / float(np.sqrt(strokes))
+
+
+def _stderr_of_mean(rest: NDArray[np.float64], freedom: int) -> float:
+    """Estimate the standard error of the mean of one row of residuals, neighbours being correlated; shape (rows, n)."""
+    n = rest.shape[1]
+    power = float((rest * rest).sum())
     if power == 0:
         return 0.0
     factor = 1.0
     for lag in range(1, n // 2):
-        r = float(rest[lag:] @ rest[:-lag]) / power
+        r = float((rest[:, lag:] * rest[:, :-lag]).sum()) / power
         if r <= 0:
             break
         factor += 2 * r * (1 - lag / n)
-    return float(np.sqrt(power / (n - 2) / n * factor))
+    return float(np.sqrt(power / freedom / n * factor))

@@ -85,3 +85,14 @@ def test_wrong_area_and_zero_leave_friction_within_its_u(make):
             make(friction=4.0, gauge_b=gauge, swing=0.04e5, area_error=0.02, zero=1.0, stroke_spread=0.05)
         ).levels[0]
         assert abs(level.friction_n - 4.0) <= level.expanded_n
+
+
+def test_two_strokes_that_agree_by_chance_keep_the_error_of_their_noise(make):
+    deviations, stated = [], []
+    for seed in range(40):
+        level = characterise_recordings(make(strokes=4, noise=0.3, rate=500.0, seed=seed)).levels[0]
+        deviations.append(level.friction_n - 5.0)
+        stated.append(level.stderr_n)
+    noise = np.std(deviations)
+    assert min(stated) > 0.5 * noise, "the spread of two stroke means alone would be ten times too small now and then"
+    assert np.median(stated) == pytest.approx(noise, rel=0.4)
