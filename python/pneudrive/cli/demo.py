@@ -1,0 +1,42 @@
+"""``make demo``: real recordings characterised, the source paper reproduced on a simulated rig, one report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+MEASUREMENTS = Path("data/measurements/zillen-2021-pneumatic-piston")
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
+    measurements: Annotated[Path, typer.Option(help="Folder with the recordings.")] = MEASUREMENTS,
+) -> None:
+    """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
+    from pneudrive.characterise import characterise_recordings, write_map
+    from pneudrive.cli.output import writable_folder
+    from pneudrive.errors import CommandError
+    from pneudrive.identify.seals import ALL, fit_characterisation
+    from pneudrive.report import reproduce, write_report
+    from pneudrive.report.verdict import verdict
+
+    folder = writable_folder(out)
+    files = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
+    if not files:
+        raise CommandError(
+            f"there are no recordings in {measurements}",
+            remedy="Run it in the project's folder, or say --measurements FOLDER.",
+        )
+    found = characterise_recordings(list(files))
+    for name in ("map.parquet", "map.csv"):
+        write_map(found.friction_map, folder / name)
+    fits, _ = fit_characterisation(found)
+    if "stribeck" in fits.get(ALL, {}):
+        fits[ALL]["stribeck"].to_toml(folder / "fit.toml")
+    made = reproduce()
+    report = write_report(found, fits, folder, made)
+    for number, line in enumerate(verdict(found, fits, made), 1):
+        typer.echo(f"{number}. {line}")
+    typer.echo(f"\nReport: {report.resolve()}")

@@ -1,0 +1,29 @@
+"""Figures, tables and pages: the only part that draws. Matplotlib is imported when the first figure is drawn."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
+    from pneudrive.report.trajectory import plot as plot
+    from pneudrive.report.write import Reproduction as Reproduction
+    from pneudrive.report.write import reproduce as reproduce
+    from pneudrive.report.write import write_report as write_report
+
+_HOME = {
+    "plot": "trajectory",
+    "write_report": "write",
+    "reproduce": "write",
+    "Reproduction": "write",
+    "write_layout_figure": "layout_figure",
+}
+__all__ = ["Reproduction", "plot", "reproduce", "write_layout_figure", "write_report"]
+
+
+def __getattr__(name: str) -> object:
+    if name in _HOME:
+        return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    msg = f"module 'pneudrive.report' has no attribute '{name}'"
+    raise AttributeError(msg)

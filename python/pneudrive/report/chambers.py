@@ -1,0 +1,82 @@
+"""The printed chamber equations against the energy balance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pneudrive.report import style
+from pneudrive.report.page import Picture, Section, Table, Text
+from pneudrive.rig.chamber_laws import AS_PRINTED, ENERGY_BALANCE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from pneudrive.rig.chamber_laws import ChamberComparison
+
+LINES = {ENERGY_BALANCE: ("-", style.BLACK, "energy balance"), AS_PRINTED: ("--", style.ORANGE, "as printed")}
+
+
+def section(compared: ChamberComparison) -> Section:
+    """What equations (2) and (3) of the paper cost, in numbers and over time."""
+    residual = compared.energy_residual_j[AS_PRINTED]
+    blocks = (
+        Text(
+            "Equations (2) and (3) as printed subtract the stored heat twice: a closed chamber without heat follows "
+            "p V^1.2 instead of p V^1.4, half of the exchanged heat counts, and energy is not conserved. The printed area "
+            "term adds an area to a volume. Below, one stroke out and back at full opening, with the same assumed drive."
+        ),
+        _table(compared),
+        Picture(
+            "chamber-laws",
+            "One stroke out and back with both chamber laws: position, pressure and gas temperature.",
+            draw(compared),
+            synthetic=True,
+        ),
+        Text(
+            f"The stroke times nearly agree, which is why a comparison of positions does not reveal the error; "
+            f"{residual:.1f} J of {compared.stroke_work_j:.0f} J of stroke work come from nowhere. The printed law is there "
+            "to reproduce the paper only; everything else uses the energy balance.",
+            "note",
+        ),
+    )
+    return Section("chambers", "Printed chamber equations against the energy balance", blocks, synthetic=True)
+
+
+def _table(compared: ChamberComparison) -> Table:
+    def gas(law: str, side: str) -> str:
+        t = compared.runs[law][f"temperature_{side}"]
+        return f"{float(t.min()):.0f} … {float(t.max()):.0f}"
+
+    laws = (ENERGY_BALANCE, AS_PRINTED)
+    rows = (
+        ("time of the stroke out, s", *(f"{compared.stroke_time_s[law]:.4f}" for law in laws)),
+        ("gas in chamber a, K", *(gas(law, "a") for law in laws)),
+        ("gas in chamber b, K", *(gas(law, "b") for law in laws)),
+        ("energy of chamber a from nowhere, J", *(f"{compared.energy_residual_j[law]:.1f}" for law in laws)),
+        ("largest difference of position, mm", "–", f"{1e3 * compared.largest_difference('position'):.1f}"),
+        ("largest difference of pressure a, bar", "–", f"{1e-5 * compared.largest_difference('pressure_a'):.2f}"),
+        ("largest difference of temperature b, K", "–", f"{compared.largest_difference('temperature_b'):.0f}"),
+    )
+    return Table(("", "energy balance", "as printed"), rows)
+
+
+def draw(compared: ChamberComparison) -> Figure:
+    """Position, pressures and temperatures over time."""
+    figure = style.new_figure(4.2)
+    axes = figure.subplots(3, 2, sharex=True, sharey="row")
+    shown = (("position", 1e3, "position / mm"), ("pressure", 1e-5, "pressure / bar abs"), ("temperature", 1.0, "gas / K"))
+    for row, (name, factor, label) in zip(axes, shown, strict=True):
+        for axis, side in zip(row, "ab", strict=True):
+            variable = name if name == "position" else f"{name}_{side}"
+            for law, (line, color, words) in LINES.items():
+                run = compared.runs[law]
+                part = style.thin(run.time)
+                axis.plot(run.time[part], factor * run[variable][part], line, color=color, label=words)
+        row[0].set_ylabel(label)
+    axes[0, 0].set_title("chamber a")
+    axes[0, 1].set_title("chamber b")
+    axes[0, 1].legend(loc="upper right")
+    for axis in axes[-1]:
+        axis.set_xlabel("time / s")
+    figure.align_ylabels()
+    return figure

@@ -1,0 +1,80 @@
+"""Loops of friction against position: both directions, half their difference, half their sum."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from pneudrive.report import style
+from pneudrive.report.page import Items, Picture, Section, Text
+from pneudrive.report.words import MOST_SHOWN, by_seal, gauge_bar, speed_mm_s, spread_evenly, with_u
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.extract import Level, RecordingResult
+
+COLUMNS = 4
+
+
+def section(found: Characterisation) -> Section:
+    """One figure for each seal, one panel for each recording and speed level."""
+    blocks: list = [
+        Text(
+            "The force balance over position, all settled samples of each direction in thin lines. Half the difference "
+            "of the two directions at equal position is friction; half their sum is the offset, which is no friction: "
+            "force zero, area error, springs, weight. The window in which friction is averaged is shaded."
+        )
+    ]
+    large = [
+        f"{level.recording}: the offset, {level.offset_n:.1f} N, exceeds the friction, "
+        f"{with_u(level.friction_n, level.expanded_n)}; only the pairing tells them apart."
+        for level in found.levels
+        if abs(level.offset_n) > level.friction_n
+    ]
+    if large:
+        blocks.append(Items(tuple(large[:12])))
+    groups = by_seal(found)
+    share = max(MOST_SHOWN // len(groups), 1)
+    for seal, results in groups.items():
+        pairs = [(r, level) for r in results for level in r.levels]
+        shown = spread_evenly(pairs, max(share, 2 * COLUMNS))
+        name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
+        caption = f"{seal}: balance, friction and offset over position"
+        if len(shown) < len(pairs):
+            caption += f" ({len(shown)} of {len(pairs)} speed levels)"
+        blocks.append(Picture(f"loops-{name}", f"{caption}.", draw(shown), synthetic=found.synthetic))
+    return Section("loops", "Friction against position", tuple(blocks), synthetic=found.synthetic)
+
+
+def draw(pairs: list[tuple[RecordingResult, Level]]) -> Figure:
+    """Panels of one seal on shared axes."""
+    columns = min(COLUMNS, len(pairs))
+    rows = -(-len(pairs) // columns)
+    figure = style.new_figure(1.75 * rows + 0.7)
+    axes = style.panels(figure, len(pairs), columns, sharex=True, sharey=True)
+    handles: list = []
+    for axis, (result, level) in zip(axes, pairs, strict=True):
+        handles = _panel(axis, level)
+        pressure, speed = gauge_bar(level, result.recording), speed_mm_s(level)
+        axis.set_title(f"{level.recording}\n{pressure:.1f} bar, {speed:.3g} mm/s", fontsize=7.5)
+    style.outer_labels(figure, "position / mm", "balance, friction, offset / N")
+    style.legend_below(figure, handles)
+    return figure
+
+
+def _panel(axis: Axes, level: Level) -> list:
+    p = level.profile
+    x = p.position_m * 1e3
+    axis.axvspan(level.window_m[0] * 1e3, level.window_m[1] * 1e3, color=style.SHADE, lw=0)
+    for strokes in (p.up_strokes_n, p.down_strokes_n):
+        axis.plot(x, strokes.T, color=style.GREY, lw=0.3)
+    axis.axhline(0.0, color=style.GREY, lw=0.6)
+    return [
+        axis.plot(x, p.up_n, "-", color=style.BLUE, label="towards +x")[0],
+        axis.plot(x, p.down_n, "--", color=style.BLUE, label="towards −x")[0],
+        axis.plot(x, p.friction_n, "-", color=style.BLACK, lw=1.8, label="friction (half difference)")[0],
+        axis.plot(x, p.offset_n, ":", color=style.ORANGE, lw=1.8, label="offset (half sum)")[0],
+    ]

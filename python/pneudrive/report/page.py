@@ -1,0 +1,141 @@
+"""What a report is made of: sections of text, tables and pictures; and how they become files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from io import BytesIO, StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import CommandError
+from pneudrive.report import style
+from pneudrive.trajectory import whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TEMPLATE = Path(__file__).with_name("report.html.j2")
+FIGURES = "figures"
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; `kind` is "plain", "note" (what a reader must know), "code" or "holds" / "fails" of a check."""
+
+    text: str
+    kind: str = "plain"
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list of sentences."""
+
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; columns from `numbers_from` on hold numbers and are set to the right."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+    numbers_from: int = 1
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure with its file name (without suffix) and caption."""
+
+    name: str
+    caption: str
+    figure: Figure
+    synthetic: bool = False
+
+
+@dataclass(frozen=True)
+class Section:
+    """One section of the report."""
+
+    key: str
+    title: str
+    blocks: tuple[Text | Items | Table | Picture, ...]
+    synthetic: bool = False
+
+
+@dataclass
+class Report:
+    """A report: verdict, sections, and the pictures that were written beside it."""
+
+    title: str
+    verdict: list[str]
+    sections: list[Section]
+    pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
+
+    def write(self, folder: Path) -> Path:
+        """Write report.html and figures/*.png, *.svg into a folder that is there.
+
+        Raises
+        ------
+        CommandError
+            The folder cannot be written to.
+        """
+        figures = folder / FIGURES
+        try:
+            figures.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CommandError(f"{figures} cannot be made", value=error.strerror) from None
+        with style.applied():
+            for section in self.sections:
+                for block in section.blocks:
+                    if isinstance(block, Picture):
+                        self.pictures[block.name] = write_picture(block, figures)
+        target = folder / "report.html"
+        with whole(target) as temporary:
+            temporary.write_text(self.html(), encoding="utf-8")
+        return target
+
+    def html(self, *, linked: bool = True) -> str:
+        """Return the page; it loads nothing from anywhere. `linked`: captions point at the files of the figures."""
+        import jinja2
+        from markupsafe import Markup
+
+        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
+        drawn = {name: Markup(svg) for name, svg in self.pictures.items()}  # noqa: S704 - matplotlib's own
+        return template.render(
+            title=self.title, verdict=self.verdict, sections=self.sections, pictures=drawn, folder=FIGURES if linked else ""
+        )
+
+
+def write_picture(picture: Picture, folder: Path) -> str:
+    """Write PNG and SVG; return the SVG as it stands inside a page."""
+    png = BytesIO()
+    picture.figure.savefig(png, format="png", dpi=style.PNG_DPI)
+    with whole(folder / f"{picture.name}.png") as temporary:
+        temporary.write_bytes(png.getvalue())
+    svg = svg_text(picture.figure)
+    with whole(folder / f"{picture.name}.svg") as temporary:
+        temporary.write_text(svg, encoding="utf-8")
+    return inline(svg, picture.name, picture.caption)
+
+
+def svg_text(figure: Figure) -> str:
+    """Return a figure as SVG without a date, so that equal data give equal files."""
+    out = StringIO()
+    figure.savefig(out, format="svg", metadata={"Date": None})
+    return out.getvalue()
+
+
+def inline(svg: str, name: str, description: str) -> str:
+    """Make an SVG fit to stand inside a page beside others: no prologue, names of its own, scaled to the column."""
+    import html
+
+    body = svg[svg.index("<svg") :]
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    prefix = re.sub(r"[^A-Za-z0-9]+", "-", name)
+    body = re.sub(r'\bid="', f'id="{prefix}-', body)
+    body = re.sub(r'(href="#|url\(#)', rf"\g<1>{prefix}-", body)
+    label = html.escape(description, quote=True)
+    return re.sub(r'<svg ([^>]*?)height="[^"]*"( ?)', rf'<svg role="img" aria-label="{label}" \1', body, count=1)

@@ -1,0 +1,104 @@
+"""Friction against pressure: runs as separate markers, the line and its prediction band."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.report import style
+from pneudrive.report.page import Items, Picture, Section, Table, Text
+from pneudrive.report.words import spread_evenly
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.pressure_line import FrictionPoint, PressureLine, RunSpread
+
+COLUMNS = 3
+MOST_PANELS = 9
+
+
+def section(found: Characterisation) -> Section | None:
+    """Friction over pressure for each seal; None where all recordings have one pressure."""
+    if len(found.points) < 2 or np.ptp([p.pressure_pa for p in found.points]) < 2e4:
+        return None
+    blocks: list = [
+        Text(
+            "Each point is one recording with U (k = 2), which covers strokes and sensors but not a new assembly. The "
+            "band is where the friction of one further run is expected with 95 %; it includes the spread between runs."
+        ),
+        Picture("friction-pressure", _caption(found), draw(found), synthetic=found.synthetic),
+    ]
+    if found.run_spread is not None:
+        blocks.append(_runs(found.run_spread))
+    blocks.append(Items(tuple(line.statement for line in found.pressure_lines)))
+    return Section("pressure", "Friction against pressure", tuple(blocks), synthetic=found.synthetic)
+
+
+def _caption(found: Characterisation) -> str:
+    spread = found.run_spread
+    known = f"standard deviation between runs {100 * spread.relative:.0f} %" if spread else "nothing was run twice"
+    return f"Friction against gauge pressure, runs as separate markers; line and 95 % prediction band for a further run ({known})."
+
+
+def panels_of(found: Characterisation) -> dict[str, tuple[list[FrictionPoint], PressureLine | None]]:
+    """Points and line of each panel: one for each line, one for each seal without a line."""
+    out: dict[str, tuple[list[FrictionPoint], PressureLine | None]] = {}
+    for line in found.pressure_lines:
+        out[line.seal] = (list(line.points), line)
+    covered = {(p.recording, p.speed_m_s) for points, _ in out.values() for p in points}
+    with_line = {p.seal for points, _ in out.values() for p in points}
+    for point in found.points:
+        if (point.recording, point.speed_m_s) not in covered and point.seal not in with_line:
+            out.setdefault(point.seal, ([], None))[0].append(point)
+    return out
+
+
+def draw(found: Characterisation) -> Figure:
+    """One panel for each seal on shared axes."""
+    shown = spread_evenly(list(panels_of(found).items()), MOST_PANELS)
+    rows = -(-len(shown) // COLUMNS)
+    figure = style.new_figure(2.0 * rows + 0.6, style.WIDTH_IN if len(shown) > 1 else 4.5)
+    axes = style.panels(figure, len(shown), COLUMNS, sharex=True, sharey=True)
+    for axis, (title, (points, line)) in zip(axes, shown, strict=True):
+        draw_panel(axis, points, line)
+        axis.set_title(title)
+    top = max(p.friction_n + np.nan_to_num(p.expanded_n) for _, (points, _) in shown for p in points)
+    axes[0].set_ylim(0, 1.25 * top)
+    style.outer_labels(figure, "gauge pressure / bar", "friction / N")
+    return figure
+
+
+def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | None) -> None:
+    """Points of each run, and the line with its band."""
+    if line is not None:
+        bar = line.band_pressure_pa / 1e5
+        axis.fill_between(bar, line.band_low_n, line.band_high_n, color=style.BAND, lw=0, label="95 % for a further run")
+        axis.plot(bar, line.band_mean_n, "-", color=style.BLACK, lw=0.9)
+    runs = list(dict.fromkeys(p.run for p in points))
+    for index, run in enumerate(runs):
+        look = style.look(index)
+        of_run = [p for p in points if p.run == run]
+        axis.errorbar(
+            [p.pressure_pa / 1e5 for p in of_run],
+            [p.friction_n for p in of_run],
+            yerr=[np.nan_to_num(p.expanded_n) for p in of_run],
+            fmt=look.marker,
+            color=look.color,
+            mfc="white" if index else look.color,
+            elinewidth=0.9,
+            label=f"run {run}" if len(runs) > 1 else "recording, U (k = 2)",
+        )
+    axis.legend(loc="upper left", fontsize=6.8)
+
+
+def _runs(spread: RunSpread) -> Table:
+    rows = tuple(
+        (seal, f"{pressure / 1e5:.2f}", f"{low:.2f}", f"{high:.2f}", f"{100 * relative:.0f}")
+        for seal, pressure, low, high, relative in spread.cells
+    )
+    head = ("seal", "pressure, bar", "lowest, N", "highest, N", "difference, %")
+    return Table(head, rows, "Runs of one seal at one pressure: the spread that no single recording shows")

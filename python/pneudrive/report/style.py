@@ -1,0 +1,122 @@
+"""How all figures look: one place for fonts, sizes, lines and markers. Made to be read in print, also in grey.
+
+No figure tells curves apart by colour alone: line style or marker differ too, and the colours differ in lightness.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
+PNG_DPI = 150
+
+BLACK, BLUE, ORANGE, GREEN, GREY = "#111111", "#1f5f99", "#d97706", "#5b8c5a", "#8c8c8c"
+BAND = "#dfe6ee"  # prediction bands and shaded strokes: light enough to print as a tint
+SHADE = "#ececec"
+
+_SETTINGS: dict[str, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.0,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.use_mathtext": True,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 4.0,
+    "errorbar.capsize": 2.0,
+    "grid.color": "#e2e2e2",
+    "grid.linewidth": 0.5,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "path.simplify_threshold": 0.5,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "pneudrive",  # equal data, equal file
+}
+
+
+class Look(NamedTuple):
+    """Colour, line style and marker of one curve."""
+
+    color: str
+    linestyle: Any
+    marker: str
+
+
+#: Told apart by line style and marker as well as by colour.
+LOOKS = (
+    Look(BLACK, "-", "o"),
+    Look(BLUE, "--", "s"),
+    Look(ORANGE, "-.", "^"),
+    Look(GREEN, ":", "D"),
+    Look(GREY, (0, (5, 1)), "v"),
+    Look(BLACK, (0, (1, 1)), "P"),
+    Look(BLUE, (0, (3, 1, 1, 1, 1, 1)), "X"),
+    Look(ORANGE, (0, (7, 2)), "*"),
+)
+
+
+def look(index: int) -> Look:
+    """Return the look of the curve with this index; they repeat after eight."""
+    return LOOKS[index % len(LOOKS)]
+
+
+@contextmanager
+def applied() -> Iterator[None]:
+    """Draw in this style inside the block."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_SETTINGS):
+        yield
+
+
+def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """Return an empty figure of the report's width."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes]:  # noqa: ANN401 - of matplotlib
+    """Return `count` axes in a grid of at most `columns`; what is left over of the grid stays empty."""
+    columns = max(min(columns, count), 1)
+    rows = -(-count // columns)
+    grid = figure.subplots(rows, columns, squeeze=False, **shared)
+    axes = list(grid.ravel())
+    for spare in axes[count:]:
+        spare.set_visible(False)
+    for index, axis in enumerate(axes[:count]):
+        if shared.get("sharex") and index + columns >= count:
+            axis.tick_params(labelbottom=True)  # the lowest panel of its column carries the numbers
+    return axes[:count]
+
+
+def outer_labels(figure: Figure, x: str, y: str) -> None:
+    """Label all panels at once, outside."""
+    figure.supxlabel(x, fontsize=_SETTINGS["axes.labelsize"])
+    figure.supylabel(y, fontsize=_SETTINGS["axes.labelsize"])
+
+
+def legend_below(figure: Figure, handles: Sequence[Any], columns: int | None = None) -> None:
+    """Put one legend under all panels, where it covers nothing."""
+    figure.legend(handles=list(handles), loc="outside lower center", ncols=columns or len(handles))
+
+
+def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence
+    """Return the slice that leaves at most `most` samples of a long record: more than a page can show."""
+    return slice(None, None, max(len(values) // most, 1))

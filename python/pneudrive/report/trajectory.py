@@ -1,0 +1,111 @@
+"""A trajectory as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pneudrive.report import style
+from pneudrive.trajectory import check_target, whole
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+PICTURES = (".png", ".svg", ".pdf", ".html")
+# Panel -> (label, factor from SI, variables with line style and words)
+PANELS = (
+    ("position / mm", 1e3, (("position", "-", ""),)),
+    ("velocity / (m/s)", 1.0, (("velocity", "-", ""),)),
+    ("pressure / bar abs", 1e-5, (("pressure_a", "-", "chamber a"), ("pressure_b", "--", "chamber b"))),
+    ("gas / K", 1.0, (("temperature_a", "-", "chamber a"), ("temperature_b", "--", "chamber b"))),
+    ("force / N", 1.0, (("friction_force", "-", "friction"), ("end_stop_force", "--", "end stop"))),
+    ("command", 1.0, (("command", "-", ""),)),
+)
+LINES = {"-": style.BLACK, "--": style.ORANGE}
+
+
+def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
+    """Draw a trajectory over time: position, velocity, pressures, temperatures, forces, command.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From ``pneudrive.simulate``; variables that are not there are left out.
+    path : path-like, optional
+        Picture to write: .png, .svg, .pdf, or .html (a page with the picture and where it comes from).
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 1", "0.1 s")
+    >>> len(pn.report.plot(run).axes)
+    6
+    """
+    target = None if path is None else check_target(path, PICTURES)
+    with style.applied():
+        figure = draw(run)
+        if target is not None:
+            _write(figure, run, target)
+    return figure
+
+
+def draw(run: xr.Dataset) -> Figure:
+    """One panel for each kind of variable, on one time axis."""
+    shown = [panel for panel in PANELS if any(name in run for name, _, _ in panel[2])]
+    figure = style.new_figure(1.15 * len(shown) + 0.5)
+    axes = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
+    part = style.thin(run.time, 20_000)
+    time = run.time.to_numpy()[part]
+    for axis, (label, factor, variables) in zip(axes, shown, strict=False):
+        for name, line, words in variables:
+            if name in run:
+                values = factor * run[name].to_numpy()[part]
+                drawn = "steps-post" if name == "command" else "default"
+                axis.plot(time, values, line, color=LINES[line], lw=1.0, drawstyle=drawn, label=words or None)
+        if len(variables) > 1:
+            axis.legend(loc="upper right", ncols=2)
+        axis.set_ylabel(label)
+        axis.margins(x=0)
+    axes[-1].set_xlabel("time / s")
+    title = run.attrs.get("title")
+    if title:
+        figure.suptitle(f"{title} (simulated)", fontsize=9, x=0.01, ha="left")
+    figure.align_ylabels()
+    return figure
+
+
+def _write(figure: Figure, run: xr.Dataset, target: Path) -> None:
+    if target.suffix.lower() == ".html":
+        _write_page(figure, run, target)
+        return
+    with whole(target) as temporary:
+        figure.savefig(temporary, dpi=style.PNG_DPI, metadata={"Date": None} if target.suffix.lower() == ".svg" else None)
+
+
+def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
+    """Write a page of its own that loads nothing: the picture, then what made it."""
+    from pneudrive.report.page import Picture, Report, Section, Table, inline, svg_text
+
+    rows = [(k, str(run.attrs[k])) for k in ("version", "solver", "rtol", "description_hash", "statistics") if k in run.attrs]
+    rows += [("warning", w) for w in run.attrs.get("warnings", [])] + [("assumed", a) for a in run.attrs.get("assumed", [])]
+    title = str(run.attrs.get("title") or "Trajectory")
+    picture = Picture("trajectory", f"{title}, simulated.", figure, synthetic=True)
+    table = Table(("", ""), tuple(rows), "Provenance", numbers_from=9)
+    position = run["position"].to_numpy() * 1e3 if "position" in run else None
+    lines = [f"{run.sizes['time']} samples to {float(run.time[-1]):g} s."]
+    if position is not None:
+        lines.append(f"Position {position[0]:.3f} mm to {position[-1]:.3f} mm, between {position.min():.3f} and {position.max():.3f} mm.")
+    report = Report(title, lines, [Section("trajectory", "Trajectory", (picture, table), synthetic=True)])
+    report.pictures[picture.name] = inline(svg_text(figure), picture.name, picture.caption)
+    with whole(target) as temporary:
+        temporary.write_text(report.html(linked=False), encoding="utf-8")

@@ -1,0 +1,106 @@
+"""Numbers as the report writes them, and the questions that several sections ask."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pneudrive.characterise import Characterisation, Recording
+    from pneudrive.characterise.extract import Level, RecordingResult
+
+MOST_SHOWN = 24  # panels of one kind in a report; a campaign has more recordings than anyone looks at
+UNLABELLED = "all recordings"
+#: What each flag of the friction map and of the samples means.
+FLAGS = {
+    "non_finite": "samples with a value that is not finite, left out",
+    "repeated_time": "samples that repeat a time, left out",
+    "spike": "single samples that stand far out of both neighbours, left out",
+    "saturated": "samples at the end of a sensor's range",
+    "stuck": "samples in which a channel stood still while the piston travelled",
+    "gap": "intervals at least five times as long as usual",
+    "unreadable": "rows that could not be read",
+    "unpaired": "one direction only: the offset is not separated from friction",
+    "single_stroke": "one stroke in a direction: no spread between strokes",
+    "trend": "friction drifts from stroke to stroke beyond chance",
+    "stick_slip": "the piston sticks and slips: the mean over the window is no point of a friction curve",
+    "speed_ripple": "speed varies by more than 20 % within a stroke",
+    "window_not_covered": "part of the window has no settled samples",
+    "pressure_moves": "pressure changes within a stroke by more than half the friction",
+    "unequal_speeds": "the two directions moved at speeds that differ by more than 10 %",
+    "breakaway_spoiled": "no reversal peak is usable",
+}
+
+
+def seal_of(recording: Recording) -> str:
+    """Name of the seal, or the group of recordings that no label tells apart."""
+    return recording.labels.get("seal", UNLABELLED)
+
+
+def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
+    """Recordings by seal, each group in order of pressure."""
+    groups: dict[str, list[RecordingResult]] = {}
+    for result in found.results:
+        groups.setdefault(seal_of(result.recording), []).append(result)
+    return {seal: sorted(group, key=lambda r: gauge_bar(r.levels[0], r.recording)) for seal, group in groups.items()}
+
+
+def gauge_bar(level: Level, recording: Recording) -> float:
+    """Gauge pressure of the side that is pressurised more, mean of both directions, bar."""
+    sides = [
+        float(np.mean([getattr(row, f"pressure_{side}_pa") for row in level.rows])) - recording.ambient_pressure_pa
+        for side in ("a", "b")
+    ]
+    return max(sides, key=abs) / 1e5
+
+
+def speed_mm_s(level: Level) -> float:
+    """Mean speed of both directions in the window, mm/s."""
+    return 1e3 * float(np.mean([abs(row.velocity_m_s) for row in level.rows]))
+
+
+def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:
+    """At most `most` of the items, evenly over all of them."""
+    if len(items) <= most:
+        return list(items)
+    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).astype(int))]
+
+
+def with_u(value: float, expanded: float, unit: str = "N") -> str:
+    """Write a value with its expanded uncertainty, which keeps two digits.
+
+    Examples
+    --------
+    >>> with_u(9.7862, 0.4873)
+    '9.79 ± 0.49 N'
+    >>> with_u(98.2, 11.4, "")
+    '98 ± 11'
+    """
+    if not (np.isfinite(value) and np.isfinite(expanded)):
+        return f"{value:.3g} {unit}".strip() if np.isfinite(value) else "not determined"
+    digits = places(expanded)
+    return f"{value:.{digits}f} ± {expanded:.{digits}f} {unit}".strip()
+
+
+def places(uncertainty: float) -> int:
+    """Decimal places at which an uncertainty has two digits."""
+    return 2 if uncertainty <= 0 else int(np.clip(1 - np.floor(np.log10(uncertainty)), 0, 6))
+
+
+def plural(count: int, one: str, many: str = "") -> str:
+    """Write a count with its noun.
+
+    Examples
+    --------
+    >>> plural(1, "seal"), plural(3, "seal")
+    ('1 seal', '3 seals')
+    """
+    return f"{count} {one if count == 1 else many or one + 's'}"
+
+
+def sentence(text: str) -> str:
+    """Begin with a capital letter and end with one full stop."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."

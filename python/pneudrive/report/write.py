@@ -1,0 +1,161 @@
+"""The report as a whole: which sections there are, in which order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pneudrive.report import (
+    chambers,
+    closure,
+    loops,
+    measured,
+    paper,
+    pressure,
+    provenance,
+    record,
+    recovered,
+    speed,
+    strokes,
+    style,
+    uncertainty,
+)
+from pneudrive.report.page import Report
+from pneudrive.report.verdict import verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.characterise import Characterisation
+    from pneudrive.identify import FrictionFit
+    from pneudrive.report.page import Section
+    from pneudrive.rig import PaperFigure, SimulatedRig
+    from pneudrive.rig.chamber_laws import ChamberComparison
+
+    Fits = Mapping[str, Mapping[str, FrictionFit]]
+
+#: Speeds and pressures at which the simulated rig's recordings are compared with their truth.
+RECOVERY_SPEEDS_M_S = (1e-3, 0.45, 24)  # from, to, number; logarithmic
+RECOVERY_GAUGES_PA = (0.0, 0.5e5, 1.0e5, 1.5e5)
+RECOVERY_CYCLES = 3
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What the simulated rig and drive gave.
+
+    Attributes
+    ----------
+    rig : SimulatedRig
+    figures : dict of PaperFigure
+        By number in the source paper.
+    found : Characterisation
+        Of simulated recordings with known truth.
+    fits : dict
+        Group -> law -> fit, of those recordings.
+    chambers : ChamberComparison
+        Printed equations against the energy balance.
+    seed : int
+        Of the simulated sensors.
+    """
+
+    rig: SimulatedRig
+    figures: Mapping[int, PaperFigure]
+    found: Characterisation
+    fits: Fits
+    chambers: ChamberComparison
+    seed: int
+
+
+def reproduce(rig: SimulatedRig | None = None, seed: int = 0) -> Reproduction:
+    """Run the simulated rig and drive for the source paper's figures 1, 2, 3, 5, 6 and 8.
+
+    Parameters
+    ----------
+    rig : SimulatedRig, optional
+        The package's own rig, all of it assumed, where nothing is said.
+    seed : int
+        Of the simulated sensors' noise.
+
+    Returns
+    -------
+    Reproduction
+    """
+    import numpy as np
+
+    from pneudrive.characterise import characterise_recordings
+    from pneudrive.identify.seals import fit_characterisation
+    from pneudrive.rig import SimulatedRig, sweep
+    from pneudrive.rig.chamber_laws import compare_chamber_laws
+    from pneudrive.rig.paper import paper_figures
+
+    rig = rig or SimulatedRig.default()
+    recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=seed)
+    found = characterise_recordings(recordings)
+    fits, _ = fit_characterisation(found)
+    return Reproduction(rig, paper_figures(rig, seed), found, fits, compare_chamber_laws(), seed)
+
+
+def write_report(
+    found: Characterisation | None, fits: Fits, folder: str | Path, reproduction: Reproduction | None = None
+) -> Path:
+    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+
+    Parameters
+    ----------
+    found : Characterisation or None
+        Of recordings, real or simulated.
+    fits : mapping
+        Group -> law -> FrictionFit; may be empty.
+    folder : path-like
+        Must be there; figures go into its folder ``figures``.
+    reproduction : Reproduction, optional
+        Adds the sections of the source paper.
+
+    Returns
+    -------
+    pathlib.Path
+        Of report.html.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written to.
+    """
+    folder = Path(folder)
+    with style.applied():
+        report = Report(_title(found, reproduction), verdict(found, fits, reproduction), sections(found, fits, reproduction))
+        return report.write(folder)
+
+
+def sections(found: Characterisation | None, fits: Fits, made: Reproduction | None) -> list[Section]:
+    """All sections for which there are data, in the report's order."""
+    parts: list[Section | None] = []
+    if found is not None:
+        parts += [
+            measured.section(found),
+            record.section(found),
+            loops.section(found),
+            closure.section(found),
+            pressure.section(found),
+            speed.section(found, fits),
+            strokes.drift(found),
+            strokes.peaks(found),
+            uncertainty.budget(found),
+            uncertainty.flags(found),
+            recovered.section(found, fits),
+        ]
+    if made is not None:
+        if found is None or not found.synthetic:
+            parts.append(recovered.section(made.found, made.fits))
+        parts += [paper.section(made.figures), paper.stick_slip_section(made.figures), chambers.section(made.chambers)]
+    parts.append(provenance.section(found, made))
+    return [part for part in parts if part is not None]
+
+
+def _title(found: Characterisation | None, made: Reproduction | None) -> str:
+    if found is None:
+        return "The source paper's figures from a simulated rig"
+    title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
+    return f"{title}, with a simulated rig" if made is not None and not found.synthetic else title
