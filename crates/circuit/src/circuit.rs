@@ -26,7 +26,6 @@ pub struct CarriageId(pub(crate) usize);
 #[derive(Debug)]
 struct Topology {
     names: Vec<String>,
-    scale: Vec<f64>,
     n_states: usize,
     channels: Vec<Channel>,
     structure: Arc<Structure>,
@@ -47,6 +46,8 @@ pub struct Circuit<P> {
     topology: Arc<Topology>,
     parts: Parts<P>,
     common: Common<P>,
+    /// Absolute error scale of each state and account: a part's own numbers, so a lane's own.
+    scale: Vec<P>,
     /// Restrictions that are open in some lane.
     open: Vec<usize>,
     gas_nodes: usize,
@@ -59,7 +60,6 @@ impl Circuit<f64> {
         Circuit {
             topology: Arc::new(Topology {
                 names: Vec::new(),
-                scale: Vec::new(),
                 n_states: 0,
                 channels: Vec::new(),
                 structure: Arc::new(Structure::of(&[], &[], false)),
@@ -67,6 +67,7 @@ impl Circuit<f64> {
             }),
             parts: Parts::default(),
             common: Common { gas: *gas, ambient_pressure, ambient_temperature },
+            scale: Vec::new(),
             open: Vec::new(),
             gas_nodes: 0,
             axis_nodes: 0,
@@ -200,16 +201,17 @@ impl Circuit<f64> {
         let channels = if ledger { channels } else { Vec::new() };
         scale.extend(channels.iter().map(|_| f64::INFINITY));
         let sticking = self.movers().filter(|&mover| self.mover(mover).1.sticks()).collect();
-        let topology = |structure| Topology { names, scale, n_states, channels, structure, sticking };
+        let topology = |structure| Topology { names, n_states, channels, structure, sticking };
         // The pattern is that of everything open: it holds for every input and mode.
         self.open = (0..self.parts.restrictions.len()).collect();
         self.topology = Arc::new(topology(Arc::new(Structure::of(&[], &[], false))));
-        let n = self.topology.scale.len();
+        self.scale = scale;
+        let n = self.scale.len();
         let y: Vec<Deps> = (0..n).map(Deps::of).collect();
         let mut dy = vec![Deps::c(0.0); n];
         let mut net = self.work::<Deps>();
         self.rhs(Deps::c(0.0), &y, &mut dy, &mut net);
-        let structure = Arc::new(Structure::of(&dy, &self.topology.scale, false));
+        let structure = Arc::new(Structure::of(&dy, &self.scale, false));
         Arc::get_mut(&mut self.topology).expect("not shared yet").structure = structure;
         self.open.clear();
         self
@@ -253,7 +255,7 @@ impl Circuit<f64> {
     /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
     /// Sets the modes of friction to match.
     pub fn initial(&mut self, gas: &[(GasId, f64, f64)], axes: &[(AxisId, f64, f64)]) -> Vec<f64> {
-        let mut y = vec![0.0; self.topology.scale.len()];
+        let mut y = vec![0.0; self.scale.len()];
         for &(id, x, v) in axes {
             let movers =
                 self.movers().map(|mover| self.mover(mover)).map(|(place, axis, _)| (place, axis.node));
@@ -306,6 +308,7 @@ impl<R: Lane> Circuit<R> {
                 ambient_pressure: number(&|c| c.ambient_pressure),
                 ambient_temperature: number(&|c| c.ambient_temperature),
             },
+            scale: (0..each[0].scale.len()).map(|i| R::from_lanes(|lane| each[lane].scale[i])).collect(),
             open: {
                 let mut open: Vec<usize> = each.iter().flat_map(|circuit| circuit.open.clone()).collect();
                 open.sort_unstable();
@@ -440,8 +443,8 @@ impl<R: Lane> System<R> for Circuit<R> {
         &self.topology.structure
     }
 
-    fn scale(&self) -> &[f64] {
-        &self.topology.scale
+    fn scale(&self) -> &[R] {
+        &self.scale
     }
 
     fn n_events(&self) -> usize {

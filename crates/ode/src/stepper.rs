@@ -96,7 +96,7 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     stage: Vec<Block<R>>,
     rhs: Vec<Block<R>>,
     step: Step<R>,
-    scale: Vec<Block<f64>>,
+    scale: Vec<Block<R>>,
     g0: Vec<R>,
     g1: Vec<R>,
     g_look: Vec<R>,
@@ -118,7 +118,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let zeros = |count: usize| vec![[R::zero(); BLOCK]; count];
         let mut y = zeros(blocks);
         y.as_flattened_mut()[..n].copy_from_slice(y0);
-        let mut scale = vec![[1.0; BLOCK]; blocks];
+        let mut scale = vec![[R::one(); BLOCK]; blocks];
         scale.as_flattened_mut()[..n].copy_from_slice(system.scale());
         let n_events = system.n_events();
         let (work, dual_work) = (system.work::<R>(), system.work::<Direction<R>>());
@@ -258,8 +258,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let states = self.y.as_flattened().iter().zip(self.f0.as_flattened());
             for ((y, f), scale) in states.zip(self.scale.as_flattened()) {
                 let (y, f) = (y.get(lane).abs(), f.get(lane).abs());
-                size = size.max(y / (scale + y));
-                rate = rate.max(f / (scale + y));
+                size = size.max(y / (scale.get(lane) + y));
+                rate = rate.max(f / (scale.get(lane) + y));
             }
             let h = 0.01 * size.max(rtol) / rate.max(1e-9);
             self.lanes[lane].wish = h.min(until - self.t[lane]).max(1e-9);
@@ -418,7 +418,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         for (b, error) in errors.iter().enumerate() {
             for l in 0..BLOCK {
                 let size = self.y[b][l].abs().max(self.step.y1[b][l].abs());
-                let ratio = error[l].abs() / (rtol * (R::c(self.scale[b][l]) + size));
+                let ratio = error[l].abs() / (rtol * (self.scale[b][l] + size));
                 worst[l] = worst[l].max(ratio);
                 poison[l] += ratio * R::zero();
             }
@@ -517,7 +517,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let errors = &self.u[(S - 1) * self.y.len()..].as_flattened()[..self.structure.n()];
         let relative = |i: usize| {
             let size = self.y.as_flattened()[i].get(lane).abs();
-            let ratio = errors[i].get(lane).abs() / (self.scale.as_flattened()[i] + size);
+            let ratio = errors[i].get(lane).abs() / (self.scale.as_flattened()[i].get(lane) + size);
             if ratio.is_nan() { f64::INFINITY } else { ratio }
         };
         (0..errors.len()).max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)

@@ -19,7 +19,7 @@ pub trait System<R: Lane> {
 
     /// Absolute error scale of each state: its absolute tolerance is `rtol * scale`.
     /// An infinite scale marks a quadrature: integrated alongside, never steering the step.
-    fn scale(&self) -> &[f64];
+    fn scale(&self) -> &[R];
 
     /// How many event functions there are.
     fn n_events(&self) -> usize {
