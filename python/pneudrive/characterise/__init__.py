@@ -14,6 +14,7 @@ from pneudrive.characterise.load import load_recordings
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.settling import Settled, SourcePaper
 from pneudrive.characterise.stick_slip import StickSlip, find_stick_slip
+from pneudrive.characterise.trajectories import from_run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +34,7 @@ __all__ = [
     "characterise",
     "characterise_recordings",
     "find_stick_slip",
+    "from_run",
     "load_recordings",
     "read_map",
     "write_map",

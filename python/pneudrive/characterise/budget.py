@@ -90,6 +90,12 @@ def systematic_budget(
     return entries
 
 
+def _said(recording: Recording, channel: str) -> tuple[str, str]:
+    """Basis and note of an accuracy that was given: the layout may itself call it assumed."""
+    text = recording.calibration.get(channel, "")
+    return ("assumed" if text.lower().startswith("assumed") else "layout"), text
+
+
 def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
     channel = f"pressure_{side}_pa"
     values = getattr(recording, channel)
@@ -99,7 +105,8 @@ def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down:
         return []  # open to ambient: nothing was measured, nothing acts
     largest = float(np.max(np.abs(values - ambient)))
     if channel in recording.accuracy:
-        uncertainty, basis, note = recording.accuracy[channel], "layout", ""
+        uncertainty = recording.accuracy[channel]
+        basis, note = _said(recording, channel)
     else:
         span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
         uncertainty, basis = float(span * ASSUMED_PRESSURE_OF_RANGE), "assumed"
@@ -134,7 +141,8 @@ def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down:
 def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
     largest = float(np.max(np.abs(recording.force_n)))
     if "force_n" in recording.accuracy:
-        uncertainty, basis, note = recording.accuracy["force_n"], "layout", ""
+        uncertainty = recording.accuracy["force_n"]
+        basis, note = _said(recording, "force_n")
     else:
         uncertainty, basis = largest * ASSUMED_FORCE_OF_LARGEST, "assumed"
         note = "0.2 % of the largest force, rectangular"

@@ -26,7 +26,7 @@ import numpy as np
 
 from pneudrive.characterise.extract import extract
 from pneudrive.characterise.layout import Layout, stem
-from pneudrive.characterise.load import RecordingFile, load_recording, to_recording
+from pneudrive.characterise.load import RecordingFile, to_recording
 from pneudrive.characterise.pressure_line import friction_points
 from pneudrive.errors import PneudriveError, RecordingError
 
@@ -231,7 +231,7 @@ def _recordings(sources: list[Source]) -> Iterator[tuple[str, Callable[[], Recor
             for recording in read_cycles(source):
                 yield recording.name, lambda recording=recording: recording
         else:
-            yield source.name, lambda source=source: load_recording(source.path, source.layout, source.name)
+            yield source.name, source.read
 
 
 def _divide(sources: list[Source], workers: int) -> list[list[Source]]:

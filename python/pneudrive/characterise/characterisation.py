@@ -14,7 +14,7 @@ from pneudrive.characterise.closure import MINIMUM_RANGE_PA, ClosureFit, fit_clo
 from pneudrive.characterise.extract import Level, RecordingResult, extract
 from pneudrive.characterise.friction_map import MapRow, to_dataset
 from pneudrive.characterise.layout import Layout
-from pneudrive.characterise.load import load_recording, recording_files
+from pneudrive.characterise.load import recording_files
 from pneudrive.characterise.pressure_line import (
     FrictionPoint,
     PressureLine,
@@ -37,7 +37,7 @@ SHOWN = 24  # recordings of a larger campaign whose curves are kept
 CONFOUNDED = 0.7  # correlation of speed and pressure beyond which their effects are called confounded
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
 class Characterisation:
     """Everything that one run of the characterisation found. SI, absolute pressures, N.
 
@@ -157,10 +157,8 @@ def _sources(
     paths = [item for item in items if not isinstance(item, Recording)]
     if not items:
         raise RecordingError("no recording is named", remedy="give at least one recording or file")
-    sources: list[Source] = []
-    for file in recording_files(paths, layout) if paths else []:
-        has_cycles = file.layout.for_file(file.path).cycle is not None
-        sources.append(find_cycles(file.path, file.layout) if has_cycles else file)
+    files = recording_files(paths, layout) if paths else []
+    sources: list[Source] = [find_cycles(f.path, f.layout) if f.layout and f.has_cycles else f for f in files]
     return loaded, sources
 
 
@@ -170,7 +168,7 @@ def _read(sources: list[Source]) -> list[Recording]:
         if isinstance(source, Cycles):
             recordings += read_cycles(source)
         else:
-            recordings.append(load_recording(source.path, source.layout, source.name))
+            recordings.append(source.read())
     return recordings
 
 
@@ -268,6 +266,19 @@ def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[MapRow]) 
     return strongest
 
 
+def _stick_slip_note(level: Level) -> str:
+    found = [s for s in level.stick_slip if s.found]
+    period, step, peak, share, mean = (
+        float(np.median([getattr(s, name) for s in found]))
+        for name in ("period_s", "step_m", "peak_speed_m_s", "stuck_share", "mean_speed_m_s")
+    )
+    return (
+        f"Stick-slip in {level.recording}: period {period:.3g} s, step {step * 1e3:.3g} mm, "
+        f"peak {peak * 1e3:.3g} mm/s, stuck {100 * share:.0f} % of the time, mean speed {mean * 1e3:.3g} mm/s; "
+        "its mean friction is no point of F(v)."
+    )
+
+
 def _notes(
     results: tuple[RecordingResult, ...],
     points: tuple[FrictionPoint, ...],
@@ -293,11 +304,13 @@ def _notes(
             "Only one side is under pressure: force zero, area error, springs, weight and asymmetry of direction "
             "all end in the offset and are not separable."
         )
-    assumed = sorted({e.source for r in results for level in r.levels for e in level.budget if e.basis == "assumed"})
+    entries = [entry for r in results for level in r.levels for entry in level.budget]
+    assumed = sorted({e.source for e in entries if e.basis == "assumed" and e.friction_n + e.offset_n > 0})
     if assumed:
         notes.append(f"Assumed, not given by the layout: {', '.join(assumed)}.")
     larger = [level.recording for r in results for level in r.levels if abs(level.offset_n) > level.friction_n]
     if larger:
         notes.append(f"The offset is larger than the friction in {', '.join(dict.fromkeys(larger))}.")
     notes += [line.statement for line in lines]
+    notes += [_stick_slip_note(level) for r in results for level in r.levels if "stick_slip" in level.flags]
     return notes

@@ -38,7 +38,7 @@ class Estimate:
     high: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
 class ClosureFit:
     """Effective areas and force zero of one group of recordings (one seal, one geometry).
 

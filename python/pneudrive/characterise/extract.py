@@ -31,7 +31,7 @@ COVERED_SHARE = 0.5
 RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is no point of F(v)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
 class Level:
     """One speed level of one recording.
 
@@ -64,7 +64,7 @@ class Level:
         return expanded(self.stderr_n, self.u_systematic_n)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
 class RecordingResult:
     """What one recording gave. ``recording`` is the cleaned one, with its counts of flags."""
 
@@ -230,8 +230,8 @@ def _estimate(
         return _Estimate(only * spreads[only].mean_n, float("nan"), stderr, u_offset, u_offset, budget)
     stderr = pair_stderr(spreads[1], spreads[-1])
     if np.isfinite(stderr):
-        inside = [within_stderr(matrix[:, bins]) for matrix in rows.values()]
-        stderr = max(stderr, float(np.hypot(*inside)) / 2)
+        inside = sum(within_stderr(matrix[:, bins]) ** 2 for matrix in rows.values())
+        stderr = max(stderr, float(np.sqrt(inside)) / 2)
     else:
         stderr = profile_stderr(profile.friction_n[bins])
     half_difference = (spreads[1].mean_n - spreads[-1].mean_n) / 2
@@ -357,7 +357,7 @@ def _rows(level: Level, conditions: dict[int, _Conditions], used: dict[int, list
 
 def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
     """Half the sum of both directions' forces, by way of the balance so that positions are equal."""
-    if len(level.rows) != 2:
+    if len(level.rows) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
         return None
     ambient = recording.ambient_pressure_pa
     gauge = {

@@ -56,6 +56,7 @@ class Column:
     delay_s: float = 0.0
     accuracy_si: float | None = None
     range_si: tuple[float, float] | None = None
+    calibration: str = ""
 
 
 @dataclass(frozen=True)

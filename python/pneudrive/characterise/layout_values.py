@@ -152,6 +152,7 @@ class LayoutValues:
             delay_s=optional("delay", lambda text: parse(text, "s")) or 0.0,
             accuracy_si=optional("accuracy", lambda text: uncertainty(text, si_unit)),
             range_si=optional("range", limits),
+            calibration=str(table.get("calibration", "")),
         )
 
     def number(self, name: str, key: str, default: float) -> float:

@@ -14,6 +14,7 @@ from pneudrive.characterise.formats import read_columns
 from pneudrive.characterise.layout import CHANNEL_UNITS, FileLayout, Layout, stem
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.text_table import read_bytes, read_text
+from pneudrive.characterise.trajectories import is_trajectory, read_trajectory
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -26,11 +27,22 @@ MISSING_LAYOUT = "say how the file is read with --layout LAYOUT.toml; 'pneudrive
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """A file, the layout that reads it, and the name that its recording will have."""
+    """A file, the layout that reads it (None: a trajectory file), and the name that its recording will have."""
 
     path: Path
-    layout: Layout
+    layout: Layout | None
     name: str
+
+    @property
+    def has_cycles(self) -> bool:
+        """Whether it is a campaign file, of which each cycle is a recording."""
+        return self.layout is not None and self.layout.for_file(self.path).cycle is not None
+
+    def read(self) -> Recording:
+        """Read the one recording that it holds."""
+        if self.layout is None:
+            return read_trajectory(self.path, self.name)
+        return load_recording(self.path, self.layout, self.name)
 
 
 def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[RecordingFile]:
@@ -43,9 +55,12 @@ def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | N
     counts = Counter(stem(file) for file in files)
     found = []
     for file in files:
+        name = stem(file) if counts[stem(file)] == 1 else f"{file.parent.name}/{stem(file)}"
+        if given is None and is_trajectory(file):
+            found.append(RecordingFile(file, None, name))
+            continue
         if given is None and file.parent not in beside:
             beside[file.parent] = _layout_beside(file)
-        name = stem(file) if counts[stem(file)] == 1 else f"{file.parent.name}/{stem(file)}"
         found.append(RecordingFile(file, given or beside[file.parent], name))
     return found
 
@@ -58,7 +73,8 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     paths
         Files; the order is kept.
     layout
-        A layout or its file. None: ``layout.toml`` beside each recording, or in the folder above, is used.
+        A layout or its file. None: ``layout.toml`` beside each recording, or in the folder above, is used;
+        trajectory files need none.
 
     Returns
     -------
@@ -70,7 +86,7 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     RecordingError, LayoutError
         With file, value, rule and remedy.
     """
-    return [load_recording(file.path, file.layout, file.name) for file in recording_files(paths, layout)]
+    return [file.read() for file in recording_files(paths, layout)]
 
 
 def _layout_beside(file: Path) -> Layout:
@@ -114,6 +130,7 @@ def to_recording(
     time = values.pop("time")
     accuracy = dict(said.geometry_accuracy)
     limits: dict[str, tuple[float, float]] = {}
+    calibration: dict[str, str] = {}
     channels: dict[str, NDArray[np.float64] | float] = {}
     for channel in CHANNEL_UNITS:
         if channel == "time":
@@ -130,6 +147,8 @@ def to_recording(
         channels[suffix] = aligned
         if column.accuracy_si is not None:
             accuracy[suffix] = column.accuracy_si
+        if column.calibration:
+            calibration[suffix] = column.calibration
         if column.range_si is not None:
             limits[suffix] = column.range_si
     return Recording(
@@ -152,6 +171,7 @@ def to_recording(
         stiffness_n_m=said.stiffness_n_m,
         flags=flags,
         limits=limits,
+        calibration=calibration,
     )
 
 

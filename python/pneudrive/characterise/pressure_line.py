@@ -48,7 +48,7 @@ class RunSpread:
     cells: tuple[tuple[str, float, float, float, float], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
 class PressureLine:
     """Friction = intercept + slope * gauge pressure for one seal.
 

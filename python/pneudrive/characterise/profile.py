@@ -18,7 +18,7 @@ SAMPLES_PER_BIN = 4
 ALTERNATIONS, CONVERGED = 50, 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
 class Profile:
     """Balance, friction and offset over position for one recording and speed level.
 

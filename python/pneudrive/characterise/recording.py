@@ -18,7 +18,7 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
 class Recording:
     """One measured run: synchronous samples in SI with absolute pressures.
 
@@ -55,6 +55,8 @@ class Recording:
         Counts of what reading found: rows that could not be read, repeated times, ...
     limits
         Channel -> (lowest, highest) value that the sensor can give, where known.
+    calibration
+        Channel -> free text; one that starts with "assumed" marks the accuracy as assumed in the budget.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Recording:
     stiffness_n_m: float | None = None
     flags: dict[str, int] = field(default_factory=dict)
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    calibration: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Bring the channels to float64 and refuse what cannot be a recording."""

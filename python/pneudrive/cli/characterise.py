@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pneudrive.characterise import Characterisation
     from pneudrive.identify import FrictionFit
 
@@ -41,21 +44,23 @@ def characterise(
         raise CommandError(f"--protocol {protocol} is not known", remedy=nearest(protocol, SAMPLE_CHOICES))
     if law not in LAWS:
         raise CommandError(f"--law {law} is not known", remedy=nearest(law, LAWS))
-    folder = _folder(out)
-    found = characterise_recordings(list(recordings), layout, SAMPLE_CHOICES[protocol]())
-    written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
-    fits, problems = fit_characterisation(found)
-    written += _write_fits(fits, law, folder)
-    written.append(Path(write_report(found, fits, folder)))
+    with _output(out) as folder:
+        found = characterise_recordings(list(recordings), layout, SAMPLE_CHOICES[protocol]())
+        written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
+        fits, problems = fit_characterisation(found)
+        written += _write_fits(fits, law, folder)
+        written.append(Path(write_report(found, fits, folder)))
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
     _say(found, written)
 
 
-def _folder(out: Path) -> Path:
-    """Make the output folder before any work is done."""
+@contextmanager
+def _output(out: Path) -> Iterator[Path]:
+    """Make the output folder before any work is done; a new one that stays empty goes again."""
     from pneudrive.errors import CommandError
 
+    is_new = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
         probe = out / ".pneudrive-probe"
@@ -63,7 +68,11 @@ def _folder(out: Path) -> Path:
         probe.unlink()
     except OSError as error:
         raise CommandError(f"--out {out}: the folder cannot be written to", value=error.strerror) from None
-    return out
+    try:
+        yield out
+    finally:
+        if is_new and not any(out.iterdir()):
+            out.rmdir()
 
 
 def _write_fits(fits: Fits, law: str, folder: Path) -> list[Path]:

@@ -1,0 +1,99 @@
+"""Simulated trajectories as recordings, so that what measures a rig measures a simulation too."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.recording import Recording
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+# Columns of a trajectory file that make it a recording; other files do not have them all.
+COLUMNS = ("time_s", "position_m", "velocity_m_s", "friction_force_n", "pressure_a_pa", "pressure_b_pa", "command")
+VARIABLES = ("time", "position", "velocity", "friction_force", "pressure_a", "pressure_b", "command")
+
+
+def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None = None) -> Recording:
+    """Make a recording of a trajectory's columns.
+
+    The force is the friction force itself, as an ideal sensor between rig and piston would show it in steady
+    sliding; the areas are zero, since no pressure has to be taken out of it.
+    """
+    digest = hashlib.sha256(b"".join(np.ascontiguousarray(columns[c]).tobytes() for c in COLUMNS)).hexdigest()
+    return Recording(
+        name=name,
+        time_s=columns["time_s"],
+        position_m=columns["position_m"],
+        force_n=columns["friction_force_n"],
+        pressure_a_pa=columns["pressure_a_pa"],
+        pressure_b_pa=columns["pressure_b_pa"],
+        area_a_m2=0.0,
+        area_b_m2=0.0,
+        accuracy={"force_n": 0.0, "pressure_a_pa": 0.0, "pressure_b_pa": 0.0, "area": 0.0, "alignment_rad": 0.0},
+        source=source,
+        sha256=digest,
+        synthetic=True,
+    )
+
+
+def from_run(run: xr.Dataset, name: str = "trajectory") -> Recording:
+    """Make a recording of what ``pn.simulate`` returns.
+
+    Raises
+    ------
+    RecordingError
+        The Dataset is no trajectory.
+    """
+    missing = [v for v in VARIABLES if v not in run.variables]
+    if missing:
+        raise RecordingError(f"the Dataset is no trajectory: it lacks {', '.join(missing)}", where=name)
+    return from_trajectory({c: run[v].to_numpy() for c, v in zip(COLUMNS, VARIABLES, strict=True)}, name)
+
+
+def is_trajectory(path: Path) -> bool:
+    """Whether a file has the columns of a trajectory."""
+    try:
+        return path.is_file() and set(COLUMNS) <= set(_names(path))
+    except Exception:  # not readable in this way: the reader of recordings says what is wrong
+        return False
+
+
+def read_trajectory(path: Path, name: str) -> Recording:
+    """Read a trajectory file (.parquet, .csv, .nc) as a recording."""
+    import polars as pl
+
+    if path.suffix == ".nc":
+        import xarray as xr
+
+        with xr.open_dataset(path, engine="h5netcdf") as run:
+            columns = {c: run[v].to_numpy() for c, v in zip(COLUMNS, VARIABLES, strict=True)}
+        return from_trajectory(columns, name, path)
+    reader = pl.read_parquet if path.suffix == ".parquet" else pl.read_csv
+    frame = reader(path, columns=list(COLUMNS))
+    return from_trajectory({c: frame[c].to_numpy() for c in COLUMNS}, name, path)
+
+
+def _names(path: Path) -> list[str]:
+    """Column names of a file; of netCDF those of the file's variables, as columns."""
+    import polars as pl
+
+    if path.suffix == ".parquet":
+        return list(pl.read_parquet_schema(path))
+    if path.suffix == ".csv":
+        with path.open(encoding="utf-8") as file:
+            return file.readline().strip().split(",")
+    if path.suffix == ".nc":
+        import xarray as xr
+
+        with xr.open_dataset(path, engine="h5netcdf") as run:
+            known: dict[str, str] = dict(zip(VARIABLES, COLUMNS, strict=True))
+            return [known[str(v)] for v in run.variables if str(v) in known]
+    return []

@@ -1,0 +1,74 @@
+"""`pneudrive characterise` and `pneudrive layout` from end to end, and what they say to wrong input."""
+
+import lzma
+import re
+from pathlib import Path
+
+import pytest
+
+from pneudrive.characterise import read_map
+from pneudrive.cli.main import run
+
+DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
+
+
+def test_recordings_become_map_fit_and_report(tmp_path, capsys):
+    files = [str(DATA / "friction" / f"PK_{bar}bar.csv.xz") for bar in (1, 3, 5, 7)]
+    assert run(["characterise", *files, "--out", str(tmp_path / "out")]) == 0
+    out = capsys.readouterr().out
+    for name in ("map.parquet", "map.csv", "fit.toml", "report.html"):
+        assert (tmp_path / "out" / name).stat().st_size > 500, name
+        assert name in out
+    assert read_map(tmp_path / "out" / "map.csv").sizes["row"] == 8
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"""(?:src|href)\s*=\s*["']https?://[^"']+\.(?:js|css|png|svg|woff2?)""", page)
+    assert "PK_5bar" in page
+    assert "PK_5bar" in out
+
+
+def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):
+    foreign = tmp_path / "bench.txt"
+    foreign.write_bytes(lzma.decompress((DATA / "friction" / "NAPN_3bar.csv.xz").read_bytes()))
+    layout = tmp_path / "bench.toml"
+    assert run(["layout", str(foreign), "--out", str(layout)]) == 0
+    assert layout.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert "guess" in layout.read_text()
+    assert run(["characterise", str(foreign), "--layout", str(layout), "--out", str(tmp_path / "out")]) == 0
+    friction = read_map(tmp_path / "out" / "map.parquet").friction_n.to_numpy()
+    assert friction == pytest.approx(6.93, abs=0.15)
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["none.csv"], "no such file"),
+        (["empty.csv", "--layout", "layout.toml"], "the file is empty"),
+        (["binary.csv", "--layout", "layout.toml"], "binary"),
+        (["empty.csv", "--layout", "none.toml"], "there is no file"),
+        (["empty.csv", "--layout", "bad.toml"], "bad.toml:1"),
+        (["empty.csv"], "no layout says how to read"),
+        (["empty.csv", "--protocol", "setled"], "Did you mean 'settled'"),
+        (["empty.csv", "--law", "coulom"], "Did you mean 'coulomb'"),
+        (["empty.csv", "--layout", "layout.toml", "--out", "binary.csv"], "cannot be written to"),
+    ],
+)
+def test_wrong_input_is_one_message_and_status_2(tmp_path, capsys, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    Path("empty.csv").touch()
+    Path("binary.csv").write_bytes(bytes(range(256)) * 8)
+    Path("layout.toml").write_text((DATA / "layout.toml").read_text())
+    if "--layout" not in arguments:
+        Path("layout.toml").unlink()
+    Path("bad.toml").write_text("colums = 3\n")
+    assert run(["characterise", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert "Traceback" not in error
+    assert not Path("characterisation").exists(), "nothing is left behind"
+
+
+def test_a_file_without_a_table_has_no_layout(tmp_path, capsys):
+    (tmp_path / "a.txt").write_text("no numbers here\n" * 30)
+    assert run(["layout", str(tmp_path / "a.txt")]) == 2
+    assert "no table of numbers" in capsys.readouterr().err
