@@ -1,0 +1,115 @@
+//! Several drives side by side give the bits that each gives alone: states at every sample, events,
+//! numbers of steps. Four different drives under four different commands.
+
+mod support;
+
+use circuit::{Circuit, Drive, specification};
+use math::{Lane, Lanes};
+use ode::{Options, Output, Paused, Statistics, Stepper};
+use support::*;
+
+type L = Lanes<4>;
+
+/// Samples of each lane.
+struct LaneTrace {
+    times: Vec<f64>,
+    states: Vec<Vec<Vec<u64>>>,
+}
+
+impl<R: Lane> Output<R, Circuit<R>> for LaneTrace {
+    fn due(&self, lane: usize) -> f64 {
+        self.times.get(self.states[lane].len()).copied().unwrap_or(f64::INFINITY)
+    }
+    fn sample(&mut self, lane: usize, _t: f64, y: &[R], _system: &Circuit<R>) {
+        self.states[lane].push(y.iter().map(|y| y.get(lane).to_bits()).collect());
+    }
+}
+
+/// Two seconds in segments of 0.25 s: lane `l` takes the commands `commands[l]`.
+fn run<R: Lane>(drives: &[Drive], x0: &[f64], commands: &[[f64; 8]]) -> (LaneTrace, Vec<Statistics>) {
+    let each: Vec<(Circuit<f64>, Vec<f64>)> = drives
+        .iter()
+        .zip(x0)
+        .zip(commands)
+        .map(|((drive, &x), plan)| drive.start(&at_rest(x, 3e5), plan[0]))
+        .collect();
+    let circuit = Circuit::<R>::gather(&each.iter().map(|(circuit, _)| circuit).collect::<Vec<_>>());
+    let y: Vec<R> = (0..each[0].1.len()).map(|i| R::from_lanes(|l| each[l].1[i])).collect();
+    let options = Options { rtol: 1e-6, ..Options::default() };
+    let mut stepper = Stepper::new(circuit, 0.0, &y, options);
+    let mut trace =
+        LaneTrace { times: (0..2000).map(|k| f64::from(k) * 1e-3).collect(), states: vec![Vec::new(); R::L] };
+    for segment in 0..8 {
+        if segment > 0 {
+            let system = stepper.system_mut();
+            for (lane, plan) in commands.iter().enumerate() {
+                drives[lane].set_command(system, lane, plan[segment]);
+            }
+        }
+        let paused = stepper.advance(0.25 * (segment + 1) as f64, 100_000, &mut trace);
+        assert_eq!(paused, Paused::Arrived);
+        assert!((0..R::L).all(|lane| stepper.failure(lane).is_none()));
+    }
+    (trace, (0..R::L).map(|lane| stepper.statistics(lane)).collect())
+}
+
+/// Four drives of one kind that differ in every number.
+fn four(spec: &specification::Drive) -> Vec<Drive> {
+    let vary = |(i, factor): (usize, f64)| {
+        let mut spec = spec.clone();
+        spec.cylinder.bore_m *= factor;
+        spec.cylinder.moving_mass_kg *= factor * factor;
+        spec.cylinder.incline_rad = 0.2 * i as f64;
+        spec.cylinder.dead_volume_a_m3 *= 2.0 - factor;
+        spec.cylinder.heat_transfer_w_m2_k *= factor;
+        spec.supply.pressure_pa *= 2.0 - factor;
+        spec.supply.temperature_k += 10.0 * i as f64;
+        spec.gas.gas_constant_j_kg_k += i as f64;
+        spec.load.force_n = 3.0 * i as f64;
+        for (name, value) in &mut spec.friction.parameters {
+            *value *= if name == "stribeck_exponent" { 1.0 } else { factor };
+        }
+        spec.friction.pressure = Some(specification::SealPressure {
+            coulomb_a: 1e-6 * i as f64,
+            coulomb_b: 2e-6,
+            breakaway_a: 3e-6,
+            breakaway_b: 1e-6,
+        });
+        Drive::assemble(&spec, false).expect("assembles")
+    };
+    [1.0, 1.1, 0.9, 1.3].into_iter().enumerate().map(vary).collect()
+}
+
+fn lanes_equal_scalars(spec: &specification::Drive, least_events: u64) {
+    let drives = four(spec);
+    let x0 = [0.05, 0.1, 0.25, 0.4];
+    let commands = [
+        [0.6, 0.6, 0.6, 0.6, -0.6, -0.6, -0.6, -0.6], // case A: slams into both stops
+        [0.02, 0.0, -0.02, 0.05, 0.0, 0.01, 0.0, 0.0],
+        [0.0, -1.0, 1.0, 0.0, 0.3, -0.3, 0.1, 0.0],
+        [-0.01, 0.004, 0.008, 0.004, -0.004, -0.05, 1.0, 0.002],
+    ];
+    let (together, statistics) = run::<L>(&drives, &x0, &commands);
+    let mut events = 0;
+    for lane in 0..4 {
+        let (alone, own) = run::<f64>(&drives[lane..=lane], &x0[lane..=lane], &commands[lane..=lane]);
+        assert_eq!(alone.states[0].len(), 2000);
+        let differs = (0..2000).find(|&k| alone.states[0][k] != together.states[lane][k]);
+        let show = |k: usize| (&alone.states[0][k], &together.states[lane][k]);
+        assert!(differs.is_none(), "lane {lane} differs from sample {differs:?}: {:?}", differs.map(show));
+        let count = |s: &Statistics| (s.steps, s.rejected, s.events);
+        assert_eq!(count(&own[0]), count(&statistics[lane]));
+        events += own[0].events;
+    }
+    assert!(events >= least_events, "{events} events");
+}
+
+#[test]
+fn the_reference_drive() {
+    lanes_equal_scalars(&reference(), 0);
+}
+
+#[test]
+fn a_drive_with_exact_sticking() {
+    lanes_equal_scalars(&reference_stribeck(), 15);
+}
