@@ -60,7 +60,7 @@ def test_wrong_input_is_one_message_and_status_2(tmp_path, capsys, monkeypatch, 
     Path("layout.toml").write_text((DATA / "layout.toml").read_text())
     if "--layout" not in arguments:
         Path("layout.toml").unlink()
-    Path("bad.toml").write_text("colums = 3\n")
+    Path("bad.toml").write_text("channels = 3\n")
     assert run(["characterise", *arguments]) == 2
     error = capsys.readouterr().err
     assert words in error
