@@ -127,23 +127,69 @@ pub(crate) struct Place {
 }
 
 /// Lists the kinds of part: their storage, and the loops that run through every part of a circuit.
+/// The kinds of an ordinary drive are `usual`; the loops over the others lie in functions of their own,
+/// so that a circuit without them does not pay for them with registers.
 macro_rules! parts {
-    ($($field:ident: $part:ident),* $(,)?) => {
+    (usual: $($usual:ident: $usual_part:ident),*; others: $($other:ident: $other_part:ident),* $(,)?) => {
+        parts!(@storage $($usual: $usual_part,)* $($other: $other_part),*);
+
+        impl<P: Real> Parts<P> {
+            parts!(@phase place, place_others, [$($usual),*], [$($other),*],
+                (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
+                |at, part| part.place(Own { y, place: *at }, net, common));
+            parts!(@phase shape, shape_others, [$($usual),*], [$($other),*],
+                (net: &mut Net<S>), (net),
+                |_at, part| part.shape(net));
+            parts!(@phase potential, potential_others, [$($usual),*], [$($other),*],
+                (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
+                |at, part| part.potential(Own { y, place: *at }, net, common));
+            parts!(@phase exchange, exchange_others, [$($usual),*], [$($other),*],
+                (net: &mut Net<S>, common: &Common<P>), (net, common),
+                |_at, part| part.exchange(net, common));
+            parts!(@phase rate, rate_others, [$($usual),*], [$($other),*],
+                (y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>), (y, dy, net, common),
+                |at, part| part.rate(Own { y, place: *at }, OwnRates { dy: &mut *dy, place: *at }, net, common));
+        }
+    };
+    (@phase $name:ident, $others:ident, [$($usual:ident),*], [$($other:ident),*],
+        ($($argument:ident: $type:ty),*), $values:tt, |$at:ident, $part:ident| $call:expr) => {
+        #[inline(always)]
+        pub fn $name<S: Over<P>>(&self, $($argument: $type),*) {
+            $(for ($at, $part) in &self.$usual {
+                $call;
+            })*
+            if self.has_others {
+                self.$others $values;
+            }
+        }
+        #[inline(never)]
+        fn $others<S: Over<P>>(&self, $($argument: $type),*) {
+            $(for ($at, $part) in &self.$other {
+                $call;
+            })*
+        }
+    };
+    (@storage $($field:ident: $part:ident),* $(,)?) => {
         /// The parts of a circuit by kind, each with the place of its states.
         #[derive(Clone, Debug)]
         pub(crate) struct Parts<P> {
             $(pub $field: Vec<(Place, $part<P>)>,)*
+            /// There are parts beside the usual ones.
+            has_others: bool,
         }
 
         impl<P> Default for Parts<P> {
             fn default() -> Self {
-                Parts { $($field: Vec::new(),)* }
+                Parts { $($field: Vec::new(),)* has_others: true }
             }
         }
 
         impl Parts<f64> {
             /// Gives every part its place; the states' names and scales in that order, then the accounts.
             pub fn lay_out(&mut self) -> (Vec<(String, State)>, Vec<Channel>) {
+                let all = 0 $(+ self.$field.len())*;
+                self.has_others =
+                    all > self.cylinders.len() + self.reservoirs.len() + self.restrictions.len();
                 let (mut states, mut channels) = (Vec::new(), Vec::new());
                 $(for (i, (place, part)) in self.$field.iter_mut().enumerate() {
                     let own = part.states();
@@ -168,41 +214,11 @@ macro_rules! parts {
                 Parts { $($field: (0..each[0].$field.len()).map(|i| {
                     let own: Vec<&$part<f64>> = each.iter().map(|parts| &parts.$field[i].1).collect();
                     (each[0].$field[i].0, $part::gather(&own))
-                }).collect(),)* }
+                }).collect(),)* has_others: each[0].has_others }
             }
         }
 
         impl<P: Real> Parts<P> {
-            #[inline(always)]
-            pub fn place<S: Over<P>>(&self, y: &[S], net: &mut Net<S>, common: &Common<P>) {
-                $(for (at, part) in &self.$field {
-                    part.place(Own { y, place: *at }, net, common);
-                })*
-            }
-            #[inline(always)]
-            pub fn shape<S: Over<P>>(&self, net: &mut Net<S>) {
-                $(for (_, part) in &self.$field {
-                    part.shape(net);
-                })*
-            }
-            #[inline(always)]
-            pub fn potential<S: Over<P>>(&self, y: &[S], net: &mut Net<S>, common: &Common<P>) {
-                $(for (at, part) in &self.$field {
-                    part.potential(Own { y, place: *at }, net, common);
-                })*
-            }
-            #[inline(always)]
-            pub fn exchange<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
-                $(for (_, part) in &self.$field {
-                    part.exchange(net, common);
-                })*
-            }
-            #[inline(always)]
-            pub fn rate<S: Over<P>>(&self, y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>) {
-                $(for (at, part) in &self.$field {
-                    part.rate(Own { y, place: *at }, OwnRates { dy: &mut *dy, place: *at }, net, common);
-                })*
-            }
             pub fn stored<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> [S; 3] {
                 let mut sum = [S::zero(); 3];
                 $(for (at, part) in &self.$field {
@@ -224,14 +240,16 @@ macro_rules! parts {
 }
 
 parts! {
-    cylinders: Cylinder,
-    axes: Axis,
-    carriages: Carriage,
-    reservoirs: Reservoir,
-    volumes: Volume,
-    faces: Face,
-    restrictions: Restriction,
-    end_stops: EndStops,
-    springs: Spring,
-    links: Link,
+    usual:
+        cylinders: Cylinder,
+        reservoirs: Reservoir,
+        restrictions: Restriction;
+    others:
+        axes: Axis,
+        carriages: Carriage,
+        volumes: Volume,
+        faces: Face,
+        end_stops: EndStops,
+        springs: Spring,
+        links: Link,
 }

@@ -62,7 +62,7 @@ fn plant(ledger: bool) -> (Plant, Vec<f64>) {
             ("bristle_damping", 120.0),
         ],
     );
-    // Passive at every pressure: 100 N s/m against at most 120 (27 - 17)/17.
+    // Passive at every pressure up to 7 bar in both chambers: 120 (42 - 24)/24 = 90 < 100 N s/m.
     let lips = SealLips { coulomb_a: 1e-5, coulomb_b: 1e-5, breakaway_a: 2e-5, breakaway_b: 2e-5 };
     let ends = (tank, exhaust);
     let drives = [

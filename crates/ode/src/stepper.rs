@@ -66,12 +66,12 @@ impl<R: Lane> Step<R> {
     /// The state at `t0 + theta h`, of the method's dense order.
     fn interpolate(&mut self, theta: f64) -> &[R] {
         let (th, s) = (R::c(theta), R::c(1.0 - theta));
-        for b in 0..self.at.len() {
+        let [k0, k1, k2] = &self.k;
+        let ends = self.y0.iter().zip(&self.y1);
+        for ((at, (y0, y1)), ((k0, k1), k2)) in self.at.iter_mut().zip(ends).zip(k0.iter().zip(k1).zip(k2)) {
             for l in 0..BLOCK {
-                let inner = self.k[2][b][l].fma(th, self.k[1][b][l]);
-                let inner = inner.fma(th, self.k[0][b][l]);
-                let inner = inner.fma(s, self.y1[b][l]);
-                self.at[b][l] = inner.fma(th, s * self.y0[b][l]);
+                let inner = k2[l].fma(th, k1[l]).fma(th, k0[l]).fma(s, y1[l]);
+                at[l] = inner.fma(th, s * y0[l]);
             }
         }
         self.at.as_flattened()
@@ -340,34 +340,40 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         substitute_transposed(z, lower, lower_values);
     }
 
-    /// Solves W x = b in place, for stage `i`.
+    /// Solves W x = b + rhs for stage `i`, x taking the place of b. For a small system b has been
+    /// multiplied by W^-1 already.
     #[inline(never)]
     fn solve(&mut self, i: usize) {
         let blocks = self.y.len();
         let structure = &*self.structure;
-        let b = &mut self.u[i * blocks..(i + 1) * blocks];
+        let x = self.u[i * blocks..(i + 1) * blocks].as_flattened_mut();
+        let (rhs, reciprocal) = (self.rhs.as_flattened(), self.reciprocal.as_flattened());
         let (lower_values, rest) = self.lu.split_at(structure.lower.len());
         let (upper_values, rest) = rest.split_at(structure.upper.len());
         if structure.n_coupled <= SMALL {
-            for (x, d) in b.as_flattened_mut().iter_mut().zip(self.reciprocal.as_flattened()).skip(SMALL) {
-                *x *= *d;
+            let (x, tail) = x.split_first_chunk_mut().expect("at least SMALL entries are stored");
+            add_product(x, &self.inverse, rhs.first_chunk().expect("as many"));
+            for ((x, r), d) in tail.iter_mut().zip(&rhs[SMALL..]).zip(&reciprocal[SMALL..]) {
+                *x = (*x + *r) * *d;
             }
-            let x = b.as_flattened_mut().first_chunk_mut().expect("at least SMALL entries are stored");
-            *x = product(&self.inverse, x);
         } else {
-            substitute(b.as_flattened_mut(), &structure.lower, lower_values);
-            for (x, d) in b.as_flattened_mut().iter_mut().zip(self.reciprocal.as_flattened()) {
+            for (x, r) in x.iter_mut().zip(rhs) {
+                *x += *r;
+            }
+            substitute(x, &structure.lower, lower_values);
+            for (x, d) in x.iter_mut().zip(reciprocal) {
                 *x *= *d;
             }
-            substitute(b.as_flattened_mut(), &structure.upper, upper_values);
+            substitute(x, &structure.upper, upper_values);
         }
-        substitute(b.as_flattened_mut(), &structure.quadratures, rest);
+        substitute(self.u[i * blocks..(i + 1) * blocks].as_flattened_mut(), &structure.quadratures, rest);
     }
 
     /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
     fn attempt(&mut self, h: R) {
         self.factorise(h);
-        if self.structure.n_coupled <= SMALL {
+        let small = self.structure.n_coupled <= SMALL;
+        if small {
             self.invert();
         }
         let n = self.structure.n();
@@ -378,23 +384,25 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let (done, rest) = self.u.split_at_mut(i * blocks);
             let b = &mut rest[..blocks];
             if i == 0 {
-                b.copy_from_slice(&self.f0);
+                b.fill([R::zero(); BLOCK]);
+                self.rhs.copy_from_slice(&self.f0);
             } else {
                 combine(&mut self.stage, b, &self.y, &METHOD.a[i][..i], &METHOD.c[i][..i], inverse_h, done);
+                if small {
+                    // What is known before the right-hand side is solved for while that is evaluated.
+                    let b = b.as_flattened_mut().first_chunk_mut().expect("at least SMALL entries are stored");
+                    let known = std::mem::replace(b, [R::zero(); SMALL]);
+                    add_product(b, &self.inverse, &known);
+                }
                 let time = h.fma(R::c(METHOD.alpha[i]), t);
                 let stage = &self.stage.as_flattened()[..n];
                 self.system.rhs(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
-                for (b, rhs) in b.iter_mut().zip(&self.rhs) {
-                    for l in 0..BLOCK {
-                        b[l] += rhs[l];
-                    }
-                }
             }
             if self.structure.depends_on_time {
                 let weight = h * R::c(METHOD.gamma_t[i]);
-                for (b, f_t) in rest.iter_mut().zip(&self.f_t) {
+                for (rhs, f_t) in self.rhs.iter_mut().zip(&self.f_t) {
                     for l in 0..BLOCK {
-                        b[l] = f_t[l].fma(weight, b[l]);
+                        rhs[l] = f_t[l].fma(weight, rhs[l]);
                     }
                 }
             }
@@ -475,10 +483,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let t1 = if self.lanes[lane].last { until } else { t0 + h_lane };
             if output.due(lane) < t1 {
                 self.prepare_dense(&mut dense_ready);
-                while output.due(lane) < t1 {
+                let (n, inverse_h) = (self.structure.n(), 1.0 / h_lane);
+                loop {
                     let t = output.due(lane);
-                    let theta = ((t - t0) / h_lane).clamp(0.0, 1.0);
-                    let n = self.structure.n();
+                    if t >= t1 {
+                        break;
+                    }
+                    let theta = ((t - t0) * inverse_h).clamp(0.0, 1.0);
                     output.sample(lane, t, &self.step.interpolate(theta)[..n], &self.system);
                 }
             }
@@ -499,16 +510,22 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// Fails a lane whose step has become too small or whose budget is used up.
     fn check_progress(&mut self, lane: usize, error: f64) {
-        let (t, state) = (self.t[lane], self.worst_state(lane));
-        let control = &mut self.lanes[lane];
+        let t = self.t[lane];
+        let control = &self.lanes[lane];
         let attempts = control.statistics.steps + control.statistics.rejected;
-        if control.wish < MIN_RELATIVE_STEP * t.abs().max(1e-3) {
+        let too_small = control.wish < MIN_RELATIVE_STEP * t.abs().max(1e-3);
+        if !too_small && attempts <= self.options.max_attempts {
+            return;
+        }
+        let state = self.worst_state(lane);
+        let control = &mut self.lanes[lane];
+        if too_small {
             control.failure = Some(if error.is_finite() {
                 Failure::StepTooSmall { t, h: control.wish, state }
             } else {
                 Failure::NotFinite { t, state }
             });
-        } else if attempts > self.options.max_attempts {
+        } else {
             control.failure = Some(Failure::TooManyAttempts { t, attempts });
         }
     }
@@ -651,17 +668,18 @@ fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry]
     }
 }
 
-/// sum_j x_j columns_j, in two chains.
+/// sum += sum_j x_j columns_j, in two chains. The x_j are read one by one: they were just written so,
+/// and a wide load of what narrow stores wrote would have to wait for them.
 #[inline(always)]
-fn product<R: Real>(columns: &[[R; SMALL]; SMALL], x: &[R; SMALL]) -> [R; SMALL] {
-    let (mut even, mut odd) = ([R::zero(); SMALL], [R::zero(); SMALL]);
+fn add_product<R: Real>(sum: &mut [R; SMALL], columns: &[[R; SMALL]; SMALL], x: &[R; SMALL]) {
+    let (mut even, mut odd) = (*sum, [R::zero(); SMALL]);
     for j in 0..SMALL / 2 {
         for l in 0..SMALL {
             even[l] = columns[2 * j][l].fma(x[2 * j], even[l]);
             odd[l] = columns[2 * j + 1][l].fma(x[2 * j + 1], odd[l]);
         }
     }
-    std::array::from_fn(|l| even[l] + odd[l])
+    *sum = std::array::from_fn(|l| even[l] + odd[l]);
 }
 
 /// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j, unrolled for the number of stages done.

@@ -1,0 +1,200 @@
+//! Books of a drive close: what a run ends with is what it began with and what came over the
+//! boundary, in mass, energy and entropy, and no element destroys entropy. A dozen drives that have
+//! little in common, each slamming, creeping or resting at the tolerance of conformance runs; and the
+//! ledger itself changes no bit of the motion.
+
+mod support;
+
+use circuit::specification::{self as spec, CylinderKind};
+use circuit::{Circuit, Drive, Kind, balance};
+use ode::Stepper;
+use support::*;
+
+/// A description, where it starts, and its command, a new one every 0.5 s.
+struct Case {
+    name: &'static str,
+    drive: spec::Drive,
+    initial: spec::Initial,
+    commands: [f64; 4],
+}
+
+fn case(
+    name: &'static str,
+    commands: [f64; 4],
+    change: impl Fn(&mut spec::Drive, &mut spec::Initial),
+) -> Case {
+    let (mut drive, mut initial) = (reference(), at_rest(0.1, 3e5));
+    // Passive, where a case does not say otherwise: 160 > 300 (45 - 30)/30 N s/m.
+    drive.friction.parameters.insert("viscous".into(), 160.0);
+    change(&mut drive, &mut initial);
+    Case { name, drive, initial, commands }
+}
+
+fn friction(drive: &mut spec::Drive, law: &str, parameters: &[(&str, f64)]) {
+    drive.friction.law = law.into();
+    drive.friction.parameters = parameters.iter().map(|(name, value)| ((*name).into(), *value)).collect();
+}
+
+const STRIBECK: [(&str, f64); 4] =
+    [("coulomb", 20.0), ("breakaway", 33.0), ("stribeck_velocity", 0.01), ("viscous", 60.0)];
+
+fn cases() -> [Case; 13] {
+    let slam = [1.0, -1.0, 1.0, -1.0];
+    [
+        case("reference, not passive", [0.6, 0.6, -0.6, -0.6], |drive, _| {
+            drive.friction.parameters.insert("viscous".into(), 40.0);
+        }),
+        case("exact sticking, creeping", [0.002, 0.002, -0.002, 0.0], |drive, _| {
+            friction(drive, "stribeck", &STRIBECK);
+        }),
+        case("single rod, uphill, load, hot supply", slam, |drive, _| {
+            friction(drive, "coulomb", &[("coulomb", 25.0), ("viscous", 30.0)]);
+            drive.cylinder.kind = CylinderKind::SingleRod;
+            drive.cylinder.bore_m = 0.032;
+            drive.cylinder.rod_diameter_m = 0.012;
+            drive.cylinder.incline_rad = 1.0;
+            drive.load.mass_kg = 5.0;
+            drive.supply.temperature_k = 400.0;
+        }),
+        case("through rod, long, large, faded damping, cold wall", [1.0, 1.0, -1.0, 0.3], |drive, _| {
+            drive.cylinder.kind = CylinderKind::ThroughRod;
+            drive.cylinder.bore_m = 0.063;
+            drive.cylinder.rod_diameter_m = 0.02;
+            drive.cylinder.stroke_m = 1.0;
+            drive.cylinder.wall_temperature_k = 250.0;
+            drive.valve = valve(8e-8, 0.25, 0.5, 0.999);
+            drive.friction.parameters.insert("viscous".into(), 0.0);
+            drive.friction.parameters.insert("damping_fade_velocity".into(), 0.5);
+        }),
+        case("small, fast, adiabatic", slam, |drive, initial| {
+            drive.cylinder.bore_m = 0.012;
+            drive.cylinder.stroke_m = 0.05;
+            drive.cylinder.dead_volume_a_m3 = 1e-6;
+            drive.cylinder.dead_volume_b_m3 = 2e-6;
+            drive.cylinder.moving_mass_kg = 0.1;
+            drive.cylinder.heat_transfer_w_m2_k = 0.0;
+            friction(drive, "stribeck", &[("coulomb", 3.0), ("breakaway", 5.0), ("stribeck_velocity", 0.02)]);
+            initial.position_m = 0.02;
+        }),
+        case("hanging, external force", [0.3, -0.3, 0.0, 0.05], |drive, _| {
+            drive.cylinder.incline_rad = -0.5 * std::f64::consts::PI;
+            drive.load.force_n = -40.0;
+        }),
+        case("spring and seal lips", [0.5, -0.5, 0.2, 0.0], |drive, _| {
+            drive.load.spring = Some(spec::LoadSpring { stiffness_n_m: 800.0, rest_position_m: 0.3 });
+            drive.friction.pressure = Some(spec::SealPressure {
+                coulomb_a: 2e-5,
+                coulomb_b: 1e-5,
+                breakaway_a: 2e-5,
+                breakaway_b: 1e-5,
+            });
+        }),
+        case("wall that holds the temperature", slam, |drive, _| {
+            drive.cylinder.heat_transfer_w_m2_k = 5000.0;
+            drive.cylinder.wall_temperature_k = 330.0;
+        }),
+        case("helium", [0.2, -0.2, 0.4, -0.1], |drive, _| {
+            drive.gas = spec::Gas { heat_capacity_ratio: 1.667, gas_constant_j_kg_k: 2077.1 };
+            friction(drive, "stribeck", &STRIBECK);
+        }),
+        case("other index of flow, wide linear part", slam, |drive, _| {
+            drive.valve = valve(2e-8, 0.45, 0.6, 0.98);
+        }),
+        case("more pressure inside than outside", [0.5, -0.5, 0.5, -0.5], |drive, initial| {
+            drive.supply.pressure_pa = 4e5;
+            (initial.pressure_a_pa, initial.pressure_b_pa) = (8e5, 7.8e5);
+            (initial.temperature_a_k, initial.temperature_b_k) = (350.0, 260.0);
+        }),
+        case("vacuum inside", [0.1, -0.1, 0.1, -0.1], |drive, initial| {
+            friction(drive, "stribeck", &STRIBECK);
+            (initial.pressure_a_pa, initial.pressure_b_pa) = (4e4, 5e4);
+        }),
+        case("moving at the start, then closed", [0.0, 0.0, 0.0, 0.0], |drive, initial| {
+            friction(drive, "stribeck", &STRIBECK);
+            (initial.position_m, initial.velocity_m_s) = (0.3, -2.0);
+        }),
+    ]
+}
+
+fn valve(conductance: f64, b: f64, m: f64, linear_above: f64) -> spec::Valve {
+    spec::Valve::Proportional53(spec::ProportionalValve {
+        conductance_m3_s_pa: conductance,
+        critical_pressure_ratio: b,
+        subsonic_index: m,
+        linear_above,
+    })
+}
+
+fn run(case: &Case, ledger: bool, rtol: f64) -> (Stepper<f64, Circuit<f64>>, Trace) {
+    let drive = Drive::assemble(&case.drive, ledger).expect(case.name);
+    let (circuit, y) = drive.start(&case.initial, case.commands[0]);
+    let mut stepper = Stepper::new(circuit, 0.0, &y, options(rtol));
+    let mut trace = Trace::every(1e-3, 2.0);
+    for (i, &u) in case.commands.iter().enumerate() {
+        drive.set_command(stepper.system_mut(), 0, u);
+        advance(&mut stepper, 0.5 * (i + 1) as f64, &mut trace);
+    }
+    trace.finish(&stepper);
+    (stepper, trace)
+}
+
+#[test]
+fn mass_energy_and_entropy_close_and_no_element_destroys_entropy() {
+    for case in cases() {
+        let (stepper, trace) = run(&case, true, 1e-9);
+        let (circuit, name) = (stepper.system(), case.name);
+        let balance = balance(circuit, &trace.states);
+        println!(
+            "{name}: mass {:.1e}, energy {:.1e}, entropy {:.1e}, least production {:.1e}, {:.0} J",
+            balance.mass_error,
+            balance.energy_error,
+            balance.entropy_error,
+            balance.least_production,
+            balance.turnover
+        );
+        assert!(balance.turnover > 1.0, "{name}: {} J turned over", balance.turnover);
+        assert!(balance.mass_error.abs() < 1e-12, "{name}: mass {:e}", balance.mass_error);
+        assert!(balance.energy_error.abs() < 1e-6, "{name}: energy {:e}", balance.energy_error);
+        assert!(balance.entropy_error.abs() < 1e-6, "{name}: entropy {:e}", balance.entropy_error);
+        let passive = Drive::assemble(&case.drive, false).expect(name).warnings().is_empty();
+        let n = circuit.n_states();
+        for (i, channel) in circuit.channels().iter().enumerate() {
+            let produced = matches!(channel.kind, Kind::EntropyOfGas | Kind::EntropyOfSolid);
+            if !produced || !passive && channel.name.ends_with("friction") {
+                continue;
+            }
+            let mut pairs = trace.states.windows(2).map(|pair| pair[1][n + i] - pair[0][n + i]);
+            // What one rounding of an account of 1 J/K may take away.
+            assert!(pairs.all(|gain| gain > -1e-13), "{name}: {} destroys entropy", channel.name);
+        }
+    }
+}
+
+#[test]
+fn the_ledger_is_a_passenger() {
+    for case in cases() {
+        let ((with, with_trace), (without, trace)) = (run(&case, true, 1e-6), run(&case, false, 1e-6));
+        let n = without.state().len();
+        let same = with_trace.states.iter().zip(&trace.states).all(|(a, b)| bits(&a[..n]) == bits(b));
+        assert!(same, "{}", case.name);
+        let count = |s: ode::Statistics| (s.steps, s.rejected, s.events);
+        assert_eq!(count(with.statistics(0)), count(without.statistics(0)), "{}", case.name);
+    }
+}
+#[test]
+fn debug_me() {
+    let all = cases();
+    let case = &all[2];
+    let (stepper, trace) = run(case, true, 1e-9);
+    let c = stepper.system();
+    let n = c.n_states();
+    let names: Vec<_> = c.channels().iter().map(|c| c.name.clone()).collect();
+    let e = |y: &Vec<f64>| c.stored(y)[1] - c.channels().iter().enumerate().filter(|(_, c)| c.kind == Kind::Energy).map(|(i, _)| y[n + i]).sum::<f64>();
+    for k in 1..trace.states.len() {
+        let (a, b) = (&trace.states[k - 1], &trace.states[k]);
+        let d = e(b) - e(a);
+        if d.abs() > 1e-6 { println!("{:.4} {d:e} x {:e} v {:e} x {:e} v {:e}", trace.times[k], a[0], a[1], b[0], b[1]);
+          for (i, nm) in names.iter().enumerate() { if nm.contains("damper") || nm.contains("friction") { println!("    {nm} {:e}", b[n+i]-a[n+i]); } } }
+    }
+    println!("{:?}", stepper.statistics(0));
+}
