@@ -238,7 +238,8 @@ def _covariance(model: FrictionModel, found: Estimate) -> Array:
     scaled = found.jacobian / size
     inner = np.linalg.pinv(scaled.T @ scaled, rcond=1e-8, hermitian=True) / np.outer(size, size)
     to_natural = model.natural_jacobian(found.q)
-    return found.variance * to_natural @ inner @ to_natural.T
+    covariance = found.variance * to_natural @ inner @ to_natural.T
+    return 0.5 * (covariance + covariance.T)
 
 
 def _systematic(model: FrictionModel, data: Observations, found: Estimate) -> Array:

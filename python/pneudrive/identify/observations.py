@@ -73,6 +73,8 @@ def observations(
     mean = {name: np.array([column[name][g].mean() for g in groups]) for name in _AVERAGED}
     speed = np.array([np.abs(column["velocity_m_s"][g]).mean() for g in groups])
     value = np.array([friction[g].mean() for g in groups])
+    if not value.any():
+        raise FitError("friction is zero in every row of the map", rule="a fit needs friction that was measured")
     stderr, note = _standard_errors(column, groups, value, speed)
     notes += note
     number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
