@@ -304,6 +304,12 @@ def _notes(
             "Only one side is under pressure: force zero, area error, springs, weight and asymmetry of direction "
             "all end in the offset and are not separable."
         )
+    negative = [level.recording for r in results for level in r.levels if "negative_friction" in level.flags]
+    if negative:
+        notes.append(
+            f"Friction is negative, beyond its uncertainty, in {', '.join(dict.fromkeys(negative))}: friction cannot push; "
+            'check the sign of the force (positive = "+x" or "-x") and of the position in the layout.'
+        )
     entries = [entry for r in results for level in r.levels for entry in level.budget]
     assumed = sorted({e.source for e in entries if e.basis == "assumed" and e.friction_n + e.offset_n > 0})
     if assumed:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
+IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
 MINIMUM_RANGE_PA = 2e4  # below this change of pressure an area is not asked for
 
 
@@ -132,6 +133,8 @@ def _statement(group: str, areas: dict[str, Estimate], nominal: dict[str, float]
         parts.append(shown)
     end = f"force zero {zero.value:+.2f} N"
     end += f" (95 %: {zero.low:+.2f} to {zero.high:+.2f} N)" if dof > 0 else "; no spare recording: no interval"
-    if len(areas) == 1:
+    if any(abs(area.value / nominal[side] - 1) > IMPLAUSIBLE_AREA for side, area in areas.items()):
+        end += "; so far from nominal that a unit, a sign or the chamber is probably wrong in the layout"
+    elif len(areas) == 1:
         end += "; with one side under pressure, errors of area, pressure gain and force gain are not separable"
     return f"{group}: {', '.join(parts)}; {end}."

@@ -310,6 +310,7 @@ def _level_flags(
     ripple = bool(slips) and float(np.median([s.ripple for s in slips])) > RIPPLE_LIMIT
     seen = {
         "unpaired": len(used) < 2,
+        "negative_friction": level.friction_n < -2 * level.expanded_n,
         "single_stroke": min(len(members) for members in used.values()) == 1,
         "trend": any(s.has_trend for s in level.spreads.values()),
         "stick_slip": stick_slip,

@@ -43,6 +43,13 @@ def test_area_of_chamber_a_has_its_own_sign(make):
     assert fit.areas_m2["a"].value == pytest.approx(1.01 * fit.nominal_m2["a"], rel=0.002)
 
 
+def test_a_pressure_in_the_wrong_chamber_is_noticed(make):
+    made = [make(gauge_b=p, seed=i, name=f"{p:g}") for i, p in enumerate((1e5, 3e5, 5e5))]
+    swapped = [replace(r, pressure_a_pa=r.pressure_b_pa, pressure_b_pa=r.pressure_a_pa) for r in made]
+    assert "probably wrong in the layout" in characterise_recordings(swapped).closures[0].statement
+    assert "probably wrong" not in characterise_recordings(made).closures[0].statement
+
+
 def test_one_pressure_says_nothing_about_the_area(make):
     assert characterise_recordings([make(seed=1), make(seed=2, name="b")]).closures == ()
 

@@ -96,6 +96,13 @@ def test_source_paper_protocol_keeps_what_the_settling_criterion_drops(make):
     assert characterise(recording, protocol=SourcePaper()).attrs["protocol"] == "source-paper"
 
 
+def test_a_force_of_the_wrong_sign_is_noticed(make):
+    recording = make(friction=5.0)
+    found = characterise_recordings(replace(recording, force_n=-recording.force_n))
+    assert "negative_friction" in found.levels[0].flags
+    assert any("check the sign of the force" in note for note in found.notes)
+
+
 def test_speed_levels_of_a_controlled_recording_are_separate_rows(make):
     parts = [make(friction=f, speed=v, strokes=4, rate=400.0) for f, v in ((5.0, 0.01), (7.0, 0.04))]
     later = parts[0].time_s[-1] + 0.01
