@@ -307,7 +307,7 @@ def _notes(
     negative = [level.recording for r in results for level in r.levels if "negative_friction" in level.flags]
     if negative:
         notes.append(
-            f"Friction is negative, beyond its uncertainty, in {', '.join(dict.fromkeys(negative))}: friction cannot push; "
+            f"Friction is negative, beyond its uncertainty, in {', '.join(dict.fromkeys(negative))}, which cannot be; "
             'check the sign of the force (positive = "+x" or "-x") and of the position in the layout.'
         )
     entries = [entry for r in results for level in r.levels for entry in level.budget]

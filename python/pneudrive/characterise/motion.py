@@ -177,6 +177,37 @@ def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.
     RecordingError
         Fewer than 20 samples, or no motion beyond the position noise.
     """
+    travel, noise = _travel(name, time_s, position_m)
+    points = turning_points(position_m, REVERSAL_SHARE * travel)
+    departure = max(DEPARTURE_SHARE * travel, 4 * noise)
+    strokes: list[Stroke] = []
+    last_moving = int(points[0]) if points.size else 0
+    for first, last in pairwise(points):
+        part = _moving_part(position_m, int(first), int(last), departure)
+        if part is None:
+            continue
+        start, stop, direction = part
+        dwell = max(float(time_s[start] - time_s[last_moving]), 0.0)
+        strokes.append(
+            Stroke(
+                index=len(strokes),
+                direction=direction,
+                start=start,
+                stop=stop,
+                from_m=float(position_m[start]),
+                to_m=float(position_m[stop - 1]),
+                speed_m_s=_middle_speed(time_s[start:stop], position_m[start:stop]),
+                dwell_s=dwell if strokes else 0.0,
+            )
+        )
+        last_moving = stop - 1
+    if not strokes:
+        raise RecordingError("no stroke was found", where=name, rule="the position must move and turn back")
+    return strokes
+
+
+def _travel(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> tuple[float, float]:
+    """Travel and position noise, in m; too few samples and no motion are refused."""
     if time_s.size < MINIMUM_SAMPLES:
         raise RecordingError(
             "too few samples",
@@ -195,33 +226,7 @@ def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.
             rule=f"the travel must exceed {NOISE_FACTOR:g} times the position noise",
             remedy="check which column is the position, and its unit",
         )
-    points = turning_points(position_m, REVERSAL_SHARE * travel)
-    departure = max(DEPARTURE_SHARE * travel, 4 * noise)
-    strokes: list[Stroke] = []
-    last_moving = int(points[0]) if points.size else 0
-    for first, last in pairwise(points):
-        part = _moving_part(position_m, int(first), int(last), departure)
-        if part is None:
-            continue
-        start, stop, direction = part
-        dwell = max(float(time_s[start] - time_s[last_moving]), 0.0)
-        speed = _middle_speed(time_s[start:stop], position_m[start:stop])
-        strokes.append(
-            Stroke(
-                index=len(strokes),
-                direction=direction,
-                start=start,
-                stop=stop,
-                from_m=float(position_m[start]),
-                to_m=float(position_m[stop - 1]),
-                speed_m_s=speed,
-                dwell_s=dwell if strokes else 0.0,
-            )
-        )
-        last_moving = stop - 1
-    if not strokes:
-        raise RecordingError("no stroke was found", where=name, rule="the position must move and turn back")
-    return strokes
+    return travel, noise
 
 
 def _moving_part(
