@@ -382,6 +382,18 @@ impl<R: Lane> Circuit<R> {
         self.observe(y, &mut net);
         self.parts.stored(y, &net, &self.common)
     }
+
+    /// What is stored at state `y` (accounts included), and every account.
+    pub fn books(&self, y: &[R]) -> ([R; 3], Vec<R>) {
+        let mut net = self.work::<R>();
+        self.observe(y, &mut net);
+        let mut accounts = vec![R::zero(); self.channels().len()];
+        self.parts.standing(&net, &self.common, &mut accounts);
+        for (account, integral) in accounts.iter_mut().zip(&y[self.n_states()..]) {
+            *account += *integral;
+        }
+        (self.parts.stored(y, &net, &self.common), accounts)
+    }
 }
 
 impl<P: Real> Circuit<P> {
@@ -472,18 +484,17 @@ impl<R: Lane> System<R> for Circuit<R> {
 
 /// The accounts of a run closed, from its states at the samples (accounts included).
 pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
-    let n = circuit.n_states();
-    let stored: Vec<[f64; 3]> = samples.iter().map(|y| circuit.stored(y)).collect();
-    let (first, last) = (&samples[0], samples.last().expect("at least the initial state"));
-    let (start, end) = (stored[0], *stored.last().expect("as many as samples"));
-    let total = |kind: Kind| -> f64 { sum(circuit, kind, |i| last[n + i] - first[n + i]) };
-    let turned = |kind: Kind| -> f64 { sum(circuit, kind, |i| (last[n + i] - first[n + i]).abs()) };
+    let books: Vec<([f64; 3], Vec<f64>)> = samples.iter().map(|y| circuit.books(y)).collect();
+    let (start, first) = books.first().expect("at least the initial state");
+    let (end, last) = books.last().expect("at least the initial state");
+    let total = |kind: Kind| -> f64 { sum(circuit, kind, |i| last[i] - first[i]) };
+    let turned = |kind: Kind| -> f64 { sum(circuit, kind, |i| (last[i] - first[i]).abs()) };
     let produced = total(Kind::EntropyOfGas);
     let mut least_production = f64::INFINITY;
-    for pair in samples.windows(2) {
+    for pair in books.windows(2) {
         for (i, channel) in circuit.channels().iter().enumerate() {
             if matches!(channel.kind, Kind::EntropyOfGas | Kind::EntropyOfSolid) {
-                least_production = least_production.min(pair[1][n + i] - pair[0][n + i]);
+                least_production = least_production.min(pair[1].1[i] - pair[0].1[i]);
             }
         }
     }
@@ -503,7 +514,7 @@ pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
             .channels()
             .iter()
             .enumerate()
-            .map(|(i, channel)| (channel.name.clone(), channel.kind, last[n + i] - first[n + i]))
+            .map(|(i, channel)| (channel.name.clone(), channel.kind, last[i] - first[i]))
             .collect(),
     }
 }

@@ -115,6 +115,8 @@ pub trait Part<P: Real> {
     }
     /// Rates of the accounts.
     fn account<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
+    /// What the accounts hold beside their integrals, as a function of the state; `out` comes as zeros.
+    fn standing<S: Over<P>>(&self, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
 }
 
 /// Where a part's states and accounts lie.
@@ -233,6 +235,12 @@ macro_rules! parts {
                 $(for (at, part) in &self.$field {
                     let own = at.first_account..at.first_account + at.accounts;
                     part.account(Own { y, place: *at }, net, common, &mut out[own]);
+                })*
+            }
+            pub fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+                $(for (at, part) in &self.$field {
+                    let own = at.first_account..at.first_account + at.accounts;
+                    part.standing(net, common, &mut out[own]);
                 })*
             }
         }

@@ -127,4 +127,9 @@ impl<P: Real> Part<P> for Cylinder<P> {
         }
         self.stops.account(y, net, common, rest);
     }
+
+    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let stops = out.len() - Part::<P>::channels(&self.stops).len();
+        self.stops.standing(net, common, &mut out[stops..]);
+    }
 }

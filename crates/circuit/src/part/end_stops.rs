@@ -32,6 +32,12 @@ impl<P: Real> EndStops<P> {
         (S::select(far, over, -x), S::select(far, v, -v), S::select(far, -S::one(), S::one()))
     }
 
+    fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let node = &net.axis[self.axis];
+        let depth = self.contact(node.x, node.v).0.max(S::zero());
+        S::c(0.5) * S::from(self.law.stiffness) * depth * depth
+    }
+
     /// Adds the force of the stops to the axis.
     #[inline(always)]
     pub(super) fn push<S: Over<P>>(&self, node: &mut AxisNode<S>) {
@@ -48,21 +54,27 @@ impl<P: Real> Part<P> for EndStops<P> {
     }
 
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
-        let node = &net.axis[self.axis];
-        let depth = self.contact(node.x, node.v).0.max(S::zero());
-        [S::zero(), S::c(0.5) * S::from(self.law.stiffness) * depth * depth, S::zero()]
+        [S::zero(), self.spring_energy(net), S::zero()]
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
     }
 
+    /// The work done on the stop. A piston that leaves faster than the stop can follow feels nothing of
+    /// it, so its steps may be long: what the spring holds, and gives to the damper, is no integral.
     fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.axis];
         let (depth, closing, _) = self.contact(node.x, node.v);
-        let spring = S::from(self.law.stiffness) * depth.max(S::zero());
-        let heat = (self.law.force(depth, closing) - spring) * closing;
-        out[0] = -heat;
-        out[1] = heat / S::from(common.ambient_temperature);
+        let work = self.law.force(depth, closing) * closing;
+        out[0] = -work;
+        out[1] = work / S::from(common.ambient_temperature);
+    }
+
+    /// Heat of the damper = work - energy of the spring.
+    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let spring = self.spring_energy(net);
+        out[0] = spring;
+        out[1] = -spring / S::from(common.ambient_temperature);
     }
 }
