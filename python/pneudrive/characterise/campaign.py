@@ -58,6 +58,7 @@ bore = "{bore}"
 """
 BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB with its copies
 WORTH_WORKERS = 200  # cycles below which starting processes costs more than it saves
+MOST_WORKERS = 8  # each takes about 300 MB
 EXIT_INTERRUPTED = 130
 
 
@@ -177,7 +178,7 @@ def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = N
     choice
         Which samples count.
     workers
-        Processes; None takes the processors there are.
+        Processes; None takes the processors there are, at most 8.
 
     Returns
     -------
@@ -185,7 +186,7 @@ def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = N
         In the order of the sources. A cycle or file that cannot be used has a ``reason``: of 7500 cycles one may fail.
     """
     number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
-    workers = workers or len(os.sched_getaffinity(0))
+    workers = workers or min(_processors(), MOST_WORKERS)
     if number < WORTH_WORKERS or workers < 2:
         return work(sources, choice)
     command = [sys.executable, "-m", "pneudrive.characterise.campaign_worker"]
@@ -206,6 +207,11 @@ def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = N
             if process.stdout is not None:
                 process.stdout.close()
     return sheaves
+
+
+def _processors() -> int:
+    """Processors that this process may use; not every system says which."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def work(sources: list[Source], choice: SampleChoice) -> list[Sheaf]:

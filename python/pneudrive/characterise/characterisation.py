@@ -286,7 +286,7 @@ def _notes(
     rows: list[MapRow],
 ) -> list[str]:
     notes = []
-    speeds = np.array([p.speed_m_s for p in points])
+    speeds = np.array([abs(row.velocity_m_s) for row in rows])
     low, high = speeds.min() * 1e3, speeds.max() * 1e3
     notes.append(f"What is measured is the mean sliding friction in the window at {low:.3g} to {high:.3g} mm/s.")
     together = _speed_with_pressure(points, rows)

@@ -119,7 +119,7 @@ class LayoutValues:
             decimal=decimal,
             thousands=thousands,
             skip_lines=tree.get("skip_lines", 0),
-            comment=tree.get("comment", "#"),
+            comment=tree.get("comment", "#") or "\0",  # none: what no text holds
         )
 
     def column(self, name: str, ambient: float) -> Column:

@@ -108,6 +108,12 @@ def test_decimal_comma_header_units_row_and_lines_above(tmp_path):
     assert recording.flags == {}
 
 
+def test_lines_that_are_no_data_are_left_out(tmp_path):
+    rows = "% made by hand\n" + ROWS.replace("\n30 ", "\n% pause\n30 ")
+    assert len(read(tmp_path, PLAIN.replace("skip_samples = 2", 'comment = "%"'), rows)) == 30
+    assert len(read(tmp_path, PLAIN.replace("skip_samples = 2", 'comment = ""'), ROWS)) == 30
+
+
 def test_a_dot_that_is_decimal_and_thousands_separator(tmp_path):
     rows = "\n".join(f"{t} {i} 2.0 1.0" for i, t in enumerate(["903.000", "1.003.000", "1.103.000", "12.103.000"]))
     recording = read(tmp_path, PLAIN.replace("skip_samples = 2", 'thousands = "."'), rows)
