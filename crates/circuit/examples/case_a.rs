@@ -13,7 +13,7 @@ fn main() {
         temperature_a_k: 293.15,
         temperature_b_k: 293.15,
     };
-    let options = ode::Options { rtol: 3e-5, ..Default::default() };
+    let options = ode::Options { rtol: 1e-4, ..Default::default() };
     let rate: f64 = std::env::args().nth(1).map_or(1000.0, |s| s.parse().expect("a sample rate in Hz"));
     let mut best = f64::INFINITY;
     for _ in 0..2000 {

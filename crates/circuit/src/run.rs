@@ -109,7 +109,7 @@ impl Output<f64, Circuit<f64>> for States {
     }
     #[inline]
     fn sample(&mut self, _lane: usize, _t: f64, y: &[f64], _circuit: &Circuit<f64>) {
-        self.rows.extend_from_slice(&y[..self.n]);
+        self.rows.extend(y[..self.n].iter());
         self.next += 1;
     }
 }

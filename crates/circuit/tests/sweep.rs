@@ -1,0 +1,195 @@
+//! Drives that nobody chose: sizes, loads, valves, laws and commands drawn at random within what is
+//! sold and built. None fails, none needs more work than a simulation may, every state stays physical,
+//! and mass and energy close. `cargo test --test sweep -- --ignored` runs many more of them.
+
+mod support;
+
+use circuit::{Drive, specification as spec};
+use ode::Options;
+use serde_json::{Value, json};
+use support::*;
+
+/// Random numbers of one member.
+struct Draw(u64);
+
+impl Draw {
+    /// In [0, 1).
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let mixed = (self.0 ^ (self.0 >> 31)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        (mixed >> 11) as f64 / (1_u64 << 53) as f64
+    }
+    fn linear(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+    fn log(&mut self, low: f64, high: f64) -> f64 {
+        low * (high / low).powf(self.unit())
+    }
+    fn one<T: Copy>(&mut self, of: &[T]) -> T {
+        of[(self.unit() * of.len() as f64) as usize]
+    }
+    fn chance(&mut self, share: f64) -> bool {
+        self.unit() < share
+    }
+}
+
+/// A law with forces that suit a piston pushed by up to `push` N.
+fn friction(draw: &mut Draw, push: f64, supply: f64) -> Value {
+    let law = draw.one(&["coulomb", "stribeck", "lugre"]);
+    let coulomb = push * draw.log(0.01, 0.15);
+    let mut p = json!({ "coulomb": coulomb, "viscous": draw.one(&[0.0, 1.0]) * push * draw.log(0.02, 0.5) });
+    if law != "coulomb" {
+        p["breakaway"] = json!(coulomb * draw.linear(1.0, 2.0));
+        p["stribeck_velocity"] = json!(draw.log(1e-3, 0.1));
+        p["stribeck_exponent"] = json!(draw.one(&[2.0, 2.0, 1.0, 0.5, 1.4]));
+    }
+    if law == "lugre" {
+        p["bristle_stiffness"] = json!(draw.log(1e4, 1e6));
+        p["bristle_damping"] = json!(draw.log(10.0, 1000.0));
+        if draw.chance(0.3) {
+            p["damping_fade_velocity"] = json!(draw.log(0.01, 1.0));
+        }
+    }
+    let lip = coulomb / supply;
+    let pressure = draw.chance(0.4).then(|| {
+        json!({
+            "coulomb_a": lip * draw.linear(-0.2, 1.0), "coulomb_b": lip * draw.linear(0.0, 1.0),
+            "breakaway_a": lip * draw.linear(0.0, 2.0), "breakaway_b": lip * draw.linear(0.0, 2.0),
+        })
+    });
+    json!({ "law": law, "parameters": p, "pressure": pressure })
+}
+
+fn drive(draw: &mut Draw) -> Value {
+    let bore: f64 = draw.one(&[0.012, 0.016, 0.02, 0.025, 0.032, 0.04, 0.05, 0.063]);
+    let area = 0.25 * std::f64::consts::PI * bore * bore;
+    let stroke = draw.log(0.05, 1.0);
+    let supply = draw.linear(3e5, 10e5);
+    let push = area * (supply - AMBIENT);
+    let kind = draw.one(&["rodless", "through-rod", "single-rod"]);
+    let rod = if kind == "rodless" { 0.0 } else { bore * draw.linear(0.25, 0.5) };
+    let mut dead = || 1e-6 + area * stroke * draw.log(0.01, 0.2);
+    let (dead_a, dead_b) = (dead(), dead());
+    // Sonic conductance for 0.1 to 3 m/s: C rho0 R T0 = A v.
+    let conductance = area * draw.log(0.1, 3.0) / (1.185 * R * ROOM);
+    json!({
+        "gas": { "heat_capacity_ratio": 1.4, "gas_constant_j_kg_k": R },
+        "ambient": { "pressure_pa": AMBIENT, "temperature_k": ROOM },
+        "supply": { "pressure_pa": supply, "temperature_k": draw.linear(273.0, 400.0) },
+        "cylinder": {
+            "kind": kind, "bore_m": bore, "rod_diameter_m": rod, "stroke_m": stroke,
+            "dead_volume_a_m3": dead_a, "dead_volume_b_m3": dead_b,
+            "moving_mass_kg": push * draw.log(5e-4, 5e-2),
+            "incline_rad": draw.one(&[0.0, 0.0, 1.0, -1.0]) * draw.linear(0.0, 0.5 * std::f64::consts::PI),
+            "heat_transfer_w_m2_k": draw.one(&[0.0, 1.0, 1.0]) * draw.log(5.0, 200.0),
+            "wall_temperature_k": draw.linear(260.0, 350.0),
+            "end_stop": {
+                "stiffness_n_m": draw.log(1e5, 1e7), "damping_n_s_m": draw.log(100.0, 5000.0),
+                "damping_depth_m": draw.log(1e-5, 1e-3),
+            },
+        },
+        "valve": {
+            "kind": "proportional-5/3", "conductance_m3_s_pa": conductance,
+            "critical_pressure_ratio": draw.linear(0.1, 0.55),
+            "subsonic_index": draw.one(&[0.5, 0.5, 0.45, 0.6]),
+            "linear_above": draw.one(&[0.99, 0.999, 0.9999]),
+        },
+        "friction": friction(draw, push, supply),
+        "load": {
+            "mass_kg": draw.one(&[0.0, 1.0]) * push * draw.log(1e-3, 2e-2),
+            "force_n": draw.one(&[0.0, 1.0]) * push * draw.linear(-0.3, 0.3),
+            "spring": draw.chance(0.2).then(|| json!({
+                "stiffness_n_m": 0.5 * push / stroke * draw.unit(),
+                "rest_position_m": stroke * draw.unit(),
+            })),
+        },
+    })
+}
+
+/// (times, commands): mostly on and off, some creeping.
+fn plan(draw: &mut Draw) -> (Vec<f64>, Vec<f64>) {
+    let (mut times, mut commands) = (vec![0.0], Vec::new());
+    loop {
+        let size = draw.one(&[0.0, 1.0, 1.0, 0.3, 0.02, 0.003]) * draw.linear(0.5, 1.0);
+        commands.push(if draw.chance(0.5) { -size } else { size });
+        let next = times[times.len() - 1] + draw.log(0.02, 1.0);
+        if next >= DURATION {
+            return (times, commands);
+        }
+        times.push(next);
+    }
+}
+
+const DURATION: f64 = 2.0;
+/// Attempts at a step that one run may take.
+const BUDGET: u64 = 20_000;
+
+/// Simulates member `seed`; the attempts it took, or what went wrong with what reproduces it.
+fn member(seed: u64) -> Result<u64, String> {
+    let mut draw = Draw(seed.wrapping_mul(0x2545_F491_4F6C_DD1D) ^ 0x5EED);
+    for _ in 0..4 {
+        draw.unit();
+    }
+    let description = drive(&mut draw);
+    let parsed: spec::Drive = serde_json::from_value(description.clone()).expect("a description");
+    let (times, commands) = plan(&mut draw);
+    let stroke = parsed.cylinder.stroke_m;
+    let mut initial = at_rest(stroke * draw.unit(), draw.linear(1e5, parsed.supply.pressure_pa));
+    initial.pressure_b_pa = draw.linear(1e5, parsed.supply.pressure_pa);
+    let complain = |what: String| {
+        Err(format!(
+            "member {seed}: {what}\n{description}\ntimes {times:?}\ncommands {commands:?}\n{initial:?}"
+        ))
+    };
+    let assembled = Drive::assemble(&parsed, true).expect("assembles");
+    let options = Options { max_attempts: BUDGET, ..options(1e-6) };
+    let sampling = (DURATION, 200.0);
+    let run = match assembled.simulate(&times, &commands, sampling, &initial, options, &mut || false) {
+        Ok(run) => run,
+        Err(error) => return complain(error.to_string()),
+    };
+    let column = |name: &str| &run.columns[assembled.columns().iter().position(|c| c == name).expect(name)];
+    let within = |name: &str, low: f64, high: f64| column(name).iter().all(|x| (low..=high).contains(x));
+    let balance = run.balance.expect("with a ledger");
+    if !within("position_m", -0.02, stroke + 0.02) {
+        complain("it left the cylinder".into())
+    } else if !within("pressure_a_pa", 1e3, 1e8) || !within("pressure_b_pa", 1e3, 1e8) {
+        complain("a pressure is not physical".into())
+    } else if !within("temperature_a_k", 30.0, 1500.0) || !within("temperature_b_k", 30.0, 1500.0) {
+        complain("a temperature is not physical".into())
+    } else if balance.mass_error.abs() > 1e-12 || balance.energy_error.abs() > 1e-4 {
+        complain(format!("mass {:e}, energy {:e} do not close", balance.mass_error, balance.energy_error))
+    } else {
+        let attempts = run.statistics.steps + run.statistics.rejected;
+        if attempts > BUDGET { complain(format!("{attempts} attempts")) } else { Ok(attempts) }
+    }
+}
+
+fn sweep(seeds: std::ops::Range<u64>) {
+    let results: Vec<_> = seeds.clone().map(member).collect();
+    let mut attempts: Vec<u64> = results.iter().filter_map(|r| r.as_ref().ok().copied()).collect();
+    attempts.sort_unstable();
+    let failures: Vec<&String> = results.iter().filter_map(|r| r.as_ref().err()).collect();
+    println!(
+        "{} runs, {} failures; attempts: median {}, largest {}",
+        results.len(),
+        failures.len(),
+        attempts[attempts.len() / 2],
+        attempts[attempts.len() - 1]
+    );
+    for failure in failures.iter().take(10) {
+        println!("{failure}");
+    }
+    assert!(failures.is_empty(), "{} of {} members failed", failures.len(), results.len());
+}
+
+#[test]
+fn two_hundred_drives() {
+    sweep(0..200);
+}
+
+#[test]
+#[ignore = "minutes; by hand"]
+fn five_thousand_drives() {
+    sweep(1000..6000);
+}
