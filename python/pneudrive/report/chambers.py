@@ -17,13 +17,14 @@ LINES = {ENERGY_BALANCE: ("-", style.BLACK, "energy balance"), AS_PRINTED: ("--"
 
 
 def section(compared: ChamberComparison) -> Section:
-    """What equations (2) and (3) of the paper cost, in numbers and over time."""
+    """Say what equations (2) and (3) of the paper cost, in numbers and over time."""
     residual = compared.energy_residual_j[AS_PRINTED]
     blocks = (
         Text(
             "Equations (2) and (3) as printed subtract the stored heat twice: a closed chamber without heat follows "
-            "p V^1.2 instead of p V^1.4, half of the exchanged heat counts, and energy is not conserved. The printed area "
-            "term adds an area to a volume. Below, one stroke out and back at full opening, with the same assumed drive."
+            "p V^1.2 instead of p V^1.4, half of the exchanged heat counts, and energy is not conserved. The "
+            "printed area term adds an area to a volume. Below, one stroke out and back at full opening, with the "
+            "same assumed drive."
         ),
         _table(compared),
         Picture(
@@ -33,9 +34,9 @@ def section(compared: ChamberComparison) -> Section:
             synthetic=True,
         ),
         Text(
-            f"The stroke times nearly agree, which is why a comparison of positions does not reveal the error; "
-            f"{residual:.1f} J of {compared.stroke_work_j:.0f} J of stroke work come from nowhere. The printed law is there "
-            "to reproduce the paper only; everything else uses the energy balance.",
+            "The stroke times nearly agree, which is why a comparison of positions does not reveal the error; "
+            f"{residual:.1f} J of {compared.stroke_work_j:.0f} J of stroke work come from nowhere. The printed law "
+            "is there to reproduce the paper only; everything else uses the energy balance.",
             "note",
         ),
     )
@@ -61,21 +62,24 @@ def _table(compared: ChamberComparison) -> Table:
 
 
 def draw(compared: ChamberComparison) -> Figure:
-    """Position, pressures and temperatures over time."""
-    figure = style.new_figure(4.2)
-    axes = figure.subplots(3, 2, sharex=True, sharey="row")
-    shown = (("position", 1e3, "position / mm"), ("pressure", 1e-5, "pressure / bar abs"), ("temperature", 1.0, "gas / K"))
-    for row, (name, factor, label) in zip(axes, shown, strict=True):
-        for axis, side in zip(row, "ab", strict=True):
-            variable = name if name == "position" else f"{name}_{side}"
-            for law, (line, color, words) in LINES.items():
-                run = compared.runs[law]
-                part = style.thin(run.time)
-                axis.plot(run.time[part], factor * run[variable][part], line, color=color, label=words)
-        row[0].set_ylabel(label)
-    axes[0, 0].set_title("chamber a")
-    axes[0, 1].set_title("chamber b")
-    axes[0, 1].legend(loc="upper right")
+    """Position and its difference, pressures and temperatures over time."""
+    figure = style.new_figure(4.4)
+    axes = figure.subplots(3, 2, sharex=True)
+    balanced, printed = (compared.runs[law] for law in (ENERGY_BALANCE, AS_PRINTED))
+    part = style.thin(balanced.time)
+    time = balanced.time[part]
+    shown = (("pressure", 1e-5, "pressure {} / bar abs"), ("temperature", 1.0, "gas in {} / K"))
+    for law, (line, color, words) in LINES.items():
+        run = compared.runs[law]
+        axes[0, 0].plot(time, 1e3 * run.position[part], line, color=color, label=words)
+        for row, (name, factor, label) in zip(axes[1:], shown, strict=True):
+            for axis, side in zip(row, "ab", strict=True):
+                axis.plot(time, factor * run[f"{name}_{side}"][part], line, color=color)
+                axis.set_ylabel(label.format(side))
+    axes[0, 0].set_ylabel("position / mm")
+    axes[0, 0].legend(loc="lower center")
+    axes[0, 1].plot(time, 1e3 * (printed.position - balanced.position)[part], color=style.BLACK)
+    axes[0, 1].set_ylabel("as printed − balance:\nposition / mm")
     for axis in axes[-1]:
         axis.set_xlabel("time / s")
     figure.align_ylabels()

@@ -61,7 +61,7 @@ def draw(pairs: list[tuple[RecordingResult, Level]]) -> Figure:
         pressure, speed = gauge_bar(level, result.recording), speed_mm_s(level)
         axis.set_title(f"{level.recording}\n{pressure:.1f} bar, {speed:.3g} mm/s", fontsize=7.5)
     style.outer_labels(figure, "position / mm", "balance, friction, offset / N")
-    style.legend_below(figure, handles)
+    style.legend_above(figure, handles)
     return figure
 
 

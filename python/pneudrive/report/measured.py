@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 CHANNELS = {
     "position_m": ("position", 1e3, "mm"),
     "force_n": ("force", 1.0, "N"),
-    "pressure_a_pa": ("pressure a", 1e-5, "bar"),
-    "pressure_b_pa": ("pressure b", 1e-5, "bar"),
+    "pressure_a_pa": ("pressure a", 1e-5, "bar gauge"),
+    "pressure_b_pa": ("pressure b", 1e-5, "bar gauge"),
 }
 
 
@@ -48,9 +48,9 @@ def rig_caption(recording: Recording) -> str:
     """Say the force balance in words and symbols."""
     return (
         "The rig, not to scale. x grows as chamber a grows; the rig's force F on the piston counts in +x; friction "
-        "opposes motion. Balance = F + (p_a − p_amb) A_a − (p_b − p_amb) A_b − m a − weight; half the difference of both "
-        "directions at equal position is friction, half their sum is the offset. "
-        f"A_a = {recording.area_a_m2 * 1e4:.4g} cm², A_b = {recording.area_b_m2 * 1e4:.4g} cm²."
+        "opposes motion. Balance = F + (p_a − p_amb) A_a − (p_b − p_amb) A_b − m a − weight; half the difference of "
+        "both directions at equal position is friction, half their sum is the offset. A_a = "
+        f"{recording.area_a_m2 * 1e4:.4g} cm², A_b = {recording.area_b_m2 * 1e4:.4g} cm²."
     )
 
 
@@ -70,13 +70,21 @@ def draw_rig(recording: Recording) -> Figure:
     axis.set_xlim(0, 100)
     axis.set_ylim(-9, 25)
     wall = {"facecolor": "#cfcfcf", "edgecolor": style.BLACK, "lw": 0.8}
-    for x, y, w, h in ((38, 0, 56, 1.4), (38, 18.6, 56, 1.4), (92.6, 0, 1.4, 20), (38, 0, 1.4, 8.4), (38, 11.6, 1.4, 8.4)):
+    for x, y, w, h in (
+        (38, 0, 56, 1.4),
+        (38, 18.6, 56, 1.4),
+        (92.6, 0, 1.4, 20),
+        (38, 0, 1.4, 8.4),
+        (38, 11.6, 1.4, 8.4),
+    ):
         axis.add_patch(Rectangle((x, y), w, h, **wall))
     axis.add_patch(Rectangle((62, 1.4), 5, 17.2, facecolor="#8f8f8f", edgecolor=style.BLACK, lw=0.8))
     for y in (1.4, 16.8):
         axis.add_patch(Rectangle((63.6, y), 1.8, 1.8, facecolor=style.BLACK))
     axis.add_patch(Rectangle((27, 9.1), 35, 1.8, **wall))  # rod or carriage through which the rig acts
-    axis.add_patch(FancyBboxPatch((19, 6.6), 8, 6.8, boxstyle="round,pad=0.2", facecolor="white", edgecolor=style.BLACK))
+    axis.add_patch(
+        FancyBboxPatch((19, 6.6), 8, 6.8, boxstyle="round,pad=0.2", facecolor="white", edgecolor=style.BLACK)
+    )
     axis.text(23, 10, "force\nsensor", ha="center", va="center", fontsize=7)
     axis.add_patch(Rectangle((4, 5), 12, 10, **wall))
     axis.text(10, 10, "rig", ha="center", va="center")
@@ -89,7 +97,9 @@ def draw_rig(recording: Recording) -> Figure:
     _arrow(axis, (38, -4.6), (70, -4.6), "x, v > 0", above=False)
     axis.plot([38, 38], [-6, -3.2], color=style.BLACK, lw=0.8)
     if recording.incline_rad:
-        axis.text(96, -4.6, f"inclined by {np.degrees(recording.incline_rad):.3g}°", ha="right", va="center", fontsize=7)
+        axis.text(
+            96, -4.6, f"inclined by {np.degrees(recording.incline_rad):.3g}°", ha="right", va="center", fontsize=7
+        )
     return figure
 
 
@@ -98,7 +108,7 @@ def _chamber(axis: Axes, recording: Recording, side: str, x: float) -> None:
     if not is_open(recording, side) and np.ptp(getattr(recording, f"pressure_{side}_pa")) == 0:
         state = f"p_{side} stated"
     axis.text(x, 14.6, f"chamber {side}", ha="center", va="center", fontweight="bold", fontsize=7.5)
-    axis.text(x, 12.6 if side == "a" else 11.6, state, ha="center", va="center", fontsize=7)
+    axis.text(x, 12.4, state, ha="center", va="center", fontsize=7)
     axis.plot([x, x], [20, 22.6], color=style.BLACK, lw=1.0)
     axis.text(x + 1, 22, "port", fontsize=6.5, va="center")
 
@@ -116,13 +126,14 @@ def _sensors(recordings: tuple[Recording, ...]) -> Table:
         shown, values = recordings, [getattr(r, channel) for r in recordings]
         if channel.startswith("pressure"):
             if all(is_open(r, channel[9]) for r in shown):
-                rows.append((name, "open to ambient: not measured", "", ""))
+                rows.append((name, "–", "–", "open to ambient: not measured"))
                 continue
             values = [v - r.ambient_pressure_pa for v, r in zip(values, shown, strict=True)]
-            unit = "bar gauge"
         low, high = min(v.min() for v in values) * factor, max(v.max() for v in values) * factor
         stated = {r.accuracy[channel] * factor for r in recordings if channel in r.accuracy}
         accuracy = f"{max(stated):.3g} {unit.split()[0]}" if stated else "not stated: assumed (see the budget)"
+        said = {r.calibration[channel] for r in recordings if channel in r.calibration}
+        accuracy += f" ({'; '.join(sorted(said))})" if said else ""
         if channel == "position_m" and not stated:
             accuracy = "not stated"
         rows.append((name, f"{low:.4g}", f"{high:.4g}", f"{unit}; standard uncertainty {accuracy}"))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Table, Text
-from pneudrive.report.words import spread_evenly
+from pneudrive.report.words import sentence, spread_evenly
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,14 +34,15 @@ def section(found: Characterisation) -> Section | None:
     ]
     if found.run_spread is not None:
         blocks.append(_runs(found.run_spread))
-    blocks.append(Items(tuple(line.statement for line in found.pressure_lines)))
+    blocks.append(Items(tuple(sentence(line.statement) for line in found.pressure_lines)))
     return Section("pressure", "Friction against pressure", tuple(blocks), synthetic=found.synthetic)
 
 
 def _caption(found: Characterisation) -> str:
     spread = found.run_spread
     known = f"standard deviation between runs {100 * spread.relative:.0f} %" if spread else "nothing was run twice"
-    return f"Friction against gauge pressure, runs as separate markers; line and 95 % prediction band for a further run ({known})."
+    what = "Friction against gauge pressure, runs as separate markers; line and 95 % prediction band for a further run"
+    return f"{what} ({known})."
 
 
 def panels_of(found: Characterisation) -> dict[str, tuple[list[FrictionPoint], PressureLine | None]]:
@@ -61,28 +62,35 @@ def draw(found: Characterisation) -> Figure:
     """One panel for each seal on shared axes."""
     shown = spread_evenly(list(panels_of(found).items()), MOST_PANELS)
     rows = -(-len(shown) // COLUMNS)
-    figure = style.new_figure(2.0 * rows + 0.6, style.WIDTH_IN if len(shown) > 1 else 4.5)
+    figure = style.new_figure(2.0 * rows + 0.8, style.WIDTH_IN if len(shown) > 1 else 4.5)
     axes = style.panels(figure, len(shown), COLUMNS, sharex=True, sharey=True)
+    handles: dict[str, Any] = {}
     for axis, (title, (points, line)) in zip(axes, shown, strict=True):
-        draw_panel(axis, points, line)
+        handles |= draw_panel(axis, points, line)
         axis.set_title(title)
-    top = max(p.friction_n + np.nan_to_num(p.expanded_n) for _, (points, _) in shown for p in points)
-    axes[0].set_ylim(0, 1.25 * top)
+    highest = max(p.friction_n + np.nan_to_num(p.expanded_n) for _, (points, _) in shown for p in points)
+    bands = [float(line.band_high_n.max()) for _, (_, line) in shown if line is not None]
+    axes[0].set_ylim(0, min(1.05 * max([highest, *bands]), 2 * highest))
     style.outer_labels(figure, "gauge pressure / bar", "friction / N")
+    style.legend_above(figure, list(handles.values()))
     return figure
 
 
-def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | None) -> None:
-    """Points of each run, and the line with its band."""
+def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | None) -> dict[str, Any]:
+    """Draw the points of each run, and the line with its band; return what the legend needs."""
+    handles: dict[str, Any] = {}
     if line is not None:
         bar = line.band_pressure_pa / 1e5
-        axis.fill_between(bar, line.band_low_n, line.band_high_n, color=style.BAND, lw=0, label="95 % for a further run")
-        axis.plot(bar, line.band_mean_n, "-", color=style.BLACK, lw=0.9)
+        band = axis.fill_between(bar, line.band_low_n, line.band_high_n, color=style.BAND, lw=0)
+        handles["line"] = axis.plot(bar, line.band_mean_n, "-", color=style.BLACK, lw=0.9, label="line")[0]
+        band.set_label("95 % for a further run")
+        handles["band"] = band
     runs = list(dict.fromkeys(p.run for p in points))
+    own = []
     for index, run in enumerate(runs):
         look = style.look(index)
         of_run = [p for p in points if p.run == run]
-        axis.errorbar(
+        drawn = axis.errorbar(
             [p.pressure_pa / 1e5 for p in of_run],
             [p.friction_n for p in of_run],
             yerr=[np.nan_to_num(p.expanded_n) for p in of_run],
@@ -90,9 +98,14 @@ def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | Non
             color=look.color,
             mfc="white" if index else look.color,
             elinewidth=0.9,
-            label=f"run {run}" if len(runs) > 1 else "recording, U (k = 2)",
+            label=f"run {run}" if len(runs) > 1 else "recording with U (k = 2)",
         )
-    axis.legend(loc="upper left", fontsize=6.8)
+        own.append(drawn)
+        if len(runs) == 1:
+            handles["recording"] = drawn
+    if len(runs) > 1:
+        axis.legend(handles=own, loc="lower right", frameon=True, framealpha=1.0, edgecolor=style.GREY)
+    return handles
 
 
 def _runs(spread: RunSpread) -> Table:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import re
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,22 +47,20 @@ def validity(found: Characterisation | None, made: Reproduction | None) -> tuple
             "validated: bristle parameters, dwell, breakaway, anything outside the speeds and pressures shown."
         )
     elif found is not None:
-        out.append("Synthetic: the recordings come from a simulated rig. Nothing in this report was measured on hardware.")
+        out.append(
+            "Synthetic: the recordings come from a simulated rig. Nothing in this report was measured on hardware."
+        )
     if made is not None:
         out.append(
-            "Synthetic: the simulated rig, the paper's figures, stick-slip and both chamber laws. No measured trajectory "
-            "of a drive under valve control stands behind them."
+            "Synthetic: the simulated rig, the paper's figures, stick-slip and both chamber laws. No measured "
+            "trajectory of a drive under valve control stands behind them."
         )
     return tuple(out)
 
 
 def _software(found: Characterisation | None, made: Reproduction | None) -> Table:
     rows = [("pneudrive", __version__), ("Python", platform.python_version())]
-    for package in PACKAGES:
-        try:
-            rows.append((package, version(package)))
-        except PackageNotFoundError:
-            continue
+    rows += [(package, version(package)) for package in PACKAGES]
     if found is not None:
         rows.append(("protocol of the characterisation", found.protocol))
     if made is not None:
@@ -73,7 +71,7 @@ def _software(found: Characterisation | None, made: Reproduction | None) -> Tabl
 
 
 def source_notes(found: Characterisation) -> list[Path]:
-    """Files SOURCE.md beside the recordings or one folder above."""
+    """Find files SOURCE.md beside the recordings or one folder above."""
     notes = []
     for recording in found.recordings:
         if recording.source is None:
@@ -116,14 +114,25 @@ def reference(key: str) -> str | None:
     entry = entries().get(key)
     if entry is None:
         return None
-    fields = {name.lower(): _plain(value) for name, value in re.findall(r"(\w+)\s*=\s*[{\"](.*?)[}\"],?\s*(?:\n|$)", entry)}
+    fields = {
+        name.lower(): _plain(value) for name, value in re.findall(r"(\w+)\s*=\s*[{\"](.*?)[}\"],?\s*(?:\n|$)", entry)
+    }
     where = fields.get("journal") or fields.get("publisher") or fields.get("institution") or fields.get("school")
     number = fields.get("number") if "institution" in fields else None
     parts = (fields.get("author"), fields.get("title"), where, number, fields.get("year"), fields.get("note"))
     return f"[{key}] " + ". ".join(p for p in parts if p) + "."
 
 
-_ACCENTS = {'\\"{o}': "ö", '\\"{a}': "ä", '\\"{u}': "ü", "\\'{e}": "é", "{\\AA}": "Å", "\\AA": "Å", "\\'{o}": "ó", "\\l": "ł"}
+_ACCENTS = {
+    '\\"{o}': "ö",
+    '\\"{a}': "ä",
+    '\\"{u}': "ü",
+    "\\'{e}": "é",
+    "{\\AA}": "Å",
+    "\\AA": "Å",
+    "\\'{o}": "ó",
+    "\\l": "ł",
+}
 
 
 def _plain(text: str) -> str:

@@ -31,6 +31,7 @@ SHOWN_UNITS = {
     "stribeck_exponent": (1.0, ""),
     "viscous": (1.0, "N s/m"),
 }
+MOST_LABELS = 40
 WIDE = 3.0  # ratio of speeds beyond which speed has a logarithmic axis
 
 
@@ -44,33 +45,61 @@ def section(found: Characterisation, fits: Fits) -> Section:
         ),
         Picture(
             "friction-speed",
-            "Friction against speed with U (k = 2)" + (" and the fitted laws" if _has_curve(found, fits) else "") + ".",
+            "Friction against speed with U (k = 2)"
+            + (" and the fitted laws" if _has_curve(fits) else "")
+            + "."
+            + (" The small numbers are gauge pressures in bar." if _labelled(found) else ""),
             draw(found, fits),
             synthetic=found.synthetic,
         ),
     ]
     if fits:
         blocks.append(_table(fits))
-        blocks.append(Text("What these data cannot determine:"))
-        blocks.append(Items(undetermined(fits) or ("Nothing: every parameter has a closed interval.",)))
-        notes = tuple(dict.fromkeys(sentence(n) for by_law in fits.values() for f in by_law.values() for n in f.notes))
+        lost = undetermined(fits)
+        if lost:
+            head = ("group", "cannot be determined", "because", "measure")
+            blocks.append(Table(head, lost, "What these data cannot determine", numbers_from=9))
+        else:
+            blocks.append(Text("Every parameter is determined: each has a closed interval."))
+        notes = fit_notes(fits)
         blocks += [Text("Notes of the fits:"), Items(notes)] if notes else []
     else:
         blocks.append(Text("No law could be fitted: there are fewer values than a law has parameters.", "note"))
     return Section("speed", "Friction against speed, and what cannot be determined", tuple(blocks), found.synthetic)
 
 
-def undetermined(fits: Fits, law: str = "stribeck") -> tuple[str, ...]:
-    """Statements of the richest fit of each group, those that groups share said once."""
-    said: dict[str, list[str]] = {}
+def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
+    """Return the fit of the law with the most parameters."""
+    return by_law.get("stribeck") or next(iter(by_law.values()))
+
+
+def undetermined(fits: Fits) -> tuple[tuple[str, str, str, str], ...]:
+    """List group, parameters, reason and remedy of what the richest fit of each group cannot determine."""
+    rows: dict[tuple[str, str, str], list[str]] = {}
     for group, by_law in fits.items():
-        fit = by_law.get(law) or next(iter(by_law.values()))
-        for statement in fit.statements():
-            said.setdefault(statement, []).append(group)
-    return tuple(f"{', '.join(groups)}: {statement}" for statement, groups in said.items())
+        lost: dict[tuple[str, str], list[str]] = {}
+        for item in richest(by_law).undetermined:
+            lost.setdefault((item.reason, item.remedy), []).append(item.parameter.replace("_", " "))
+        for (reason, remedy), names in lost.items():
+            rows.setdefault((", ".join(names), reason, remedy), []).append(group)
+    return tuple((", ".join(groups), names, reason, remedy) for (names, reason, remedy), groups in rows.items())
 
 
-def _has_curve(found: Characterisation, fits: Fits) -> bool:
+def fit_notes(fits: Fits) -> tuple[str, ...]:
+    """Give the notes of the richest fits, each with the groups that it is about."""
+    notes: dict[str, list[str]] = {}
+    for group, by_law in fits.items():
+        for note in richest(by_law).notes:
+            notes.setdefault(note, []).append(group)
+    return tuple(sentence(f"{', '.join(groups)}: {note}") for note, groups in notes.items())
+
+
+def _labelled(found: Characterisation) -> bool:
+    """Whether each point carries its pressure: several pressures, and few enough points to read them."""
+    return len(found.points) <= MOST_LABELS and float(np.ptp([p.pressure_pa for p in found.points])) > 2e4
+
+
+def _has_curve(fits: Fits) -> bool:
     return any("stribeck_velocity" in f.determined for by_law in fits.values() for f in by_law.values())
 
 
@@ -94,11 +123,15 @@ def draw(found: Characterisation, fits: Fits) -> Figure:
         )
     speeds = np.array([p.speed_m_s for p in found.points])
     if speeds.max() > WIDE * speeds.min():
-        axis.set_xscale("log")
-        axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        style.logarithmic(axis)
+    if _labelled(found):
+        for p in found.points:
+            place = (p.speed_m_s * 1e3, p.friction_n)
+            axis.annotate(f"{p.pressure_pa / 1e5:.0f}", place, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
     for index, seal in enumerate(seals):
         _curves(axis, index, [p for p in found.points if p.seal == seal], fits.get(seal) or fits.get(ALL), found)
     axis.set_ylim(bottom=0)
+    style.headroom(axis, above=0.12)
     axis.set_xlabel("speed / (mm/s)")
     axis.set_ylabel("friction / N")
     axis.legend(ncols=3)
@@ -108,7 +141,7 @@ def draw(found: Characterisation, fits: Fits) -> Figure:
 def _curves(
     axis: Axes, index: int, points: list[FrictionPoint], fits: Mapping[str, FrictionFit] | None, found: Characterisation
 ) -> None:
-    """The fitted law at each pressure, where the data determine how it depends on speed."""
+    """Draw the fitted law at each pressure, where the data determine how it depends on speed."""
     fit = (fits or {}).get("stribeck")
     if fit is None or "stribeck_velocity" not in fit.determined:
         return
@@ -120,7 +153,9 @@ def _curves(
         gauges = [pressure if side in sides else 0.0 for side in ("a", "b")]
         predicted = fit.predict(grid, *gauges)
         axis.fill_between(grid * 1e3, predicted.lower_n, predicted.upper_n, color=style.BAND, lw=0)
-        axis.plot(grid * 1e3, predicted.friction_n, linestyle=style.look(index).linestyle, color=style.look(index).color)
+        axis.plot(
+            grid * 1e3, predicted.friction_n, linestyle=style.look(index).linestyle, color=style.look(index).color
+        )
 
 
 def _pressurised(found: Characterisation) -> set[str]:
@@ -133,8 +168,11 @@ def _pressurised(found: Characterisation) -> set[str]:
 def _table(fits: Fits) -> Table:
     rows = []
     for group, by_law in fits.items():
+        alike: dict[tuple[str, ...], list[str]] = {}  # a law that lost its falling part is the smaller law
         for law, fit in by_law.items():
-            rows += [(group, law, *cells) for cells in parameter_rows(fit)]
+            alike.setdefault(fit.free, []).append(law)
+        for laws in alike.values():
+            rows += [(group, ", ".join(laws), *cells) for cells in parameter_rows(by_law[laws[0]])]
     head = ("group", "law", "parameter", "estimate, U (k = 2)", "95 % interval, statistical")
     return Table(head, tuple(rows), "Fitted parameters; what is absent is not determined by these data", numbers_from=3)
 

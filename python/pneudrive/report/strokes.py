@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 COLUMNS = 3
 MOST_PANELS = 6
 MOST_IN_PANEL = 8
+MOST_ROWS = 12
 SPOILS = {
     "undersampled": f"fewer than {NEEDED_RISE_SAMPLES} samples on the rise",
     "pressure_transient": "pressure changes during the rise",
@@ -49,11 +50,18 @@ def drift(found: Characterisation) -> Section | None:
             synthetic=found.synthetic,
         ),
     ]
-    rows = tuple(_drift_row(level) for level in spread_evenly(drifting, 40))
+    strongest = sorted(drifting, key=lambda level: -_drift_share(level))[:MOST_ROWS]
+    rows = tuple(_drift_row(level) for level in strongest)
     if rows:
         head = ("recording", "per stroke +x, N", "p", "per stroke −x, N", "p", "strokes", "independent")
-        blocks.append(Table(head, rows, "Levels that drift (Theil-Sen slope, Kendall's p)"))
+        blocks.append(Table(head, rows, f"The {len(rows)} levels that drift most (Theil-Sen slope, Kendall's p)"))
     return Section("drift", "Drift from stroke to stroke", tuple(blocks), synthetic=found.synthetic)
+
+
+def _drift_share(level: Level) -> float:
+    """Largest drift over all strokes of a direction, as a share of friction."""
+    slopes = [abs(s.slope_n) * s.strokes for s in level.spreads.values() if s.has_trend]
+    return max(slopes, default=0.0) / max(abs(level.friction_n), 1e-9)
 
 
 def _drift_row(level: Level) -> tuple[str, ...]:
@@ -90,7 +98,8 @@ def draw_drift(found: Characterisation) -> Figure:
                 )
         axis.axhline(0, color=style.GREY, lw=0.8)
         axis.set_title(seal)
-        axis.legend(fontsize=5.8, ncols=2, loc="best", handlelength=2.2, columnspacing=0.8, labelspacing=0.25)
+        axis.legend(fontsize=5.8, ncols=2, loc="lower right", handlelength=2.2, columnspacing=0.8, labelspacing=0.25)
+    style.headroom(axes[0], below=0.25)
     style.outer_labels(figure, "stroke in its direction", "friction against the mean / %")
     return figure
 
@@ -112,20 +121,23 @@ def peaks(found: Characterisation) -> Section | None:
     spoilt = "; ".join(f"{SPOILS[flag]}: {count}" for flag, count in counts.items() if count)
     text = (
         f"{plural(len(every), 'reversal')}: {plural(len(good), 'peak')} usable, of which {len(real)} stand out of the "
-        f"noise. What spoils the others ({spoilt}; several may apply to one)." if spoilt else
-        f"{plural(len(every), 'reversal')}, all usable; {len(real)} stand out of the noise."
+        f"noise. What spoils the others ({spoilt}; several may apply to one)."
+        if spoilt
+        else f"{plural(len(every), 'reversal')}, all usable; {len(real)} stand out of the noise."
     )
     blocks: list = [Text(text)]
     if len(good) < len(every) / 2:
         blocks.append(
             Text(
-                "These recordings cannot say how large breakaway friction is: the rise after a reversal is over before "
-                "enough samples are taken, or pressure moves the force while it rises. Sampling at 1 kHz or more, and a "
-                "reservoir at the chamber, would show it.",
+                "These recordings cannot say how large breakaway friction is: the rise after a reversal is over "
+                "before enough samples are taken, or pressure moves the force while it rises. Sampling at 1 kHz or "
+                "more, and a reservoir at the chamber, would show it.",
                 "note",
             )
         )
-    caption = "Left: one reversal, each sample marked, offset taken out. Right: all peaks over the samples on their rise."
+    caption = (
+        "Left: one reversal, each sample marked, offset taken out. Right: all peaks over the samples on their rise."
+    )
     blocks.append(Picture("reversals", caption, draw_peaks(every), synthetic=found.synthetic))
     if real:
         lines = [f"{p.recording}, {p.friction_n:.2f} N, {p.excess_n:+.2f} N over sliding" for p in real[:10]]
@@ -141,8 +153,7 @@ def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figu
     r = result.recording
     top = int(np.searchsorted(r.time_s, peak.time_s))
     part = slice(max(top - 40, 0), top + 60)
-    known = np.isfinite(level.profile.offset_n)
-    offset = np.interp(r.position_m[part], level.profile.position_m[known], level.profile.offset_n[known])
+    offset = _offset_line(level)(r.position_m[part])
     friction = peak.direction * (result.balance_n[part] - offset)
     left.plot(r.time_s[part] - peak.time_s, friction, "o-", color=style.BLACK, ms=2.5, lw=0.7)
     left.axhline(peak.sliding_n, color=style.BLUE, linestyle="--", lw=0.9, label="sliding friction in the window")
@@ -154,10 +165,19 @@ def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figu
     good = [p for _, _, p in every if not p.flags]
     bad = [p for _, _, p in every if p.flags]
     for group, marker, face, label in ((bad, "x", style.GREY, "spoilt"), (good, "o", style.BLUE, "usable")):
-        right.plot([p.rise_samples for p in group], [p.excess_n for p in group], marker, color=face, ms=3.5, label=label)
+        right.plot(
+            [p.rise_samples for p in group], [p.excess_n for p in group], marker, color=face, ms=3.5, label=label
+        )
     right.axvline(NEEDED_RISE_SAMPLES, color=style.BLACK, linestyle="--", lw=0.9, label="samples needed")
     right.set_xlabel("samples on the rise")
     right.set_ylabel("peak over sliding friction / N")
     right.set_xlim(left=0)
     right.legend(fontsize=6.8)
     return figure
+
+
+def _offset_line(level: Level) -> np.polynomial.Polynomial:
+    """Line through the offset of the window: what is taken out of a reversal peak."""
+    p = level.profile
+    known = np.isfinite(p.offset_n) & p.in_window
+    return np.polynomial.Polynomial.fit(p.position_m[known], p.offset_n[known], 1)

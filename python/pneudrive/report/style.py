@@ -30,7 +30,6 @@ _SETTINGS: dict[str, Any] = {
     "axes.linewidth": 0.7,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.formatter.use_mathtext": True,
     "xtick.labelsize": 7.5,
     "ytick.labelsize": 7.5,
     "xtick.major.width": 0.7,
@@ -81,7 +80,7 @@ def applied() -> Iterator[None]:
     """Draw in this style inside the block."""
     import matplotlib as mpl
 
-    with mpl.rc_context(_SETTINGS):
+    with mpl.rc_context(_SETTINGS):  # pyright: ignore[reportArgumentType] - names of settings are plain strings
         yield
 
 
@@ -112,9 +111,21 @@ def outer_labels(figure: Figure, x: str, y: str) -> None:
     figure.supylabel(y, fontsize=_SETTINGS["axes.labelsize"])
 
 
-def legend_below(figure: Figure, handles: Sequence[Any], columns: int | None = None) -> None:
-    """Put one legend under all panels, where it covers nothing."""
-    figure.legend(handles=list(handles), loc="outside lower center", ncols=columns or len(handles))
+def legend_above(figure: Figure, handles: Sequence[Any], columns: int | None = None) -> None:
+    """Put one legend over all panels, where it covers nothing."""
+    figure.legend(handles=list(handles), loc="outside upper center", ncols=columns or len(handles))
+
+
+def headroom(axis: Axes, above: float = 0.0, below: float = 0.0) -> None:
+    """Widen the vertical range by shares of itself, so that a legend has a place of its own."""
+    low, high = axis.get_ylim()
+    axis.set_ylim(low - below * (high - low), high + above * (high - low))
+
+
+def logarithmic(axis: Axes) -> None:
+    """Give the horizontal axis a logarithmic scale with plain numbers."""
+    axis.set_xscale("log")
+    axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
 def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence

@@ -89,22 +89,33 @@ def _write(figure: Figure, run: xr.Dataset, target: Path) -> None:
         _write_page(figure, run, target)
         return
     with whole(target) as temporary:
-        figure.savefig(temporary, dpi=style.PNG_DPI, metadata={"Date": None} if target.suffix.lower() == ".svg" else None)
+        figure.savefig(
+            temporary, dpi=style.PNG_DPI, metadata={"Date": None} if target.suffix.lower() == ".svg" else None
+        )
 
 
 def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
     """Write a page of its own that loads nothing: the picture, then what made it."""
     from pneudrive.report.page import Picture, Report, Section, Table, inline, svg_text
 
-    rows = [(k, str(run.attrs[k])) for k in ("version", "solver", "rtol", "description_hash", "statistics") if k in run.attrs]
-    rows += [("warning", w) for w in run.attrs.get("warnings", [])] + [("assumed", a) for a in run.attrs.get("assumed", [])]
+    rows = [
+        (k, str(run.attrs[k]))
+        for k in ("version", "solver", "rtol", "description_hash", "statistics")
+        if k in run.attrs
+    ]
+    rows += [("warning", w) for w in run.attrs.get("warnings", [])] + [
+        ("assumed", a) for a in run.attrs.get("assumed", [])
+    ]
     title = str(run.attrs.get("title") or "Trajectory")
     picture = Picture("trajectory", f"{title}, simulated.", figure, synthetic=True)
     table = Table(("", ""), tuple(rows), "Provenance", numbers_from=9)
     position = run["position"].to_numpy() * 1e3 if "position" in run else None
     lines = [f"{run.sizes['time']} samples to {float(run.time[-1]):g} s."]
     if position is not None:
-        lines.append(f"Position {position[0]:.3f} mm to {position[-1]:.3f} mm, between {position.min():.3f} and {position.max():.3f} mm.")
+        lines.append(
+            f"Position {position[0]:.3f} mm to {position[-1]:.3f} mm, between {position.min():.3f} and "
+            f"{position.max():.3f} mm."
+        )
     report = Report(title, lines, [Section("trajectory", "Trajectory", (picture, table), synthetic=True)])
     report.pictures[picture.name] = inline(svg_text(figure), picture.name, picture.caption)
     with whole(target) as temporary:

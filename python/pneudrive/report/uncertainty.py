@@ -20,7 +20,7 @@ STATISTICAL = "spread between strokes"
 
 
 def budget(found: Characterisation) -> Section:
-    """What each source contributes to friction, of the levels with the smallest and the largest uncertainty."""
+    """List what each source contributes to friction, of the levels with the smallest and the largest uncertainty."""
     levels = sorted(found.levels, key=lambda level: level.expanded_n)
     least, most = levels[0], levels[-1]
     shown = [least] if least is most else [least, most]
@@ -42,8 +42,8 @@ def budget(found: Characterisation) -> Section:
     if assumed:
         blocks.append(
             Text(
-                f"Assumed, because the layout does not say: {', '.join(assumed)}. State the accuracies of your sensors in "
-                "the layout and these entries become yours.",
+                f"Assumed, because the layout does not say: {', '.join(assumed)}. State the accuracies of your "
+                "sensors in the layout and these entries become yours.",
                 "note",
             )
         )
@@ -51,7 +51,7 @@ def budget(found: Characterisation) -> Section:
 
 
 def contributions(level: Level) -> dict[str, float]:
-    """Standard uncertainty of friction by source, N, the statistical one first."""
+    """Give the standard uncertainty of friction by source, N, the statistical one first."""
     out = {STATISTICAL: float(np.nan_to_num(level.stderr_n))}
     for entry in level.budget:
         out[entry.source] = float(np.hypot(out.get(entry.source, 0.0), entry.friction_n))
@@ -121,4 +121,3 @@ def flags(found: Characterisation) -> Section:
     head = ("flag", "meaning", "where", "recordings", "samples")
     text = Text(f"{plural(len(rows), 'kind')} of flags. They mark what a reader of the friction map should know.")
     return Section("flags", "Flags", (text, Table(head, tuple(rows), numbers_from=3)), synthetic=found.synthetic)
-

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.report.recovered import recovered
-from pneudrive.report.speed import undetermined
+from pneudrive.report.speed import richest
 from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s, with_u
 
 if TYPE_CHECKING:
@@ -20,6 +20,13 @@ if TYPE_CHECKING:
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 
 LINES = 5
+PARAMETERS = {
+    "breakaway": "breakaway force",
+    "stribeck_velocity": "Stribeck velocity",
+    "stribeck_exponent": "Stribeck exponent",
+    "viscous": "viscous coefficient",
+    "coulomb": "Coulomb force",
+}
 
 
 def verdict(found: Characterisation | None, fits: Fits, made: Reproduction | None) -> list[str]:
@@ -41,7 +48,9 @@ def _friction(found: Characterisation) -> str:
     head = f"Sliding friction, {plural(len(found.results), kind)}, {plural(len(by_seal(found)), 'seal')}: "
     shown = []
     for level in levels[:1] if len(levels) == 1 else (levels[0], levels[-1]):
-        conditions = f"{level.recording}, {gauge_bar(level, recordings[level.recording]):.1f} bar, {speed_mm_s(level):.3g} mm/s"
+        conditions = (
+            f"{level.recording}, {gauge_bar(level, recordings[level.recording]):.1f} bar, {speed_mm_s(level):.3g} mm/s"
+        )
         shown.append(f"{with_u(level.friction_n, level.expanded_n)} ({conditions})")
     return head + " to ".join(shown) + ", U with k = 2."
 
@@ -50,7 +59,8 @@ def _pressure(found: Characterisation) -> str:
     lines = found.pressure_lines
     spread = found.run_spread
     known = (
-        f"runs of one seal differ by {100 * spread.relative:.0f} % (standard deviation), more than U of a single run says"
+        f"runs of one seal differ by {100 * spread.relative:.0f} % (standard deviation), more than U of a single run "
+        "says"
         if spread and _beyond_u(found)
         else f"runs of one seal differ by {100 * spread.relative:.0f} % (standard deviation)"
         if spread
@@ -61,7 +71,11 @@ def _pressure(found: Characterisation) -> str:
     slopes = sorted(1e5 * line.slope_n_pa for line in lines)
     rise = f"{slopes[0]:+.2f} N/bar" if len(slopes) == 1 else f"{slopes[0]:+.2f} to {slopes[-1]:+.2f} N/bar"
     confounded = [line for line in lines if abs(line.speed_pressure_correlation) > 0.7]
-    tail = f"; in {len(confounded)} of {len(lines)} speed changes with pressure and the two cannot be told apart" if confounded else ""
+    tail = (
+        f"; in {len(confounded)} of {len(lines)} speed changes with pressure and the two cannot be told apart"
+        if confounded
+        else ""
+    )
     return f"Friction changes with pressure by {rise}; {known}{tail}."
 
 
@@ -76,10 +90,15 @@ def _closure(found: Characterisation) -> str:
         return "Closure: pressure was not changed, so effective area and force zero cannot be checked."
     zeros = [c.force_zero_n.value for c in found.closures]
     large = sum(abs(level.offset_n) > level.friction_n for level in found.levels)
-    offset = f"; in {plural(large, 'recording')} the offset exceeds the friction, and only pairing the directions survives it" if large else ""
+    offset = (
+        f"; in {plural(large, 'recording')} the offset exceeds the friction, and only pairing the directions "
+        "survives it"
+        if large
+        else ""
+    )
     return (
-        f"Force balance: effective area {min(areas):+.1f} to {max(areas):+.1f} % of nominal, force zero {min(zeros):+.2f} "
-        f"to {max(zeros):+.2f} N{offset}."
+        f"Force balance: effective area {min(areas):+.1f} to {max(areas):+.1f} % of nominal, force zero "
+        f"{min(zeros):+.2f} to {max(zeros):+.2f} N{offset}."
     )
 
 
@@ -88,17 +107,11 @@ def _open(found: Characterisation, fits: Fits) -> str:
     span = f"{min(speeds):.3g} to {max(speeds):.3g} mm/s"
     if not fits:
         return f"Not determined: any law of friction over speed ({span} only)."
-    names = {n for line in undetermined(fits) for n in _names(line)}
-    order = ("breakaway", "stribeck velocity", "stribeck exponent", "viscous", "coulomb")
-    lost = [n for n in order if n.replace(" ", "_") in names]
+    names = {item.parameter for by_law in fits.values() for item in richest(by_law).undetermined}
+    lost = [words for name, words in PARAMETERS.items() if name in names]
     if not lost:
         return f"Every parameter of the fitted law is determined by speeds of {span}."
     return f"Not determined by speeds of {span}: {', '.join(lost)}; what is measured is mean sliding friction there."
-
-
-def _names(statement: str) -> list[str]:
-    head = statement.split(" cannot be determined")[0].split(": ")[-1]
-    return [name.strip() for name in head.split(",")]
 
 
 def _quality(found: Characterisation) -> str:
@@ -116,7 +129,8 @@ def _reproduced(made: Reproduction, *, all_of_it: bool) -> list[str]:
     truth = f"friction recovered within U in {pairs.inside} of {pairs.true_n.size} recordings" if pairs else ""
     failed = [str(f.number) for f in figures if not f.holds]
     tail = f" (not: figure {', '.join(failed)})" if failed else ""
-    first = f"Simulated rig (synthetic, parameters assumed): {held} of {plural(len(figures), 'sentence')} of the source paper hold{tail}"
+    paper = f"{held} of {plural(len(figures), 'sentence')} of the source paper hold{tail}"
+    first = f"Simulated rig (synthetic, parameters assumed): {paper}"
     if not all_of_it:
         return [f"{first}; {truth}."]
     slip = made.figures.get(2) or made.figures.get(1)
@@ -125,13 +139,15 @@ def _reproduced(made: Reproduction, *, all_of_it: bool) -> list[str]:
         q = slip.quantities
         lines.append(
             f"Stick-slip at a mean of {1e3 * q['mean_speed_m_s']:.2f} mm/s: period {q['period_s']:.2f} s, step "
-            f"{1e3 * q['step_m']:.1f} mm, peak {q['peak_ratio']:.1f} times the mean, stuck {100 * q['stuck_share']:.0f} % of the time."
+            f"{1e3 * q['step_m']:.1f} mm, peak {q['peak_ratio']:.1f} times the mean, stuck "
+            f"{100 * q['stuck_share']:.0f} % of the time."
         )
     c = made.chambers
     lines.append(
-        f"Printed chamber equations: stroke time {100 * (c.stroke_time_s['as-printed'] / c.stroke_time_s['energy-balance'] - 1):+.1f} %, "
-        f"but gas temperature off by up to {c.largest_difference('temperature_b'):.0f} K and {c.energy_residual_j['as-printed']:.0f} J "
-        f"of {c.stroke_work_j:.0f} J from nowhere."
+        "Printed chamber equations: stroke time "
+        f"{100 * (c.stroke_time_s['as-printed'] / c.stroke_time_s['energy-balance'] - 1):+.1f} %, but gas "
+        f"temperature off by up to {c.largest_difference('temperature_b'):.0f} K and "
+        f"{c.energy_residual_j['as-printed']:.0f} J of {c.stroke_work_j:.0f} J from nowhere."
     )
     lines.append("Figures 4 and 7 (rigs) and 9 (stops) are not reproduced yet.")
     return lines

@@ -41,7 +41,7 @@ def seal_of(recording: Recording) -> str:
 
 
 def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
-    """Recordings by seal, each group in order of pressure."""
+    """Group recordings by seal, each group in order of pressure."""
     groups: dict[str, list[RecordingResult]] = {}
     for result in found.results:
         groups.setdefault(seal_of(result.recording), []).append(result)
@@ -102,5 +102,12 @@ def plural(count: int, one: str, many: str = "") -> str:
 
 
 def sentence(text: str) -> str:
-    """Begin with a capital letter and end with one full stop."""
+    """Begin with a capital letter, end with one full stop, and set signs as in print.
+
+    Examples
+    --------
+    >>> sentence("area 5 cm2 +-0.1 cm2")
+    'Area 5 cm² ±0.1 cm².'
+    """
+    text = text.replace("+-", "±").replace("cm2", "cm²")
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."

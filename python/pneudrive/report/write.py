@@ -17,6 +17,7 @@ from pneudrive.report import (
     record,
     recovered,
     speed,
+    stick_slip,
     strokes,
     style,
     uncertainty,
@@ -125,7 +126,9 @@ def write_report(
     """
     folder = Path(folder)
     with style.applied():
-        report = Report(_title(found, reproduction), verdict(found, fits, reproduction), sections(found, fits, reproduction))
+        report = Report(
+            _title(found, reproduction), verdict(found, fits, reproduction), sections(found, fits, reproduction)
+        )
         return report.write(folder)
 
 
@@ -149,7 +152,10 @@ def sections(found: Characterisation | None, fits: Fits, made: Reproduction | No
     if made is not None:
         if found is None or not found.synthetic:
             parts.append(recovered.section(made.found, made.fits))
-        parts += [paper.section(made.figures), paper.stick_slip_section(made.figures), chambers.section(made.chambers)]
+        parts.append(paper.section(made.figures))
+    parts.append(stick_slip.section(found, made.figures if made is not None else {}))
+    if made is not None:
+        parts.append(chambers.section(made.chambers))
     parts.append(provenance.section(found, made))
     return [part for part in parts if part is not None]
 

@@ -83,9 +83,7 @@ def compare_chamber_laws(drive: Drive | None = None) -> ChamberComparison:
 
 def _out_and_back(drive: Drive) -> xr.Dataset:
     start = f"position = 0 mm, pressure_b = {drive.supply_pressure_pa} Pa abs"
-    return simulate(
-        drive, [(0.0, 1.0), (TURN_S, -1.0)], 2 * TURN_S, initial=start, sample_rate=SAMPLE_RATE, rtol=RTOL
-    )
+    return simulate(drive, [(0.0, 1.0), (TURN_S, -1.0)], 2 * TURN_S, initial=start, sample_rate=SAMPLE_RATE, rtol=RTOL)
 
 
 def _arrival(run: xr.Dataset, stroke_m: float) -> float:
