@@ -50,7 +50,7 @@ _HOME = {
 }
 _SUBMODULES = ("report", "rig", "identify", "errors", "units")
 
-__all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 - names of the table above
+__all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> object:

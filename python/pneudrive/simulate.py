@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive._core import Drive as CoreDrive
+    from pneudrive._core import SimulationResult
     from pneudrive.describe import Drive, Initial
 
 MOST_SAMPLES = 50_000_000  # a trajectory of that many rows takes about 6 GB
@@ -157,14 +158,14 @@ def _solve(
     rate: float,
     start: dict[str, float],
     rtol: float,
-) -> dict[str, Any]:
+) -> SimulationResult:
     try:
         return core.simulate(*steps, seconds, rate, start, rtol)
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None
 
 
-def _provenance(drive: Drive, result: dict[str, Any], rtol: float) -> dict[str, Any]:
+def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str, Any]:
     return {
         "title": drive.name,
         "description_hash": drive.description_hash,

@@ -1,0 +1,80 @@
+"""The compiled core: what `crates/python` offers. SI throughout, pressures absolute unless a name says gauge."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypedDict, final, type_check_only
+
+from numpy import float64
+from numpy.typing import NDArray
+
+__all__ = ["Drive", "Rig", "friction_laws", "steady_friction"]
+
+@type_check_only
+class Result(TypedDict):
+    columns: dict[str, NDArray[float64]]
+    statistics: dict[str, int]
+    ledger: dict[str, Any] | None
+
+@type_check_only
+class SimulationResult(Result):
+    warnings: list[str]
+    citations: list[str]
+
+@final
+class Drive:
+    def __new__(cls, json: str) -> Drive: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def citations(self) -> list[str]: ...
+    def simulate(
+        self,
+        times: Sequence[float],
+        commands: Sequence[float],
+        duration: float,
+        sample_rate: float,
+        initial: Mapping[str, float],
+        rtol: float,
+        ledger: bool = False,
+    ) -> SimulationResult: ...
+    def states(
+        self,
+        times: Sequence[float],
+        commands: Sequence[float],
+        duration: float,
+        sample_rate: float,
+        initial: Mapping[str, float],
+        rtol: float,
+    ) -> NDArray[float64]: ...
+    def servo(
+        self,
+        kp: float,
+        kd: float,
+        amplitude_m: float,
+        frequency_hz: float,
+        duration_s: float,
+        sample_rate_hz: float,
+        initial: Mapping[str, float],
+        rtol: float,
+    ) -> Result: ...
+
+@final
+class Rig:
+    def __new__(cls, json: str) -> Rig: ...
+    def run(
+        self,
+        durations: Sequence[float] | NDArray[float64],
+        jerks: Sequence[float] | NDArray[float64],
+        sample_times: Sequence[float] | NDArray[float64],
+        initial_position: float,
+        rtol: float,
+    ) -> Result: ...
+
+def friction_laws() -> list[dict[str, Any]]: ...
+def steady_friction(
+    law: str,
+    parameters: Mapping[str, float],
+    velocity: NDArray[float64],
+    gauge_a_pa: float = 0.0,
+    gauge_b_pa: float = 0.0,
+    pressure: Mapping[str, float] | None = None,
+) -> NDArray[float64]: ...
