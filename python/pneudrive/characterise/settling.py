@@ -43,15 +43,18 @@ class SampleChoice(Protocol):
 class Settled:
     """Samples after the reversal's transient, with no need for a controlled speed.
 
-    A stroke has settled when its speed has reached ``speed_share`` of its own middle speed and the
-    balance has gone through ``force_share`` of its swing from the opposite direction's level; then as
-    much travel again is dropped as that took, since presliding and speed approach exponentially.
-    At the end, samples below the speed share are dropped. The levels are medians over the middle
-    60 % of the travel, so neither speed nor force needs to be constant.
+    A stroke has settled after ``speed_travels`` times the travel in which its speed reaches ``speed_share`` of its own
+    middle speed, and after ``force_travels`` times the travel in which the balance goes through ``force_share`` of
+    its swing from the opposite direction's level. Presliding approaches like  1 - 2 exp(-x/l):  80 % of the swing takes
+    1.6 l, and after three times that 2 % are left; a higher share would wait for friction that changes along the stroke.
+    At the end, samples below the speed share are dropped. The levels are medians over the middle 60 % of the travel,
+    so neither speed nor force needs to be constant.
     """
 
     speed_share: float = 0.8
-    force_share: float = 0.9
+    force_share: float = 0.8
+    speed_travels: float = 2.0
+    force_travels: float = 3.0
     name: str = "settled"
     uses_window: bool = True
 
@@ -72,14 +75,14 @@ class Settled:
             fast = np.abs(velocity[part]) >= self.speed_share * abs(stroke.speed_m_s)
             if not fast.any():
                 continue
-            begin = travelled[int(np.argmax(fast))]
+            begin = self.speed_travels * travelled[int(np.argmax(fast))]
             own, opposite = levels[stroke.direction], levels[-stroke.direction]
             if own is not None and opposite is not None and own != opposite:
                 risen = (balance_n[part] - opposite) / (own - opposite) >= self.force_share
                 if risen.any():
-                    begin = max(begin, travelled[int(np.argmax(risen))])
+                    begin = max(begin, self.force_travels * travelled[int(np.argmax(risen))])
             last_fast = int(fast.size - np.argmax(fast[::-1]))
-            kept = travelled >= 2 * begin
+            kept = travelled >= begin
             kept[last_fast:] = False
             mask[part] = kept
         return mask, balance_n
