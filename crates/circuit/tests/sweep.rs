@@ -71,7 +71,15 @@ fn drive(draw: &mut Draw) -> Value {
     let mut dead = || 1e-6 + area * stroke * draw.log(0.01, 0.2);
     let (dead_a, dead_b) = (dead(), dead());
     // Sonic conductance for 0.1 to 3 m/s: C rho0 R T0 = A v.
-    let conductance = area * draw.log(0.1, 3.0) / (1.185 * R * ROOM);
+    let speed = draw.log(0.1, 3.0);
+    let conductance = area * speed / (1.185 * R * ROOM);
+    let moving = push * draw.log(5e-4, 1e-2);
+    let load = draw.one(&[0.0, 1.0]) * push * draw.log(1e-3, 1e-2);
+    // Stops that hold both the pressure and the impact within a fraction of the dead length.
+    let dead_length = f64::min(dead_a, dead_b) / area;
+    let hold = f64::max(20.0 * push / dead_length, (moving + load) * (4.0 * speed / dead_length).powi(2));
+    let stiffness = hold * draw.log(1.0, 10.0);
+    let damping = draw.log(0.02, 1.0) * 2.0 * (stiffness * (moving + load)).sqrt();
     json!({
         "gas": { "heat_capacity_ratio": 1.4, "gas_constant_j_kg_k": R },
         "ambient": { "pressure_pa": AMBIENT, "temperature_k": ROOM },
@@ -79,13 +87,12 @@ fn drive(draw: &mut Draw) -> Value {
         "cylinder": {
             "kind": kind, "bore_m": bore, "rod_diameter_m": rod, "stroke_m": stroke,
             "dead_volume_a_m3": dead_a, "dead_volume_b_m3": dead_b,
-            "moving_mass_kg": push * draw.log(5e-4, 5e-2),
+            "moving_mass_kg": moving,
             "incline_rad": draw.one(&[0.0, 0.0, 1.0, -1.0]) * draw.linear(0.0, 0.5 * std::f64::consts::PI),
             "heat_transfer_w_m2_k": draw.one(&[0.0, 1.0, 1.0]) * draw.log(5.0, 200.0),
             "wall_temperature_k": draw.linear(260.0, 350.0),
             "end_stop": {
-                "stiffness_n_m": draw.log(1e5, 1e7), "damping_n_s_m": draw.log(100.0, 5000.0),
-                "damping_depth_m": draw.log(1e-5, 1e-3),
+                "stiffness_n_m": stiffness, "damping_n_s_m": damping, "damping_depth_m": draw.log(1e-5, 1e-3),
             },
         },
         "valve": {
@@ -96,7 +103,7 @@ fn drive(draw: &mut Draw) -> Value {
         },
         "friction": friction(draw, push, supply),
         "load": {
-            "mass_kg": draw.one(&[0.0, 1.0]) * push * draw.log(1e-3, 2e-2),
+            "mass_kg": load,
             "force_n": draw.one(&[0.0, 1.0]) * push * draw.linear(-0.3, 0.3),
             "spring": draw.chance(0.2).then(|| json!({
                 "stiffness_n_m": 0.5 * push / stroke * draw.unit(),
@@ -167,15 +174,16 @@ fn member(seed: u64) -> Result<u64, String> {
 
 fn sweep(seeds: std::ops::Range<u64>) {
     let results: Vec<_> = seeds.clone().map(member).collect();
-    let mut attempts: Vec<u64> = results.iter().filter_map(|r| r.as_ref().ok().copied()).collect();
+    let done = seeds.zip(&results).filter_map(|(seed, result)| Some((*result.as_ref().ok()?, seed)));
+    let mut attempts: Vec<(u64, u64)> = done.collect();
     attempts.sort_unstable();
     let failures: Vec<&String> = results.iter().filter_map(|r| r.as_ref().err()).collect();
     println!(
-        "{} runs, {} failures; attempts: median {}, largest {}",
+        "{} runs, {} failures; attempts: median {}, largest (attempts, member) {:?}",
         results.len(),
         failures.len(),
-        attempts[attempts.len() / 2],
-        attempts[attempts.len() - 1]
+        attempts[attempts.len() / 2].0,
+        &attempts[attempts.len().saturating_sub(8)..]
     );
     for failure in failures.iter().take(10) {
         println!("{failure}");

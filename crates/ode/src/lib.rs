@@ -4,14 +4,17 @@
 //! dual numbers, its sparsity from dependency sets, and runs one or several lanes in the same loop.
 
 mod control;
+mod dense;
 mod event;
+mod linear;
 mod rosenbrock;
+mod stages;
 mod stepper;
 mod structure;
 mod system;
 
 pub use control::{Failure, Options, Statistics};
 pub use rosenbrock::{RODAS5P, Rosenbrock};
-pub use stepper::{NoOutput, Output, Paused, Step, Stepper};
+pub use stepper::{NoOutput, Output, Paused, Stepper};
 pub use structure::Structure;
 pub use system::System;

@@ -1,28 +1,22 @@
 //! The integration loop: one for a single system, for lanes, for every caller.
 
 use crate::control::{Control, Failure, Options, Statistics};
+use crate::dense::Step;
 use crate::event::{LOOKOUTS, locate};
-use crate::rosenbrock::{RODAS5P, Rosenbrock};
-use crate::structure::{DIRECTIONS, Entry, Structure};
+use crate::linear::{Linear, blocks};
+use crate::stages::{BLOCK, Block, METHOD, S, combine, zeros};
+use crate::structure::{DIRECTIONS, Structure};
 use crate::system::System;
 use math::{Dual, Lane, Real};
 use std::sync::Arc;
 
-const S: usize = 8;
-const METHOD: Rosenbrock<S> = RODAS5P;
-/// States are stored in blocks of this many, so that a loop over them fills vector registers.
-const BLOCK: usize = 4;
 /// A step below this fraction of the present time (or of 1) no longer moves the clock reliably.
 const MIN_RELATIVE_STEP: f64 = 4.0 * f64::EPSILON;
-
-/// Up to so many states the inverse of W is formed.
-const SMALL: usize = 8;
 
 /// Share of the tolerance that one step may use up. Errors of steps add up, and a drive that creeps
 /// amplifies them: with a half, what is asked is what the golden trajectories show.
 const LOCAL_SHARE: f64 = 0.5;
 
-type Block<R> = [R; BLOCK];
 type Direction<R> = Dual<R, DIRECTIONS>;
 
 /// Receives samples while the integration runs.
@@ -52,36 +46,6 @@ pub enum Paused {
     Budget,
 }
 
-/// One step of all lanes, for dense output.
-#[derive(Clone, Debug)]
-pub struct Step<R> {
-    y0: Vec<Block<R>>,
-    y1: Vec<Block<R>>,
-    k: [Vec<Block<R>>; 3],
-    at: Vec<Block<R>>,
-}
-
-impl<R: Lane> Step<R> {
-    fn new(blocks: usize) -> Self {
-        let zeros = || vec![[R::zero(); BLOCK]; blocks];
-        Step { y0: zeros(), y1: zeros(), k: [zeros(), zeros(), zeros()], at: zeros() }
-    }
-
-    /// The state at `t0 + theta h`, of the method's dense order.
-    fn interpolate(&mut self, theta: f64) -> &[R] {
-        let (th, s) = (R::c(theta), R::c(1.0 - theta));
-        let [k0, k1, k2] = &self.k;
-        let ends = self.y0.iter().zip(&self.y1);
-        for ((at, (y0, y1)), ((k0, k1), k2)) in self.at.iter_mut().zip(ends).zip(k0.iter().zip(k1).zip(k2)) {
-            for l in 0..BLOCK {
-                let inner = k2[l].fma(th, k1[l]).fma(th, k0[l]).fma(s, y1[l]);
-                at[l] = inner.fma(th, s * y0[l]);
-            }
-        }
-        self.at.as_flattened()
-    }
-}
-
 /// An integration in progress: resumable, cloneable, keeping step size and Jacobian.
 pub struct Stepper<R: Lane, Sys: System<R>> {
     system: Sys,
@@ -92,10 +56,7 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     y: Vec<Block<R>>,
     f0: Vec<Block<R>>,
     f_t: Vec<Block<R>>,
-    jacobian: Vec<R>,
-    lu: Vec<R>,
-    reciprocal: Vec<Block<R>>,
-    inverse: [[R; SMALL]; SMALL],
+    linear: Linear<R>,
     u: Vec<Block<R>>,
     stage: Vec<Block<R>>,
     rhs: Vec<Block<R>>,
@@ -118,8 +79,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let structure = system.structure().clone();
         let n = structure.n();
         assert_eq!(y0.len(), n, "one initial value for each state");
-        let blocks = n.div_ceil(BLOCK).max(SMALL / BLOCK);
-        let zeros = |count: usize| vec![[R::zero(); BLOCK]; count];
+        let blocks = blocks(n);
         let mut y = zeros(blocks);
         y.as_flattened_mut()[..n].copy_from_slice(y0);
         let mut scale = vec![[R::one(); BLOCK]; blocks];
@@ -133,10 +93,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             y,
             f0: zeros(blocks),
             f_t: zeros(if structure.depends_on_time { blocks } else { 0 }),
-            jacobian: vec![R::zero(); structure.n_slots],
-            lu: vec![R::zero(); structure.n_slots],
-            reciprocal: zeros(blocks),
-            inverse: [[R::zero(); SMALL]; SMALL],
+            linear: Linear::new(&structure),
             u: zeros(S * blocks),
             stage: zeros(blocks),
             rhs: zeros(blocks),
@@ -225,7 +182,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             };
             self.system.rhs(time, &self.dual_y, &mut self.dual_dy, &mut self.dual_work);
             for &(row, direction, slot) in &pass.results {
-                self.jacobian[slot as usize] = self.dual_dy[row as usize].eps[direction as usize];
+                self.linear.jacobian[slot as usize] = self.dual_dy[row as usize].eps[direction as usize];
             }
             if let Some(direction) = pass.time {
                 for (f_t, dual) in self.f_t.as_flattened_mut().iter_mut().zip(&self.dual_dy) {
@@ -285,124 +242,27 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         h
     }
 
-    /// W = I/(h gamma) - J, factorised in the fixed order; the values below the diagonal and, divided
-    /// by their pivot, above it are stored with the sign in which the substitutions add them.
-    #[inline(never)] // One body of this size in `attempt` is enough: more spill registers.
-    fn factorise(&mut self, h: R) {
-        let diagonal = R::one() / (h * R::c(METHOD.gamma));
-        for (w, j) in self.lu.iter_mut().zip(&self.jacobian) {
-            *w = -*j;
-        }
-        let structure = &*self.structure;
-        let (lower, upper) = (structure.lower.len(), structure.upper.len());
-        let first_diagonal = self.lu.len() - structure.n_coupled;
-        for w in &mut self.lu[first_diagonal..] {
-            *w += diagonal;
-        }
-        let reciprocal = self.reciprocal.as_flattened_mut();
-        let scale = h * R::c(METHOD.gamma);
-        for r in &mut reciprocal[structure.n_coupled..] {
-            *r = scale;
-        }
-        for w in &mut self.lu[lower + upper..first_diagonal] {
-            *w = -(*w * scale);
-        }
-        for pivot in &structure.pivots {
-            let inverse = R::one() / self.lu[pivot.diagonal as usize];
-            reciprocal[pivot.row as usize] = inverse;
-            for below in &pivot.below {
-                let negative = -(self.lu[below.slot as usize] * inverse);
-                self.lu[below.slot as usize] = negative;
-                for &(target, right) in &below.updates {
-                    self.lu[target as usize] =
-                        negative.fma(self.lu[right as usize], self.lu[target as usize]);
-                }
-            }
-        }
-        for (entry, value) in structure.upper.iter().zip(&mut self.lu[lower..lower + upper]) {
-            *value = -(*value * reciprocal[entry.row as usize]);
-        }
-    }
-
-    /// The columns of W^-1, for a small system: eight substitutions side by side cost as much as one,
-    /// and each of the eight solves of a step becomes a product without a chain of dependences.
-    #[inline(never)]
-    fn invert(&mut self) {
-        let (lower, upper) = (&self.structure.lower[..], &self.structure.upper[..]);
-        let (lower_values, rest) = self.lu.split_at(lower.len());
-        let z = &mut self.inverse;
-        *z = [[R::zero(); SMALL]; SMALL];
-        for (k, row) in z.iter_mut().enumerate() {
-            row[k] = R::one();
-        }
-        substitute_transposed(z, upper, &rest[..upper.len()]);
-        for (row, d) in z.iter_mut().zip(self.reciprocal.as_flattened()) {
-            for value in row {
-                *value *= *d;
-            }
-        }
-        substitute_transposed(z, lower, lower_values);
-    }
-
-    /// Solves W x = b + rhs for stage `i`, x taking the place of b. For a small system b has been
-    /// multiplied by W^-1 already.
-    #[inline(never)]
-    fn solve(&mut self, i: usize) {
-        let blocks = self.y.len();
-        let structure = &*self.structure;
-        let x = self.u[i * blocks..(i + 1) * blocks].as_flattened_mut();
-        let (rhs, reciprocal) = (self.rhs.as_flattened(), self.reciprocal.as_flattened());
-        let (lower_values, rest) = self.lu.split_at(structure.lower.len());
-        let (upper_values, rest) = rest.split_at(structure.upper.len());
-        if structure.n_coupled <= SMALL {
-            let (x, tail) = x.split_first_chunk_mut().expect("at least SMALL entries are stored");
-            add_product(x, &self.inverse, rhs.first_chunk().expect("as many"));
-            for ((x, r), d) in tail.iter_mut().zip(&rhs[SMALL..]).zip(&reciprocal[SMALL..]) {
-                *x = (*x + *r) * *d;
-            }
-        } else {
-            for (x, r) in x.iter_mut().zip(rhs) {
-                *x += *r;
-            }
-            substitute(x, &structure.lower, lower_values);
-            for (x, d) in x.iter_mut().zip(reciprocal) {
-                *x *= *d;
-            }
-            substitute(x, &structure.upper, upper_values);
-        }
-        substitute(self.u[i * blocks..(i + 1) * blocks].as_flattened_mut(), &structure.quadratures, rest);
-    }
-
     /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
     fn attempt(&mut self, h: R) {
-        self.factorise(h);
-        let small = self.structure.n_coupled <= SMALL;
-        if small {
-            self.invert();
-        }
-        let n = self.structure.n();
+        let structure = &*self.structure;
+        self.linear.factorise(structure, h * R::c(METHOD.gamma));
+        let n = structure.n();
         let blocks = self.y.len();
         let inverse_h = R::one() / h;
         let t = R::from_lanes(|lane| self.t[lane]);
         for i in 0..S {
-            let (done, rest) = self.u.split_at_mut(i * blocks);
-            let b = &mut rest[..blocks];
+            let (done, b) = self.u[..(i + 1) * blocks].split_at_mut(i * blocks);
             if i == 0 {
                 b.fill([R::zero(); BLOCK]);
                 self.rhs.copy_from_slice(&self.f0);
             } else {
                 combine(&mut self.stage, b, &self.y, &METHOD.a[i][..i], &METHOD.c[i][..i], inverse_h, done);
-                if small {
-                    // What is known before the right-hand side is solved for while that is evaluated.
-                    let b = b.as_flattened_mut().first_chunk_mut().expect("at least SMALL entries are stored");
-                    let known = std::mem::replace(b, [R::zero(); SMALL]);
-                    add_product(b, &self.inverse, &known);
-                }
+                self.linear.begin(structure, b);
                 let time = h.fma(R::c(METHOD.alpha[i]), t);
                 let stage = &self.stage.as_flattened()[..n];
                 self.system.rhs(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
             }
-            if self.structure.depends_on_time {
+            if structure.depends_on_time {
                 let weight = h * R::c(METHOD.gamma_t[i]);
                 for (rhs, f_t) in self.rhs.iter_mut().zip(&self.f_t) {
                     for l in 0..BLOCK {
@@ -410,15 +270,15 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                     }
                 }
             }
-            self.solve(i);
+            self.linear.finish(structure, b, &self.rhs);
         }
+        self.step.begin(&self.y);
         let last = &self.u[(S - 1) * blocks..];
         for ((y1, stage), u) in self.step.y1.iter_mut().zip(&self.stage).zip(last) {
             for l in 0..BLOCK {
                 y1[l] = stage[l] + u[l];
             }
         }
-        self.step.y0.copy_from_slice(&self.y);
     }
 
     /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
@@ -446,7 +306,6 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// Accepts, rejects or cuts the attempt, lane by lane.
     fn conclude(&mut self, h: R, until: f64, output: &mut impl Output<R, Sys>) {
         let error = self.error();
-        let mut dense_ready = false;
         let mut any_accepted = false;
         for lane in 0..R::L {
             if self.finished(lane, until) {
@@ -462,7 +321,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
             let mut taken = None;
             if !self.g0.is_empty() {
-                self.prepare_dense(&mut dense_ready);
+                self.step.prepare(&self.u);
                 match self.look_for_event(lane, t0, h_lane) {
                     Found::Nothing => {}
                     Found::AtEnd(event) => taken = Some(event),
@@ -485,7 +344,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
             let t1 = if self.lanes[lane].last { until } else { t0 + h_lane };
             if output.due(lane) < t1 {
-                self.prepare_dense(&mut dense_ready);
+                self.step.prepare(&self.u);
                 let (n, inverse_h) = (self.structure.n(), 1.0 / h_lane);
                 loop {
                     let t = output.due(lane);
@@ -541,15 +400,6 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             if ratio.is_nan() { f64::INFINITY } else { ratio }
         };
         (0..errors.len()).max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)
-    }
-
-    fn prepare_dense(&mut self, ready: &mut bool) {
-        if !*ready {
-            for (k, coefficients) in self.step.k.iter_mut().zip(&METHOD.dense) {
-                combine_zero(k, coefficients, &self.u);
-            }
-            *ready = true;
-        }
     }
 
     /// Event functions of one lane at `t0 + theta h` of the present attempt, into `g_look`.
@@ -628,10 +478,7 @@ impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
             y: self.y.clone(),
             f0: self.f0.clone(),
             f_t: self.f_t.clone(),
-            jacobian: self.jacobian.clone(),
-            lu: self.lu.clone(),
-            reciprocal: self.reciprocal.clone(),
-            inverse: self.inverse,
+            linear: self.linear.clone(),
             u: self.u.clone(),
             stage: self.stage.clone(),
             rhs: self.rhs.clone(),
@@ -647,102 +494,5 @@ impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
             dual_y: self.dual_y.clone(),
             dual_dy: self.dual_dy.clone(),
         }
-    }
-}
-
-/// x[row] += value * x[column] for each entry in turn.
-#[inline(always)]
-fn substitute<R: Real>(x: &mut [R], entries: &[Entry], values: &[R]) {
-    for (e, value) in entries.iter().zip(values) {
-        x[e.row as usize] = value.fma(x[e.column as usize], x[e.row as usize]);
-    }
-}
-
-/// The transposed operations in reverse order, on all rows of `z` at once.
-#[inline(always)]
-fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry], values: &[R]) {
-    for (e, value) in entries.iter().zip(values).rev() {
-        // Masked, an index into a fixed array needs no check.
-        let (row, column) = (e.row as usize % SMALL, e.column as usize % SMALL);
-        let from = z[row];
-        for (to, from) in z[column].iter_mut().zip(from) {
-            *to = value.fma(from, *to);
-        }
-    }
-}
-
-/// sum += sum_j x_j columns_j, in two chains. The x_j are read one by one: they were just written so,
-/// and a wide load of what narrow stores wrote would have to wait for them.
-#[inline(always)]
-fn add_product<R: Real>(sum: &mut [R; SMALL], columns: &[[R; SMALL]; SMALL], x: &[R; SMALL]) {
-    let (mut even, mut odd) = (*sum, [R::zero(); SMALL]);
-    for j in 0..SMALL / 2 {
-        for l in 0..SMALL {
-            even[l] = columns[2 * j][l].fma(x[2 * j], even[l]);
-            odd[l] = columns[2 * j + 1][l].fma(x[2 * j + 1], odd[l]);
-        }
-    }
-    *sum = std::array::from_fn(|l| even[l] + odd[l]);
-}
-
-/// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j, unrolled for the number of stages done.
-#[inline(never)]
-fn combine<R: Lane>(
-    stage: &mut [Block<R>],
-    b: &mut [Block<R>],
-    y: &[Block<R>],
-    a: &[f64],
-    c: &[f64],
-    inverse_h: R,
-    u: &[Block<R>],
-) {
-    macro_rules! unrolled {
-        ($($k:literal)*) => { match a.len() {
-            $($k => combine_stages::<R, $k>(stage, b, y, a, c, inverse_h, u),)*
-            _ => unreachable!("a method has at most {S} stages"),
-        }};
-    }
-    unrolled!(1 2 3 4 5 6 7);
-}
-
-#[inline(always)]
-fn combine_stages<R: Lane, const K: usize>(
-    stage: &mut [Block<R>],
-    b: &mut [Block<R>],
-    y: &[Block<R>],
-    a: &[f64],
-    c: &[f64],
-    inverse_h: R,
-    u: &[Block<R>],
-) {
-    let blocks = y.len();
-    for k in 0..blocks {
-        let (mut sum_a, mut sum_c) = (y[k], [R::zero(); BLOCK]);
-        for j in 0..K {
-            let row = &u[j * blocks + k];
-            for l in 0..BLOCK {
-                sum_a[l] = row[l].fma(R::c(a[j]), sum_a[l]);
-                sum_c[l] = row[l].fma(R::c(c[j]), sum_c[l]);
-            }
-        }
-        stage[k] = sum_a;
-        for l in 0..BLOCK {
-            b[k][l] = sum_c[l] * inverse_h;
-        }
-    }
-}
-
-/// out = sum_j coefficient_j u_j over all stages.
-#[inline(never)]
-fn combine_zero<R: Lane>(out: &mut [Block<R>], coefficients: &[f64; S], u: &[Block<R>]) {
-    let blocks = out.len();
-    for (k, out) in out.iter_mut().enumerate() {
-        let mut sum = [R::zero(); BLOCK];
-        for (j, c) in coefficients.iter().enumerate() {
-            for l in 0..BLOCK {
-                sum[l] = u[j * blocks + k][l].fma(R::c(*c), sum[l]);
-            }
-        }
-        *out = sum;
     }
 }

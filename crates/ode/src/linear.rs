@@ -1,0 +1,164 @@
+//! The linear systems of a step: W = I/(h gamma) - J, factorised once and solved for each stage.
+
+use crate::stages::{BLOCK, Block, zeros};
+use crate::structure::{Entry, Structure};
+use math::{Lane, Real};
+
+/// Up to so many states the inverse of W is formed.
+pub(crate) const SMALL: usize = 8;
+
+/// How many blocks hold `n` states; a small system always fills its fixed array.
+pub(crate) fn blocks(n: usize) -> usize {
+    n.div_ceil(BLOCK).max(SMALL / BLOCK)
+}
+
+/// The Jacobian and the factors of W, in the slots of a [`Structure`].
+#[derive(Clone, Debug)]
+pub(crate) struct Linear<R> {
+    pub jacobian: Vec<R>,
+    lu: Vec<R>,
+    reciprocal: Vec<Block<R>>,
+    inverse: [[R; SMALL]; SMALL],
+}
+
+impl<R: Lane> Linear<R> {
+    pub fn new(structure: &Structure) -> Self {
+        Linear {
+            jacobian: vec![R::zero(); structure.n_slots],
+            lu: vec![R::zero(); structure.n_slots],
+            reciprocal: zeros(blocks(structure.n)),
+            inverse: [[R::zero(); SMALL]; SMALL],
+        }
+    }
+
+    /// Factorises W in the fixed order; the values below the diagonal and, divided by their pivot,
+    /// above it are stored with the sign in which the substitutions add them.
+    #[inline(never)] // One body of this size in `attempt` is enough: more spill registers.
+    pub fn factorise(&mut self, structure: &Structure, h_gamma: R) {
+        let diagonal = R::one() / h_gamma;
+        for (w, j) in self.lu.iter_mut().zip(&self.jacobian) {
+            *w = -*j;
+        }
+        let (lower, upper) = (structure.lower.len(), structure.upper.len());
+        let first_diagonal = self.lu.len() - structure.n_coupled;
+        for w in &mut self.lu[first_diagonal..] {
+            *w += diagonal;
+        }
+        let reciprocal = self.reciprocal.as_flattened_mut();
+        for r in &mut reciprocal[structure.n_coupled..] {
+            *r = h_gamma;
+        }
+        for w in &mut self.lu[lower + upper..first_diagonal] {
+            *w = -(*w * h_gamma);
+        }
+        for pivot in &structure.pivots {
+            let inverse = R::one() / self.lu[pivot.diagonal as usize];
+            reciprocal[pivot.row as usize] = inverse;
+            for below in &pivot.below {
+                let negative = -(self.lu[below.slot as usize] * inverse);
+                self.lu[below.slot as usize] = negative;
+                for &(target, right) in &below.updates {
+                    self.lu[target as usize] =
+                        negative.fma(self.lu[right as usize], self.lu[target as usize]);
+                }
+            }
+        }
+        for (entry, value) in structure.upper.iter().zip(&mut self.lu[lower..lower + upper]) {
+            *value = -(*value * reciprocal[entry.row as usize]);
+        }
+        if structure.n_coupled <= SMALL {
+            self.invert(structure);
+        }
+    }
+
+    /// The columns of W^-1, for a small system: eight substitutions side by side cost as much as one,
+    /// and each of the eight solves of a step becomes a product without a chain of dependences.
+    #[inline(never)]
+    fn invert(&mut self, structure: &Structure) {
+        let (lower, upper) = (&structure.lower[..], &structure.upper[..]);
+        let (lower_values, rest) = self.lu.split_at(lower.len());
+        let z = &mut self.inverse;
+        *z = [[R::zero(); SMALL]; SMALL];
+        for (k, row) in z.iter_mut().enumerate() {
+            row[k] = R::one();
+        }
+        substitute_transposed(z, upper, &rest[..upper.len()]);
+        for (row, d) in z.iter_mut().zip(self.reciprocal.as_flattened()) {
+            for value in row {
+                *value *= *d;
+            }
+        }
+        substitute_transposed(z, lower, lower_values);
+    }
+
+    /// W x = known + rhs in two parts. First x = W^-1 known for a small system, or x = known: this can
+    /// be done while the right-hand side is evaluated.
+    pub fn begin(&self, structure: &Structure, x: &mut [Block<R>]) {
+        if structure.n_coupled <= SMALL {
+            let x = x.as_flattened_mut().first_chunk_mut().expect("at least SMALL entries are stored");
+            let known = std::mem::replace(x, [R::zero(); SMALL]);
+            add_product(x, &self.inverse, &known);
+        }
+    }
+
+    /// Then x += W^-1 rhs, or x = W^-1 (x + rhs).
+    #[inline(never)]
+    pub fn finish(&self, structure: &Structure, x: &mut [Block<R>], rhs: &[Block<R>]) {
+        let x = x.as_flattened_mut();
+        let (rhs, reciprocal) = (rhs.as_flattened(), self.reciprocal.as_flattened());
+        let (lower_values, rest) = self.lu.split_at(structure.lower.len());
+        let (upper_values, rest) = rest.split_at(structure.upper.len());
+        if structure.n_coupled <= SMALL {
+            let (x, tail) = x.split_first_chunk_mut().expect("at least SMALL entries are stored");
+            add_product(x, &self.inverse, rhs.first_chunk().expect("as many"));
+            for ((x, r), d) in tail.iter_mut().zip(&rhs[SMALL..]).zip(&reciprocal[SMALL..]) {
+                *x = (*x + *r) * *d;
+            }
+        } else {
+            for (x, r) in x.iter_mut().zip(rhs) {
+                *x += *r;
+            }
+            substitute(x, &structure.lower, lower_values);
+            for (x, d) in x.iter_mut().zip(reciprocal) {
+                *x *= *d;
+            }
+            substitute(x, &structure.upper, upper_values);
+        }
+        substitute(x, &structure.quadratures, rest);
+    }
+}
+
+/// x[row] += value * x[column] for each entry in turn.
+#[inline(always)]
+fn substitute<R: Real>(x: &mut [R], entries: &[Entry], values: &[R]) {
+    for (e, value) in entries.iter().zip(values) {
+        x[e.row as usize] = value.fma(x[e.column as usize], x[e.row as usize]);
+    }
+}
+
+/// The transposed operations in reverse order, on all rows of `z` at once.
+#[inline(always)]
+fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry], values: &[R]) {
+    for (e, value) in entries.iter().zip(values).rev() {
+        // Masked, an index into a fixed array needs no check.
+        let (row, column) = (e.row as usize % SMALL, e.column as usize % SMALL);
+        let from = z[row];
+        for (to, from) in z[column].iter_mut().zip(from) {
+            *to = value.fma(from, *to);
+        }
+    }
+}
+
+/// sum += sum_j x_j columns_j, in two chains. The x_j are read one by one: they were just written so,
+/// and a wide load of what narrow stores wrote would have to wait for them.
+#[inline(always)]
+fn add_product<R: Real>(sum: &mut [R; SMALL], columns: &[[R; SMALL]; SMALL], x: &[R; SMALL]) {
+    let (mut even, mut odd) = (*sum, [R::zero(); SMALL]);
+    for j in 0..SMALL / 2 {
+        for l in 0..SMALL {
+            even[l] = columns[2 * j][l].fma(x[2 * j], even[l]);
+            odd[l] = columns[2 * j + 1][l].fma(x[2 * j + 1], odd[l]);
+        }
+    }
+    *sum = std::array::from_fn(|l| even[l] + odd[l]);
+}
