@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
+from pneudrive.report import style
 
 if TYPE_CHECKING:
     from pneudrive.characterise.propose import Proposal
 
 SHOWN_STROKES = 6
 FIRST_SAMPLES = 4000
+WIDTH_IN = 9.0
+TITLE_WIDTH = 95  # characters over one panel
 
 
 def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
@@ -34,18 +38,17 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
     CommandError
         The picture cannot be written.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 7), layout="constrained")
-    if proposal.recording is None:
-        _draw_columns(figure, proposal)
-    else:
-        _draw_recording(figure, proposal)
     path = Path(path)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise CommandError(f"the picture {path} cannot be written", value=str(error).splitlines()[0]) from None
+    with style.applied():
+        figure = style.new_figure(5.4, WIDTH_IN)
+        if proposal.recording is None:
+            _draw_columns(figure, proposal)
+        else:
+            _draw_recording(figure, proposal)
+        try:
+            figure.savefig(path, dpi=style.PNG_DPI)
+        except (OSError, ValueError) as error:
+            raise CommandError(f"the picture {path} cannot be written", value=str(error).splitlines()[0]) from None
     return path
 
 
@@ -55,12 +58,12 @@ def _draw_columns(figure, proposal: Proposal) -> None:  # noqa: ANN001 - matplot
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     roles = {guess.index: guess for guess in proposal.guesses}
     for index, (axis, values) in enumerate(zip(axes, shown, strict=True)):
-        axis.plot(values[:FIRST_SAMPLES], lw=0.7, color="black")
+        axis.plot(values[:FIRST_SAMPLES], lw=0.7, color=style.BLACK)
         guess = roles.get(index)
         name = proposal.reading.names[index] if proposal.reading.names else f"column {index}"
         axis.set_ylabel(name if guess is None else f"{name}\n{guess.role}\n({guess.unit})", fontsize=8)
     axes[-1].set_xlabel("row")
-    figure.suptitle(f"{proposal.path.name}: {proposal.problem}")
+    figure.suptitle(f"{proposal.path.name}: {proposal.problem}", fontsize=9)
 
 
 def _draw_recording(figure, proposal: Proposal) -> None:  # noqa: ANN001
@@ -80,21 +83,22 @@ def _draw_recording(figure, proposal: Proposal) -> None:  # noqa: ANN001
     left, right = figure.subfigures(1, 2, width_ratios=(2, 1))
     axes = left.subplots(len(channels), 1, sharex=True)
     for axis, (role, values, label) in zip(axes, channels, strict=True):
-        axis.plot(recording.time_s[part], values[part], lw=0.8, color="black")
+        axis.plot(recording.time_s[part], values[part], lw=0.8, color=style.BLACK)
         for stroke in strokes[:SHOWN_STROKES]:
             shade = "0.85" if stroke.direction > 0 else "0.95"
             axis.axvspan(recording.time_s[stroke.start], recording.time_s[stroke.stop - 1], color=shade, lw=0)
         axis.set_ylabel(label)
+        axis.grid(visible=False)
         place = names[role].column
-        axis.set_title(f"column {place!r}: {names[role].reason}", fontsize=7, loc="left")
+        axis.set_title(fill(f"column {place!r}: {names[role].reason}", TITLE_WIDTH), fontsize=7)
     axes[-1].set_xlabel("time / s (dark: towards +x)")
     axis = right.subplots()
     for stroke in strokes:
-        style = "-" if stroke.direction > 0 else "--"
-        colour = "black" if stroke.direction > 0 else "0.5"
+        line = "-" if stroke.direction > 0 else "--"
+        colour = style.BLACK if stroke.direction > 0 else style.ORANGE
         axis.plot(
-            recording.position_m[stroke.samples] * 1e3, recording.force_n[stroke.samples], style, color=colour, lw=0.5
+            recording.position_m[stroke.samples] * 1e3, recording.force_n[stroke.samples], line, color=colour, lw=0.5
         )
     axis.set_xlabel("position / mm")
-    axis.set_ylabel("force, +x / N (solid: towards +x)")
-    figure.suptitle(f"{proposal.path.name}: as understood, {len(strokes)} strokes found")
+    axis.set_ylabel("force, +x / N (solid: towards +x, dashed: back)")
+    figure.suptitle(f"{proposal.path.name}: as understood, {len(strokes)} strokes found", fontsize=9)

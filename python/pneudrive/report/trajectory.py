@@ -19,14 +19,15 @@ PANELS = (
     ("velocity / (m/s)", 1.0, (("velocity", "-", ""),)),
     ("pressure / bar abs", 1e-5, (("pressure_a", "-", "chamber a"), ("pressure_b", "--", "chamber b"))),
     ("gas / K", 1.0, (("temperature_a", "-", "chamber a"), ("temperature_b", "--", "chamber b"))),
-    ("force / N", 1.0, (("friction_force", "-", "friction"), ("end_stop_force", "--", "end stop"))),
+    ("friction / N", 1.0, (("friction_force", "-", ""),)),
+    ("end stop / N", 1.0, (("end_stop_force", "-", ""),)),
     ("command", 1.0, (("command", "-", ""),)),
 )
 LINES = {"-": style.BLACK, "--": style.ORANGE}
 
 
 def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
-    """Draw a trajectory over time: position, velocity, pressures, temperatures, forces, command.
+    """Draw a trajectory over time: position, velocity, pressures, temperatures, friction, end stops, command.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
 
 def draw(run: xr.Dataset) -> Figure:
     """One panel for each kind of variable, on one time axis."""
-    shown = [panel for panel in PANELS if any(name in run for name, _, _ in panel[2])]
+    shown = [panel for panel in PANELS if any(_has_something(run, name) for name, _, _ in panel[2])]
     figure = style.new_figure(1.15 * len(shown) + 0.5)
     axes = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
     part = style.thin(run.time, 20_000)
@@ -73,7 +74,7 @@ def draw(run: xr.Dataset) -> Figure:
                 drawn = "steps-post" if name == "command" else "default"
                 axis.plot(time, values, line, color=LINES[line], lw=1.0, drawstyle=drawn, label=words or None)
         if len(variables) > 1:
-            axis.legend(loc="upper right", ncols=2)
+            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
         axis.set_ylabel(label)
         axis.margins(x=0)
     axes[-1].set_xlabel("time / s")
@@ -82,6 +83,11 @@ def draw(run: xr.Dataset) -> Figure:
         figure.suptitle(f"{title} (simulated)", fontsize=9, x=0.01, ha="left")
     figure.align_ylabels()
     return figure
+
+
+def _has_something(run: xr.Dataset, name: str) -> bool:
+    """Whether a variable is there; the end stops only where one was touched."""
+    return name in run and (name != "end_stop_force" or bool((run[name] != 0.0).any()))
 
 
 def _write(figure: Figure, run: xr.Dataset, target: Path) -> None:
