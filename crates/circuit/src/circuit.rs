@@ -22,6 +22,23 @@ pub struct RestrictionId(pub(crate) usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CarriageId(pub(crate) usize);
 
+/// Geometry of one side of a piston and of the chamber before it.
+#[derive(Clone, Copy, Debug)]
+pub struct PistonSide {
+    /// Area on which the gas presses, m2.
+    pub area: f64,
+    /// Wetted perimeter of barrel and rod, m.
+    pub perimeter: f64,
+    /// Wetted end faces, m2.
+    pub end_wall: f64,
+}
+
+impl PistonSide {
+    pub fn new(area: f64, perimeter: f64, end_wall: f64) -> Self {
+        PistonSide { area, perimeter, end_wall }
+    }
+}
+
 /// What does not change while a circuit runs; shared by all its copies.
 #[derive(Debug)]
 struct Topology {
@@ -158,18 +175,10 @@ impl Circuit<f64> {
         (AxisId(node), CarriageId(self.parts.carriages.len() - 1))
     }
 
-    /// A piston's face: `grows` where the chamber grows with x, else it ends at `stroke`.
-    pub fn face(
-        &mut self,
-        gas: GasId,
-        axis: AxisId,
-        grows: bool,
-        stroke: f64,
-        area: f64,
-        perimeter: f64,
-        end_wall: f64,
-    ) {
+    /// One side of a piston: `grows` where the chamber grows with x, else it ends at `stroke` m.
+    pub fn face(&mut self, gas: GasId, axis: AxisId, grows: bool, stroke: f64, side: PistonSide) {
         let offset = if grows { 0.0 } else { stroke };
+        let PistonSide { area, perimeter, end_wall } = side;
         let part = Face { area, perimeter, end_wall, offset, gas: gas.0, axis: axis.0, grows };
         self.parts.faces.push((Place::default(), part));
     }

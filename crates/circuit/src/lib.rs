@@ -13,7 +13,7 @@ mod run;
 pub mod specification;
 
 pub use assembly::{Drive, Rig, Servo, friction_law};
-pub use circuit::{AxisId, CarriageId, Circuit, GasId, RestrictionId, balance};
+pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId, balance};
 pub use ledger::{Balance, Channel, Kind};
 pub use net::{AxisNode, GasNode, Net};
 pub use part::{

@@ -99,7 +99,7 @@ fn compress(law: ChamberLaw, wall: f64) -> f64 {
     let mut circuit = empty();
     let chamber = circuit.volume(law, 1e-5, 1.0, wall, ROOM);
     let (carriage, _) = circuit.carriage();
-    circuit.face(chamber, carriage, true, 0.0, 5e-4, 0.0, 0.0);
+    circuit.face(chamber, carriage, true, 0.0, circuit::PistonSide::new(5e-4, 0.0, 0.0));
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[(chamber, 3e5, ROOM)], &[(carriage, 0.1, -0.2)]);
     let net = now(&run(&circuit, &y, 0.3, PRECISE));
@@ -123,8 +123,8 @@ fn air_spring(law: ChamberLaw, wall: f64, areas: (f64, f64), x0: f64, stroke: f6
     let p_a = 5e5;
     let p_b = AMBIENT + (p_a - AMBIENT) * areas.0 / areas.1;
     let mass = circuit.axis(5.0, 0.0, 0.0, None, None);
-    circuit.face(a, mass, true, stroke, areas.0, 0.0, 0.0);
-    circuit.face(b, mass, false, stroke, areas.1, 0.0, 0.0);
+    circuit.face(a, mass, true, stroke, circuit::PistonSide::new(areas.0, 0.0, 0.0));
+    circuit.face(b, mass, false, stroke, circuit::PistonSide::new(areas.1, 0.0, 0.0));
     let mut circuit = circuit.build(false);
     // In equilibrium, but already moving: 0.1 mm/s make an amplitude of 2 um.
     let y = circuit.initial(&[(a, p_a, ROOM), (b, p_b, ROOM)], &[(mass, x0, 1e-4)]);
@@ -179,8 +179,8 @@ fn the_ambient_pushes_on_the_rod() {
         |circuit: &mut Circuit<f64>| circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 0.0, 0.0, ROOM);
     let (a, b) = (chamber(&mut circuit), chamber(&mut circuit));
     let mass = circuit.axis(2.0, 0.0, 5.0, None, None);
-    circuit.face(a, mass, true, 0.1, 8e-4, 0.0, 0.0);
-    circuit.face(b, mass, false, 0.1, 6e-4, 0.0, 0.0);
+    circuit.face(a, mass, true, 0.1, circuit::PistonSide::new(8e-4, 0.0, 0.0));
+    circuit.face(b, mass, false, 0.1, circuit::PistonSide::new(6e-4, 0.0, 0.0));
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[(a, 4e5, ROOM), (b, 3e5, ROOM)], &[(mass, 0.05, 0.0)]);
     let net = nodes(&circuit, &y);

@@ -31,7 +31,13 @@ fn cylinder(split: bool, sticking: bool) -> (Circuit<f64>, AxisId, [GasId; 2], E
         let parts = if split { 2 } else { 1 };
         for _ in 0..parts {
             let share = 1.0 / f64::from(parts);
-            circuit.face(gas, axis, grows, 0.3, share * area, share * 0.08, share * 2.0 * area);
+            circuit.face(
+                gas,
+                axis,
+                grows,
+                0.3,
+                circuit::PistonSide::new(share * area, share * 0.08, share * 2.0 * area),
+            );
         }
         gas
     };

@@ -18,7 +18,7 @@ fn piston(friction: &AnyLaw<f64>, side: f64) -> (Circuit<f64>, AxisId, [Restrict
     // The first chamber has the larger area and lies to the left of the original, right of the image.
     let mut chamber = |area: f64, left: bool| {
         let gas = circuit.volume(ChamberLaw::EnergyBalance, 1e-5 + 0.15 * area, 0.01, 30.0, 280.0);
-        circuit.face(gas, axis, left == (side > 0.0), 0.0, area, 0.07, 2.0 * area);
+        circuit.face(gas, axis, left == (side > 0.0), 0.0, circuit::PistonSide::new(area, 0.07, 2.0 * area));
         gas
     };
     let (one, two) = (chamber(6e-4, true), chamber(5e-4, false));

@@ -79,7 +79,9 @@ fn drive(draw: &mut Draw) -> Value {
     let dead_length = f64::min(dead_a, dead_b) / area;
     let hold = f64::max(20.0 * push / dead_length, (moving + load) * (4.0 * speed / dead_length).powi(2));
     let stiffness = hold * draw.log(1.0, 10.0);
-    let damping = draw.log(0.02, 1.0) * 2.0 * (stiffness * (moving + load)).sqrt();
+    let damping = draw.log(0.05, 1.0) * 2.0 * (stiffness * (moving + load)).sqrt();
+    // The damper acts fully from a fraction or a few times of the depth that the pressure holds.
+    let damping_depth = push / stiffness * draw.log(0.1, 3.0);
     json!({
         "gas": { "heat_capacity_ratio": 1.4, "gas_constant_j_kg_k": R },
         "ambient": { "pressure_pa": AMBIENT, "temperature_k": ROOM },
@@ -92,7 +94,7 @@ fn drive(draw: &mut Draw) -> Value {
             "heat_transfer_w_m2_k": draw.one(&[0.0, 1.0, 1.0]) * draw.log(5.0, 200.0),
             "wall_temperature_k": draw.linear(260.0, 350.0),
             "end_stop": {
-                "stiffness_n_m": stiffness, "damping_n_s_m": damping, "damping_depth_m": draw.log(1e-5, 1e-3),
+                "stiffness_n_m": stiffness, "damping_n_s_m": damping, "damping_depth_m": damping_depth,
             },
         },
         "valve": {

@@ -34,7 +34,7 @@ fn drive(
     let axis = circuit.axis(mass, incline, 4.0, Some(friction), lips);
     let mut chamber = |area: f64, grows: bool| {
         let gas = circuit.volume(ChamberLaw::EnergyBalance, 8e-6, 1e-4, 40.0, 285.0);
-        circuit.face(gas, axis, grows, stroke, area, 0.08, 2.0 * area);
+        circuit.face(gas, axis, grows, stroke, circuit::PistonSide::new(area, 0.08, 2.0 * area));
         gas
     };
     let chambers = [chamber(areas.0, true), chamber(areas.1, false)];

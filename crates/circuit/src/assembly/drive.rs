@@ -1,5 +1,5 @@
 use super::friction_law;
-use crate::circuit::{AxisId, Circuit, GasId, RestrictionId};
+use crate::circuit::{AxisId, Circuit, GasId, PistonSide, RestrictionId};
 use crate::net::Net;
 use crate::part::ChamberLaw;
 use crate::run::{Error, Recorder, Run, States, advance, sample_times};
@@ -24,18 +24,11 @@ pub struct Drive {
     citations: Vec<&'static str>,
 }
 
-/// What one side of a piston has: area m2, wetted perimeter m, end faces m2.
-struct Side {
-    area: f64,
-    perimeter: f64,
-    end_wall: f64,
-}
-
 /// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both
 /// end faces and the rod's surface; the dead volume has no surface of its own.
-fn side(bore: f64, rod: f64) -> Side {
+fn side(bore: f64, rod: f64) -> PistonSide {
     let area = 0.25 * PI * (bore * bore - rod * rod);
-    Side { area, perimeter: PI * (bore + rod), end_wall: 2.0 * area }
+    PistonSide { area, perimeter: PI * (bore + rod), end_wall: 2.0 * area }
 }
 
 impl Drive {
@@ -92,8 +85,8 @@ impl Drive {
         let (a, b) = (chamber(cylinder.dead_volume_a_m3), chamber(cylinder.dead_volume_b_m3));
         let mass = cylinder.moving_mass_kg + spec.load.mass_kg;
         let axis = circuit.axis(mass, cylinder.incline_rad, spec.load.force_n, Some(law), lips);
-        for (gas, side, grows) in [(a, &sides[0], true), (b, &sides[1], false)] {
-            circuit.face(gas, axis, grows, cylinder.stroke_m, side.area, side.perimeter, side.end_wall);
+        for (gas, side, grows) in [(a, sides[0], true), (b, sides[1], false)] {
+            circuit.face(gas, axis, grows, cylinder.stroke_m, side);
         }
         let stop = &cylinder.end_stop;
         let stop = EndStop {

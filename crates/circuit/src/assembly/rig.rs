@@ -1,5 +1,5 @@
 use super::friction_law;
-use crate::circuit::{AxisId, CarriageId, Circuit};
+use crate::circuit::{AxisId, CarriageId, Circuit, PistonSide};
 use crate::net::Net;
 use crate::run::{Error, Recorder, Run, advance};
 use crate::specification;
@@ -41,7 +41,7 @@ impl Rig {
             [(spec.pressure_a_pa, spec.area_a_m2, true), (spec.pressure_b_pa, spec.area_b_m2, false)]
         {
             let chamber = circuit.reservoir(pressure, room_k);
-            circuit.face(chamber, axis, grows, spec.stroke_m, area, 0.0, 0.0);
+            circuit.face(chamber, axis, grows, spec.stroke_m, PistonSide::new(area, 0.0, 0.0));
         }
         let (carriage_axis, carriage) = circuit.carriage();
         let sensor = circuit.link(carriage_axis, axis, spec.sensor_stiffness_n_m, spec.sensor_damping_n_s_m);
