@@ -155,10 +155,11 @@ def _peak_flags(
         flags.append("undersampled")
     moved = 0.0
     for side in ("a", "b"):
-        pressure = getattr(recording, f"pressure_{side}_pa")[part][
-            : top + 1
-        ]  # what moves in the rest before counts too
-        moved += float(np.ptp(pressure)) * getattr(recording, f"area_{side}_m2")
+        channel = getattr(recording, f"pressure_{side}_pa")
+        pressure = channel[part][: top + 1]  # what moves in the rest before counts too
+        # Noise alone spreads n samples over about 2 sqrt(2 ln n) deviations.
+        by_noise = 2 * noise_level(channel) * np.sqrt(2 * np.log(max(pressure.size, 2)))
+        moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
     if moved > TRANSIENT_SHARE * swing:
         flags.append("pressure_transient")
     if recording.mass_beyond_sensor_kg * _run_up(recording, stroke) > INERTIA_SHARE * swing:

@@ -43,8 +43,8 @@ class SampleChoice(Protocol):
 class Settled:
     """Samples after the reversal's transient, with no need for a controlled speed.
 
-    A stroke has settled after ``speed_travels`` times the travel in which its speed reaches ``speed_share`` of its own
-    middle speed, and after ``force_travels`` times the travel in which the balance goes through ``force_share`` of
+    A stroke has settled after ``speed_travels`` times the travel in which its speed reaches ``speed_share`` of its
+    own middle speed, and after ``force_travels`` times the travel in which the balance goes through ``force_share`` of
     its swing from the opposite direction's level. Presliding approaches like  1 - 2 exp(-x/l):  80 % of the swing takes
     1.6 l, and after three times that 2 % are left; a higher share would wait for friction that changes along the stroke.
     At the end, samples below the speed share are dropped. The levels are medians over the middle 60 % of the travel,

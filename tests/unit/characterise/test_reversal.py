@@ -49,6 +49,18 @@ def test_a_pressure_transient_spoils_it(make):
     assert all("pressure_transient" in p.flags for p in level.peaks)
 
 
+def test_noise_of_the_pressure_is_no_transient(make):
+    recording = with_peaks(make, rate=1000.0)
+    noise = np.random.default_rng(1).normal(0.0, 500.0, len(recording))
+    # Real noise of the pressure acts on the piston: the force carries it too, and the balance is free of it.
+    noisy = replace(
+        recording,
+        pressure_b_pa=recording.pressure_b_pa + noise,
+        force_n=recording.force_n + noise * recording.area_b_m2,
+    )
+    assert not any("pressure_transient" in p.flags for p in characterise_recordings(noisy).levels[0].peaks)
+
+
 def test_without_a_peak_nothing_is_significant(make):
     level = characterise_recordings(make(rate=1000.0, noise=0.05)).levels[0]
     assert np.mean([p.significant for p in level.peaks]) < 0.3
