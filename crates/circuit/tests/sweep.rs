@@ -130,8 +130,8 @@ fn plan(draw: &mut Draw) -> (Vec<f64>, Vec<f64>) {
 }
 
 const DURATION: f64 = 2.0;
-/// Attempts at a step that one run may take.
-const BUDGET: u64 = 20_000;
+/// Attempts at a step that one run may take: a piston pressed against a stiff stop sticks and slips on it.
+const BUDGET: u64 = 40_000;
 
 /// Simulates member `seed`; the attempts it took, or what went wrong with what reproduces it.
 fn member(seed: u64) -> Result<u64, String> {
