@@ -14,7 +14,11 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from pneudrive.processor import require as require_processor
+
 __version__ = "0.1.0"
+
+require_processor()
 
 if TYPE_CHECKING:
     from pneudrive import report as report

@@ -1,0 +1,36 @@
+"""Whether this processor can run the compiled core, asked before the core is loaded."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+# What x86-64-v3 has and an older processor may lack: the core is built for it (ARCHITECTURE.md, "Same bits everywhere").
+NEEDED = ("avx2", "fma", "bmi1", "bmi2", "f16c", "movbe")
+
+
+def missing(cpuinfo: str) -> list[str]:
+    """Return the needed instruction sets that the text of ``/proc/cpuinfo`` does not list."""
+    flags = next((line.split(":", 1)[1].split() for line in cpuinfo.splitlines() if line.startswith("flags")), None)
+    return [] if flags is None else [name for name in NEEDED if name not in flags]
+
+
+def require() -> None:
+    """Check the processor.
+
+    Raises
+    ------
+    ImportError
+        One message, where an x86-64 processor is too old. Elsewhere nothing is checked.
+    """
+    info = Path("/proc/cpuinfo")
+    if os.name != "posix" or os.uname().machine != "x86_64" or not info.exists():
+        return
+    with info.open(encoding="ascii", errors="replace") as lines:
+        head = "".join(line for line, _ in zip(lines, range(40), strict=False))
+    if absent := missing(head):
+        msg = (
+            f"pneudrive needs an x86-64-v3 processor (2013 or later); this one lacks {', '.join(absent)}.\n"
+            "    Build for it from source: set target-cpu in .cargo/config.toml to your processor, then `make setup`."
+        )
+        raise ImportError(msg)
