@@ -106,17 +106,18 @@ def _general_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], hal
     return np.where(spread > tiny, joint / np.where(spread > tiny, spread, 1.0), 0.0)
 
 
-def noise_level(values: NDArray[np.float64]) -> float:
+def noise_level(values: NDArray[np.float64], *, quantisation: bool = True) -> float:
     """Estimate the standard deviation of white noise from second differences (robust, blind to slow change).
 
-    Where quantisation hides the noise, the uniform distribution over one step takes its place.
+    Where quantisation hides the noise, the uniform distribution over one step takes its place, unless it is
+    not wanted: in a channel that jumps between a few values the smallest step is no quantum.
     """
     if values.size < 3:
         return 0.0
     stride = max(values.size // ENOUGH_FOR_QUANTILES, 1)
     second = values[2::stride] - 2 * values[1:-1:stride] + values[:-2:stride]
     from_differences = 1.4826 * middle(np.abs(second)) / np.sqrt(6.0)
-    if from_differences > 0:
+    if from_differences > 0 or not quantisation:
         return from_differences
     steps = np.abs(np.diff(values))
     steps = steps[steps > 0]

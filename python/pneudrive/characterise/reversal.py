@@ -158,7 +158,7 @@ def _peak_flags(
         channel = getattr(recording, f"pressure_{side}_pa")
         pressure = channel[part][: top + 1]  # what moves in the rest before counts too
         # Noise alone spreads n samples over about 2 sqrt(2 ln n) deviations.
-        by_noise = 2 * noise_level(channel) * np.sqrt(2 * np.log(max(pressure.size, 2)))
+        by_noise = 2 * noise_level(channel, quantisation=False) * np.sqrt(2 * np.log(max(pressure.size, 2)))
         moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
     if moved > TRANSIENT_SHARE * swing:
         flags.append("pressure_transient")

@@ -46,7 +46,7 @@ class Settled:
     A stroke has settled after ``speed_travels`` times the travel in which its speed reaches ``speed_share`` of its
     own middle speed, and after ``force_travels`` times the travel in which the balance goes through ``force_share`` of
     its swing from the opposite direction's level. Presliding approaches like  1 - 2 exp(-x/l):  80 % of the swing takes
-    1.6 l, and after three times that 2 % are left; a higher share would wait for friction that changes along the stroke.
+    1.6 l, and after three times that 2 % are left; a higher share would wait for a friction that varies over position.
     At the end, samples below the speed share are dropped. The levels are medians over the middle 60 % of the travel,
     so neither speed nor force needs to be constant.
     """
