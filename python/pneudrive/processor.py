@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-# What x86-64-v3 has and an older processor may lack: the core is built for it (ARCHITECTURE.md, "Same bits everywhere").
+# What x86-64-v3 has and an older processor may lack; the core is built for it (ARCHITECTURE.md).
 NEEDED = ("avx2", "fma", "bmi1", "bmi2", "f16c", "movbe")
 
 
