@@ -210,7 +210,7 @@ def _assemble(
         pressure_lines=tuple(lines),
         points=points,
         run_spread=run_spread(list(points)),
-        notes=(*notes, *_notes(results, points, lines, rows)),
+        notes=(*notes, *_notes(results, points, lines, rows), *_no_closure(closures)),
         skipped=tuple(skipped),
         protocol=choice.name,
     )
@@ -264,6 +264,15 @@ def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[MapRow]) 
             found = float(np.corrcoef(values.T)[0, 1])
             strongest = max(strongest, found, key=abs)
     return strongest
+
+
+def _no_closure(closures: list[ClosureFit]) -> list[str]:
+    if closures:
+        return []
+    return [
+        "Effective area and force zero cannot be told: that needs two recordings or more of one seal whose pressures "
+        "differ by more than 0.2 bar and push to one side."
+    ]
 
 
 def _stick_slip_note(level: Level) -> str:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
+TOGETHER = 0.05  # pressures change together when the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
 MINIMUM_RANGE_PA = 2e4  # below this change of pressure an area is not asked for
 
@@ -65,7 +66,8 @@ class ClosureFit:
 def fit_closures(points: list[ClosurePoint]) -> list[ClosureFit]:
     """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, gauge pressures.
 
-    Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out.
+    Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. Where both
+    pressures change together, one factor on both areas is fitted; where their forces cancel, nothing can be said.
     """
     groups: dict[tuple, list[ClosurePoint]] = {}
     for point in points:
@@ -75,43 +77,56 @@ def fit_closures(points: list[ClosurePoint]) -> list[ClosureFit]:
 
 
 def _fit(points: list[ClosurePoint]) -> ClosureFit | None:
-    gauge = {side: np.array([getattr(p, f"gauge_{side}_pa") for p in points]) for side in ("a", "b")}
-    sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
-    force = np.array([p.half_sum_force_n - p.weight_n for p in points])
     first = points[0]
+    gauge = {side: np.array([getattr(p, f"gauge_{side}_pa") for p in points]) for side in ("a", "b")}
+    # Force of the rig against each chamber, by nominal areas: what is fitted is a factor on each.
     nominal = {"a": first.area_a_m2, "b": first.area_b_m2}
-    sign = {"a": -1.0, "b": 1.0}
-    if not sides or len(points) < len(sides) + 1:
+    push = {"a": -nominal["a"] * gauge["a"], "b": nominal["b"] * gauge["b"]}
+    factors = _factors(gauge, push, max(nominal.values()))
+    if not factors or len(points) < len(factors) + 1:
         return None
+    total = np.array([p.half_sum_force_n for p in points])
+    force = total - np.array([p.weight_n for p in points])
     for side in ("a", "b"):
-        if side not in sides:  # a chamber held at one pressure acts with its nominal area
-            force = force - sign[side] * nominal[side] * gauge[side]
-    matrix = np.column_stack([*(sign[s] * gauge[s] for s in sides), np.ones(len(points))])
-    scale = np.abs(matrix).max(axis=0)
-    if np.linalg.matrix_rank(matrix / scale, tol=1e-6) < matrix.shape[1]:
-        return None
-    solution = np.linalg.lstsq(matrix / scale, force, rcond=None)[0] / scale
-    residual = force - matrix @ solution
+        if not any(side in sides for sides in factors):  # a chamber held at one pressure acts with its nominal area
+            force = force - push[side]
+    matrix = np.column_stack([*(sum(push[s] for s in sides) for sides in factors), np.ones(len(points))])
+    solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
+    residual = np.asarray(force - matrix @ solution, dtype=np.float64)
     dof = len(points) - matrix.shape[1]
     deviation = float(np.sqrt(residual @ residual / dof)) if dof > 0 else float("nan")
-    inverse = np.linalg.inv((matrix / scale).T @ (matrix / scale))
-    errors = deviation * np.sqrt(np.diag(inverse)) / scale
-    estimates = [_estimate(v, e, dof) for v, e in zip(solution, errors, strict=True)]
-    areas = dict(zip(sides, estimates[:-1], strict=True))
-    lead = max(sides, key=lambda side: float(np.ptp(gauge[side])))
+    errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    found = {side: (k, nominal[side]) for k, sides in enumerate(factors) for side in sides}
+    areas = {side: _estimate(solution[k] * area, errors[k] * area, dof) for side, (k, area) in found.items()}
+    zero = _estimate(solution[-1], errors[-1], dof)
+    lead = max(areas, key=lambda side: float(np.ptp(gauge[side])))
     return ClosureFit(
         group=first.group,
         recordings=tuple(p.recording for p in points),
         areas_m2=areas,
-        nominal_m2={side: nominal[side] for side in sides},
-        force_zero_n=estimates[-1],
+        nominal_m2={side: nominal[side] for side in areas},
+        force_zero_n=zero,
         pressure_pa=gauge[lead],
-        half_sum_force_n=np.array([p.half_sum_force_n for p in points]),
+        half_sum_force_n=total,
         residual_n=residual,
         residual_deviation_n=deviation,
         degrees_of_freedom=dof,
-        statement=_statement(first.group, areas, nominal, estimates[-1], dof),
+        statement=_statement(first.group, areas, nominal, zero, dof, together=len(factors) < len(areas)),
     )
+
+
+def _factors(
+    gauge: dict[str, NDArray[np.float64]], push: dict[str, NDArray[np.float64]], area: float
+) -> list[tuple[str, ...]]:
+    """Which sides' areas can be told: each by itself, both by one factor, or none."""
+    sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
+    if len(sides) < 2:
+        return [tuple(sides)] if sides else []
+    spread = np.column_stack([gauge[side] - gauge[side].mean() for side in sides])
+    large, small = np.linalg.svd(spread, compute_uv=False)
+    if small > TOGETHER * large:
+        return [("a",), ("b",)]
+    return [("a", "b")] if np.ptp(push["a"] + push["b"]) > MINIMUM_RANGE_PA * area else []
 
 
 def _estimate(value: float, stderr: float, dof: int) -> Estimate:
@@ -123,7 +138,9 @@ def _estimate(value: float, stderr: float, dof: int) -> Estimate:
     return Estimate(float(value), float(stderr), float(value) - half, float(value) + half)
 
 
-def _statement(group: str, areas: dict[str, Estimate], nominal: dict[str, float], zero: Estimate, dof: int) -> str:
+def _statement(
+    group: str, areas: dict[str, Estimate], nominal: dict[str, float], zero: Estimate, dof: int, *, together: bool
+) -> str:
     parts = []
     for side, area in areas.items():
         off, low, high = (100 * (value / nominal[side] - 1) for value in (area.value, area.low, area.high))
@@ -135,6 +152,8 @@ def _statement(group: str, areas: dict[str, Estimate], nominal: dict[str, float]
     end += f" (95 %: {zero.low:+.2f} to {zero.high:+.2f} N)" if dof > 0 else "; no spare recording: no interval"
     if any(abs(area.value / nominal[side] - 1) > IMPLAUSIBLE_AREA for side, area in areas.items()):
         end += "; so far from nominal that a unit, a sign or the chamber is probably wrong in the layout"
+    elif together:
+        end += "; both pressures change together, so one factor stands for both areas"
     elif len(areas) == 1:
         end += "; with one side under pressure, errors of area, pressure gain and force gain are not separable"
     return f"{group}: {', '.join(parts)}; {end}."

@@ -51,7 +51,9 @@ def test_a_pressure_in_the_wrong_chamber_is_noticed(make):
 
 
 def test_one_pressure_says_nothing_about_the_area(make):
-    assert characterise_recordings([make(seed=1), make(seed=2, name="b")]).closures == ()
+    found = characterise_recordings([make(seed=1), make(seed=2, name="b")])
+    assert found.closures == ()
+    assert any("cannot be told" in note for note in found.notes)
 
 
 def test_two_points_have_no_interval(make):
@@ -59,3 +61,37 @@ def test_two_points_have_no_interval(make):
     assert fit.degrees_of_freedom == 0
     assert fit.areas_m2["b"].high == float("inf")
     assert "no interval" in fit.statement
+
+
+def both(make, pairs, area_b=1.0):
+    """Make recordings with gauge pressures (a, b); the true areas are 1.02 times what the recording says."""
+    recordings = []
+    for i, (a, b) in enumerate(pairs):
+        made = make(gauge_b=0.0, seed=i, name=f"{a:g}/{b:g}")
+        area_a, area_b_m2 = made.area_a_m2, made.area_b_m2 * area_b
+        recordings.append(
+            replace(
+                made,
+                pressure_a_pa=made.pressure_a_pa + a,
+                pressure_b_pa=made.pressure_b_pa + b,
+                area_b_m2=area_b_m2,
+                force_n=made.force_n + 1.0 + 1.02 * (b * area_b_m2 - a * area_a),
+            )
+        )
+    return characterise_recordings(recordings).closures
+
+
+def test_both_areas_are_found_where_the_pressures_change_apart(make):
+    (fit,) = both(make, [(0, 0), (2e5, 0), (0, 2e5), (4e5, 1e5), (1e5, 4e5)])
+    for side in ("a", "b"):
+        assert fit.areas_m2[side].value == pytest.approx(1.02 * fit.nominal_m2[side], rel=0.002)
+    assert fit.force_zero_n.value == pytest.approx(1.0, abs=0.1)
+
+
+def test_pressures_that_change_together_give_one_factor_or_nothing(make):
+    equal = [(p, p) for p in (1e5, 2e5, 4e5, 6e5)]
+    assert both(make, equal) == (), "on equal areas equal pressures cancel"
+    (fit,) = both(make, equal, area_b=0.8)
+    assert "one factor stands for both" in fit.statement
+    for side in ("a", "b"):
+        assert fit.areas_m2[side].value == pytest.approx(1.02 * fit.nominal_m2[side], rel=0.005)
