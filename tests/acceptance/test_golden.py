@@ -85,3 +85,17 @@ def test_the_impact_mask_hides_little():
     times = np.arange(len(want)) / case["sample_rate_hz"]
     keep = outside_impact(times, want[:, 0], case["drive"]["cylinder"]["stroke_m"])
     assert 0.9 < keep.mean() < 1.0
+
+
+@pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")  # this LuGre set is not passive
+def test_the_described_reference_drive_moves_as_its_golden_trajectory():
+    """The whole way of a user: units, catalogue, `simulate` with its defaults, labelled results."""
+    import pneudrive as pn
+
+    case, want = CASES["case_a"], golden("case_a")
+    initial = pn.Initial(position="50 mm", pressure_a="3 bar abs", pressure_b="3 bar abs")
+    run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.6, 1 s: -0.6", "2 s", initial=initial)
+    names = ("position", "velocity", "pressure_a", "temperature_a", "pressure_b", "temperature_b")
+    found = difference(case, np.stack([run[name].to_numpy() for name in names], axis=1), want)
+    assert found.meets(case), found
+    assert run.time.to_numpy()[-1] == 2.0
