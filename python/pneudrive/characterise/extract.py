@@ -11,7 +11,7 @@ from pneudrive.characterise.budget import BudgetEntry, DirectionMeans, combined,
 from pneudrive.characterise.closure import ClosurePoint
 from pneudrive.characterise.friction_map import MapRow
 from pneudrive.characterise.levels import speed_levels
-from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, thinned
+from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, straight_line, thinned
 from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 from pneudrive.characterise.profile import Profile, build_profile, stroke_means
 from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2, Recording
@@ -219,7 +219,8 @@ def _estimate(
     only = next(iter(conditions))
     up, down = (conditions.get(d, conditions[only]).means for d in (1, -1))
     paired = len(conditions) == 2
-    slope = _slope(profile.position_m[bins], profile.offset_n[bins]) if paired else 0.0
+    known = bins & np.isfinite(profile.offset_n)
+    slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
     budget = systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s)))
     u_friction, u_offset = combined(budget)
     if not paired:
@@ -276,14 +277,6 @@ def _usual_range(values: NDArray[np.float64]) -> float:
     some = np.sort(thinned(values))
     margin = int(0.05 * some.size)
     return float(some[some.size - 1 - margin] - some[margin])
-
-
-def _slope(position_m: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    known = np.isfinite(values)
-    if known.sum() < 3:
-        return 0.0
-    x = position_m[known] - position_m[known].mean()
-    return float(x @ values[known] / (x @ x))
 
 
 def _stick_slip(recording: Recording, stroke: Stroke) -> StickSlip | None:

@@ -129,6 +129,14 @@ def thinned(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return values[:: max(values.size // ENOUGH_FOR_QUANTILES, 1)]
 
 
+def straight_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]:
+    """Fit a line by least squares: (slope, intercept); level where all x are equal."""
+    away = x - x.mean()
+    power = float(away @ away)
+    slope = float(away @ y) / power if power > 0 else 0.0
+    return slope, float(y.mean()) - slope * float(x.mean())
+
+
 def middle(values: NDArray[np.float64]) -> float:
     """Median of a long array, from enough of its values; the upper one of two middle values."""
     some = thinned(values)

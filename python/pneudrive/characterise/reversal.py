@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import local_slope, middle, noise_level
+from pneudrive.characterise.motion import local_slope, middle, noise_level, straight_line
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -71,7 +71,7 @@ def find_reversal_peaks(
     known = np.isfinite(profile.offset_n) & profile.in_window
     if known.sum() < 2:
         return []
-    offset = np.polynomial.Polynomial.fit(profile.position_m[known], profile.offset_n[known], 1)
+    offset = straight_line(profile.position_m[known], profile.offset_n[known])
     sliding = float(np.nanmean(profile.friction_n[profile.in_window]))
     usual_step = middle(np.diff(recording.time_s))
     noise = noise_level(balance_n)
@@ -87,7 +87,7 @@ def _peak(
     recording: Recording,
     stroke: Stroke,
     balance_n: NDArray[np.float64],
-    offset: np.polynomial.Polynomial,
+    offset: tuple[float, float],
     sliding: float,
     usual_step: float,
     noise: float,
@@ -101,7 +101,7 @@ def _peak(
     travelled = np.abs(position[stroke.samples] - stroke.from_m)
     end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
     part = slice(begin, end)
-    friction = stroke.direction * (balance_n[part] - offset(position[part]))
+    friction = stroke.direction * (balance_n[part] - (offset[0] * position[part] + offset[1]))
     top = int(np.argmax(friction))
     bottom = float(friction[: top + 1].min())
     # The rise begins at the last sample that has not left the bottom, not at the lowest one of a noisy rest.

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.motion import straight_line
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -104,8 +106,9 @@ def profile_stderr(profile_n: NDArray[np.float64]) -> float:
     n = values.size
     if n < 4:
         return float("nan")
-    x = np.linspace(-1, 1, n)
-    rest = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 1))
+    x = np.arange(n, dtype=np.float64)
+    slope, intercept = straight_line(x, values)
+    rest = values - (intercept + slope * x)
     return _stderr_of_mean(rest[None, :], n - 2)
 
 
