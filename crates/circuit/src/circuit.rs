@@ -484,6 +484,17 @@ impl<R: Lane> System<R> for Circuit<R> {
         1e-9
     }
 
+    fn n_obstacles(&self) -> usize {
+        2 * self.parts.cylinders.len()
+    }
+
+    fn obstacles(&self, y: &[R], out: &mut [R]) {
+        for ((place, cylinder), out) in self.parts.cylinders.iter().zip(out.chunks_exact_mut(2)) {
+            let x = y[place.first];
+            out.copy_from_slice(&[x, cylinder.stops.stroke - x]);
+        }
+    }
+
     fn switch(&mut self, lane: usize, event: usize, y: &mut [R], net: &mut Net<R>) {
         self.evaluate(y, net);
         let (place, axis) = self.mover_mut(self.topology.sticking[event]);

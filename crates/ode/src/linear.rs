@@ -149,16 +149,17 @@ fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry]
     }
 }
 
-/// sum += sum_j x_j columns_j, in two chains. The x_j are read one by one: they were just written so,
+/// sum += sum_j x_j columns_j, in four chains. The x_j are read one by one: they were just written so,
 /// and a wide load of what narrow stores wrote would have to wait for them.
 #[inline(always)]
 fn add_product<R: Real>(sum: &mut [R; SMALL], columns: &[[R; SMALL]; SMALL], x: &[R; SMALL]) {
-    let (mut even, mut odd) = (*sum, [R::zero(); SMALL]);
-    for j in 0..SMALL / 2 {
-        for l in 0..SMALL {
-            even[l] = columns[2 * j][l].fma(x[2 * j], even[l]);
-            odd[l] = columns[2 * j + 1][l].fma(x[2 * j + 1], odd[l]);
+    let mut chains = [*sum, [R::zero(); SMALL], [R::zero(); SMALL], [R::zero(); SMALL]];
+    for j in 0..SMALL / 4 {
+        for (c, chain) in chains.iter_mut().enumerate() {
+            for (value, column) in chain.iter_mut().zip(columns[4 * j + c]) {
+                *value = column.fma(x[4 * j + c], *value);
+            }
         }
     }
-    *sum = std::array::from_fn(|l| even[l] + odd[l]);
+    *sum = std::array::from_fn(|l| (chains[0][l] + chains[1][l]) + (chains[2][l] + chains[3][l]));
 }

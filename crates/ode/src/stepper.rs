@@ -17,6 +17,11 @@ const MIN_RELATIVE_STEP: f64 = 4.0 * f64::EPSILON;
 /// amplifies them: with a half, what is asked is what the golden trajectories show.
 const LOCAL_SHARE: f64 = 0.5;
 
+/// An attempt whose error is this many tolerances may have run into an obstacle.
+const FAR_OFF: f64 = 10.0;
+/// How near an obstacle the next attempt ends, as a share of the way.
+const SHORT_OF_OBSTACLE: f64 = 0.999;
+
 type Direction<R> = Dual<R, DIRECTIONS>;
 
 /// Receives samples while the integration runs.
@@ -65,6 +70,7 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     g0: Vec<R>,
     g1: Vec<R>,
     g_look: Vec<R>,
+    ahead: Vec<R>,
     fresh: bool,
     started: bool,
     work: Sys::Work<R>,
@@ -84,7 +90,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         y.as_flattened_mut()[..n].copy_from_slice(y0);
         let mut scale = vec![[R::one(); BLOCK]; blocks];
         scale.as_flattened_mut()[..n].copy_from_slice(system.scale());
-        let n_events = system.n_events();
+        let (n_events, n_obstacles) = (system.n_events(), system.n_obstacles());
         let (work, dual_work) = (system.work::<R>(), system.work::<Direction<R>>());
         Stepper {
             options,
@@ -102,6 +108,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             g0: vec![R::zero(); n_events],
             g1: vec![R::zero(); n_events],
             g_look: vec![R::zero(); n_events],
+            ahead: vec![R::zero(); n_obstacles],
             fresh: false,
             started: false,
             work,
@@ -317,6 +324,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             control.statistics.factorisations += 1;
             if !control.judge(h_lane, error.get(lane)) {
                 self.check_progress(lane, error.get(lane));
+                if !self.ahead.is_empty() && !(error.get(lane) < FAR_OFF) {
+                    self.stop_before_obstacle(lane, h_lane);
+                }
                 continue;
             }
             let mut taken = None;
@@ -367,6 +377,30 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
         if any_accepted {
             self.fresh = false;
+        }
+    }
+
+    /// After an attempt that failed by far: if the tangent of the solution meets an obstacle within its
+    /// length, the next attempt ends shortly before it.
+    fn stop_before_obstacle(&mut self, lane: usize, h: f64) {
+        let n = self.structure.n();
+        self.system.obstacles(&self.y.as_flattened()[..n], &mut self.ahead);
+        let before: Vec<f64> = self.ahead.iter().map(|k| k.get(lane)).collect();
+        let (y, f0) = (self.y.as_flattened(), self.f0.as_flattened());
+        for ((end, y), f) in self.stage.as_flattened_mut().iter_mut().zip(y).zip(f0) {
+            *end = f.fma(R::c(h), *y);
+        }
+        self.system.obstacles(&self.stage.as_flattened()[..n], &mut self.ahead);
+        let mut first = 1.0_f64;
+        for (before, behind) in before.iter().zip(&self.ahead) {
+            let behind = behind.get(lane);
+            if *before > 0.0 && behind < 0.0 {
+                first = first.min(before / (before - behind));
+            }
+        }
+        let cut = SHORT_OF_OBSTACLE * first * h;
+        if first < 1.0 && cut > self.lanes[lane].wish {
+            self.lanes[lane].cut = Some(cut);
         }
     }
 
@@ -487,6 +521,7 @@ impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
             g0: self.g0.clone(),
             g1: self.g1.clone(),
             g_look: self.g_look.clone(),
+            ahead: self.ahead.clone(),
             fresh: self.fresh,
             started: self.started,
             work: self.work.clone(),

@@ -34,6 +34,15 @@ pub trait System<R: Lane> {
         0.0
     }
 
+    /// How many obstacles there are: surfaces behind which the right-hand side is of another kind.
+    fn n_obstacles(&self) -> usize {
+        0
+    }
+
+    /// Functions that are positive before an obstacle and negative behind it. A step that fails because
+    /// it runs into one is followed by one that ends before it: a matter of work, not of accuracy.
+    fn obstacles(&self, _y: &[R], _out: &mut [R]) {}
+
     /// Changes the mode of one lane, and its state where the mode demands it (a stop sets v = 0).
     fn switch(&mut self, _lane: usize, _event: usize, _y: &mut [R], _work: &mut Self::Work<R>) {}
 }
