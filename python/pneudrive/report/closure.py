@@ -17,11 +17,15 @@ if TYPE_CHECKING:
     from pneudrive.characterise import Characterisation
     from pneudrive.characterise.closure import ClosureFit, Estimate
 
+MOST_GROUPS = 8
+MOST_JOINED = 12  # points beyond which residuals are not joined by lines
+
 
 def section(found: Characterisation) -> Section | None:
     """Half the sum of both directions' forces against pressure; None where no pressure was changed."""
     if not found.closures:
         return None
+    shown = spread_evenly(found.closures, MOST_GROUPS)
     blocks: list = [
         Text(
             "Friction drops out of half the sum of both directions' forces. What is left should be pressure times "
@@ -31,10 +35,8 @@ def section(found: Characterisation) -> Section | None:
         ),
         Picture(
             "closure",
-            "Above: half the sum of both directions' forces, less what pressure needs on the nominal area, with the "
-            "fitted line: its slope is the error of the area, its intercept the force zero. Below: what the line "
-            "leaves.",
-            draw(spread_evenly(found.closures, 8)),
+            caption(shown),
+            draw(shown),
             synthetic=found.synthetic,
         ),
         _table(found.closures),
@@ -44,27 +46,39 @@ def section(found: Characterisation) -> Section | None:
 
 
 def draw(closures: list[ClosureFit]) -> Figure:
-    """All groups in one pair of panels."""
+    """All groups in one pair of panels: against pressure, or against the fit where both chambers' pressures changed."""
     figure = style.new_figure(4.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    less_nominal = all(len(fit.areas_m2) == 1 for fit in closures)
+    one_chamber = all(len(fit.areas_m2) == 1 for fit in closures)
     for index, fit in enumerate(closures):
         look = style.look(index)
-        order = np.argsort(fit.pressure_pa)
-        bar = fit.pressure_pa[order] / 1e5
-        force, rest = fit.half_sum_force_n[order], fit.residual_n[order]
-        if less_nominal:
-            force = force - nominal_force(fit)[order]
-        above.plot(bar, force, look.marker, color=look.color, mfc="none", label=fit.group)
-        above.plot(bar, force - rest, linestyle=look.linestyle, color=look.color, lw=0.8)
-        below.plot(bar, rest, linestyle=look.linestyle, marker=look.marker, color=look.color, mfc="none", lw=0.8)
+        force, rest = fit.half_sum_force_n, fit.residual_n
+        x = fit.pressure_pa / 1e5 if one_chamber else force - rest
+        if one_chamber:
+            force = force - nominal_force(fit)
+        order = np.argsort(x, kind="stable")
+        x, force, rest = x[order], force[order], rest[order]
+        line = look.linestyle if x.size <= MOST_JOINED else "none"
+        above.plot(x, force, look.marker, color=look.color, mfc="none", label=fit.group)
+        above.plot(x, force - rest, linestyle=look.linestyle, color=look.color, lw=0.8)
+        below.plot(x, rest, linestyle=line, marker=look.marker, color=look.color, mfc="none", lw=0.8)
     below.axhline(0, color=style.GREY, lw=0.8)
-    above.set_ylabel("half sum −\nnominal area × pressure / N" if less_nominal else "half sum of forces / N")
+    above.set_ylabel("half sum −\nnominal area × pressure / N" if one_chamber else "half sum of forces / N")
     below.set_ylabel("residual / N")
-    below.set_xlabel("gauge pressure / bar")
+    below.set_xlabel("gauge pressure / bar" if one_chamber else "half sum as fitted / N")
     above.legend(ncols=2)
     figure.align_ylabels()
     return figure
+
+
+def caption(closures: list[ClosureFit]) -> str:
+    """Say what the figure shows."""
+    if all(len(fit.areas_m2) == 1 for fit in closures):
+        return (
+            "Above: half the sum of both directions' forces, less what pressure needs on the nominal area, with the "
+            "fitted line: its slope is the error of the area, its intercept the force zero. Below: what the line leaves."
+        )
+    return "Above: half the sum of both directions' forces against the fit. Below: what the fit leaves."
 
 
 def nominal_force(fit: ClosureFit) -> NDArray[np.float64]:

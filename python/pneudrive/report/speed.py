@@ -6,23 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Table, Text
-from pneudrive.report.words import plural, sentence, spread_evenly, with_u
+from pneudrive.report.speed_figure import caption, draw
+from pneudrive.report.words import plural, sentence, with_u
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from pneudrive.characterise import Characterisation
-    from pneudrive.characterise.pressure_line import FrictionPoint
     from pneudrive.identify import FrictionFit
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 
-ALL = "all recordings"
 #: Parameter -> factor from SI and unit in which people read it.
 SHOWN_UNITS = {
     "coulomb": (1.0, "N"),
@@ -31,8 +26,6 @@ SHOWN_UNITS = {
     "stribeck_exponent": (1.0, ""),
     "viscous": (1.0, "N s/m"),
 }
-MOST_LABELS = 40
-WIDE = 3.0  # ratio of speeds beyond which speed has a logarithmic axis
 
 
 def section(found: Characterisation, fits: Fits) -> Section:
@@ -45,10 +38,7 @@ def section(found: Characterisation, fits: Fits) -> Section:
         ),
         Picture(
             "friction-speed",
-            "Friction against speed with U (k = 2)"
-            + (" and the fitted laws" if _has_curve(fits) else "")
-            + "."
-            + (" The small numbers are gauge pressures in bar." if _labelled(found) else ""),
+            caption(found, fits),
             draw(found, fits),
             synthetic=found.synthetic,
         ),
@@ -92,77 +82,6 @@ def fit_notes(fits: Fits) -> tuple[str, ...]:
         for note in richest(by_law).notes:
             notes.setdefault(note, []).append(group)
     return tuple(sentence(f"{', '.join(groups)}: {note}") for note, groups in notes.items())
-
-
-def _labelled(found: Characterisation) -> bool:
-    """Whether each point carries its pressure: several pressures, and few enough points to read them."""
-    return len(found.points) <= MOST_LABELS and float(np.ptp([p.pressure_pa for p in found.points])) > 2e4
-
-
-def _has_curve(fits: Fits) -> bool:
-    return any("stribeck_velocity" in f.determined for by_law in fits.values() for f in by_law.values())
-
-
-def draw(found: Characterisation, fits: Fits) -> Figure:
-    """All points over speed, a look for each seal."""
-    figure = style.new_figure(3.4)
-    axis = figure.subplots()
-    seals = list(dict.fromkeys(p.seal for p in found.points))
-    for index, seal in enumerate(seals):
-        look = style.look(index)
-        points = [p for p in found.points if p.seal == seal]
-        axis.errorbar(
-            [p.speed_m_s * 1e3 for p in points],
-            [p.friction_n for p in points],
-            yerr=[np.nan_to_num(p.expanded_n) for p in points],
-            fmt=look.marker,
-            color=look.color,
-            mfc="white" if index % 2 else look.color,
-            elinewidth=0.7,
-            label=seal,
-        )
-    speeds = np.array([p.speed_m_s for p in found.points])
-    if speeds.max() > WIDE * speeds.min():
-        style.logarithmic(axis)
-    if _labelled(found):
-        for p in found.points:
-            place = (p.speed_m_s * 1e3, p.friction_n)
-            axis.annotate(f"{p.pressure_pa / 1e5:.0f}", place, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
-    for index, seal in enumerate(seals):
-        _curves(axis, index, [p for p in found.points if p.seal == seal], fits.get(seal) or fits.get(ALL), found)
-    axis.set_ylim(bottom=0)
-    style.headroom(axis, above=0.12)
-    axis.set_xlabel("speed / (mm/s)")
-    axis.set_ylabel("friction / N")
-    axis.legend(ncols=3)
-    return figure
-
-
-def _curves(
-    axis: Axes, index: int, points: list[FrictionPoint], fits: Mapping[str, FrictionFit] | None, found: Characterisation
-) -> None:
-    """Draw the fitted law at each pressure, where the data determine how it depends on speed."""
-    fit = (fits or {}).get("stribeck")
-    if fit is None or "stribeck_velocity" not in fit.determined:
-        return
-    speeds = np.array([p.speed_m_s for p in points])
-    grid = np.geomspace(speeds.min(), speeds.max(), 200)
-    pressures = sorted({round(p.pressure_pa, -4) for p in points})
-    sides = _pressurised(found)
-    for pressure in spread_evenly(pressures, 4):
-        gauges = [pressure if side in sides else 0.0 for side in ("a", "b")]
-        predicted = fit.predict(grid, *gauges)
-        axis.fill_between(grid * 1e3, predicted.lower_n, predicted.upper_n, color=style.BAND, lw=0)
-        axis.plot(
-            grid * 1e3, predicted.friction_n, linestyle=style.look(index).linestyle, color=style.look(index).color
-        )
-
-
-def _pressurised(found: Characterisation) -> set[str]:
-    """Sides whose pressure follows the one that a point carries."""
-    curves = found.friction_map
-    ambient = found.recordings[0].ambient_pressure_pa
-    return {s for s in ("a", "b") if float(np.abs(curves[f"pressure_{s}_pa"].to_numpy() - ambient).max()) > 2e4}
 
 
 def _table(fits: Fits) -> Table:

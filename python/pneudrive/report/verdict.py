@@ -14,12 +14,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.closure import Estimate
     from pneudrive.identify import FrictionFit
     from pneudrive.report.write import Reproduction
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 
 LINES = 5
+WIDEST_AREA = 0.3  # of the nominal area, from end to end of the interval
 PARAMETERS = {
     "breakaway": "breakaway force",
     "stribeck_velocity": "Stribeck velocity",
@@ -85,10 +87,13 @@ def _beyond_u(found: Characterisation) -> bool:
 
 
 def _closure(found: Characterisation) -> str:
-    areas = [100 * (a.value / c.nominal_m2[s] - 1) for c in found.closures for s, a in c.areas_m2.items()]
-    if not areas:
-        return "Closure: pressure was not changed, so effective area and force zero cannot be checked."
-    zeros = [c.force_zero_n.value for c in found.closures]
+    if not found.closures:
+        return "Force balance: too few pressures to check effective area and force zero."
+    known = [c for c in found.closures if all(_is_determined(a, c.nominal_m2[s]) for s, a in c.areas_m2.items())]
+    if not known:
+        return "Force balance: these pressures do not determine the effective area (both chambers moved together)."
+    areas = [100 * (a.value / c.nominal_m2[s] - 1) for c in known for s, a in c.areas_m2.items()]
+    zeros = [c.force_zero_n.value for c in known]
     large = sum(abs(level.offset_n) > level.friction_n for level in found.levels)
     offset = (
         f"; in {plural(large, 'recording')} the offset exceeds the friction, and only pairing the directions "
@@ -102,9 +107,15 @@ def _closure(found: Characterisation) -> str:
     )
 
 
+def _is_determined(area: Estimate, nominal: float) -> bool:
+    """Whether an area's interval is narrow enough to speak of it; without spare recordings there is no interval."""
+    return not np.isfinite(area.low) or area.high - area.low < WIDEST_AREA * nominal
+
+
 def _open(found: Characterisation, fits: Fits) -> str:
     speeds = [p.speed_m_s * 1e3 for p in found.points]
-    span = f"{min(speeds):.3g} to {max(speeds):.3g} mm/s"
+    low, high = f"{min(speeds):.3g}", f"{max(speeds):.3g}"
+    span = f"{low} to {high} mm/s" if low != high else f"{low} mm/s alone"
     if not fits:
         return f"Not determined: any law of friction over speed ({span} only)."
     names = {item.parameter for by_law in fits.values() for item in richest(by_law).undetermined}
