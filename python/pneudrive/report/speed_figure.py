@@ -1,0 +1,146 @@
+"""The figure of friction against speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.report import style
+from pneudrive.report.words import spread_evenly
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.pressure_line import FrictionPoint
+    from pneudrive.identify import FrictionFit
+
+    Fits = Mapping[str, Mapping[str, FrictionFit]]
+
+ALL = "all recordings"
+MOST_LABELS = 40  # points that carry their pressure as a number
+MOST_CURVES = 8
+MANY = 60  # points beyond which markers get smaller
+WIDE = 3.0  # ratio of speeds beyond which speed has a logarithmic axis
+SAME_BAR = 0.05
+
+
+@dataclass(frozen=True)
+class Group:
+    """Points that share a look: of one seal, or of one pair of chamber pressures (gauge, Pa)."""
+
+    label: str
+    points: tuple[FrictionPoint, ...]
+    seal: str
+    gauges_pa: tuple[float, float] | None
+
+
+def groups_of(found: Characterisation) -> list[Group]:
+    """Group points by seal where there are several, otherwise by the pressures of both chambers."""
+    seals = list(dict.fromkeys(p.seal for p in found.points))
+    if len(seals) > 1:
+        return [Group(s, tuple(p for p in found.points if p.seal == s), s, None) for s in seals]
+    gauges = _gauges(found)
+    groups: dict[tuple[float, float], list[FrictionPoint]] = {}
+    for p in found.points:
+        a, b = gauges[p.recording, p.friction_n]
+        at = (SAME_BAR * round(a / 1e5 / SAME_BAR), SAME_BAR * round(b / 1e5 / SAME_BAR))
+        groups.setdefault(at, []).append(p)
+    out = []
+    for at in sorted(groups):
+        mean = np.mean([gauges[p.recording, p.friction_n] for p in groups[at]], axis=0)
+        out.append(Group(_words(at), tuple(groups[at]), seals[0], (float(mean[0]), float(mean[1]))))
+    return out
+
+
+def _gauges(found: Characterisation) -> dict[tuple[str, float], tuple[float, float]]:
+    """Mean gauge pressures of both chambers by recording and friction, which the rows of a pair share."""
+    curves, ambient = found.friction_map, found.recordings[0].ambient_pressure_pa
+    rows: dict[tuple[str, float], list[tuple[float, float]]] = {}
+    columns = [curves[name].to_numpy() for name in ("recording", "friction_n", "pressure_a_pa", "pressure_b_pa")]
+    for name, friction, a, b in zip(*columns, strict=True):
+        rows.setdefault((str(name), float(friction)), []).append((a - ambient, b - ambient))
+    return {key: (float(np.mean(v, axis=0)[0]), float(np.mean(v, axis=0)[1])) for key, v in rows.items()}
+
+
+def _words(bar: tuple[float, float]) -> str:
+    a, b = (abs(v) if abs(v) < SAME_BAR / 2 else v for v in bar)
+    return f"{a:.2g} bar" if a == b else f"a {a:.2g} bar, b {b:.2g} bar"
+
+
+def labelled(found: Characterisation) -> bool:
+    """Whether each point carries its pressure: seals at several pressures, and few enough points to read them."""
+    several = len({p.seal for p in found.points}) > 1
+    return several and len(found.points) <= MOST_LABELS and float(np.ptp([p.pressure_pa for p in found.points])) > 2e4
+
+
+def has_curve(fits: Fits) -> bool:
+    """Whether any fit determines how friction falls with speed."""
+    return any("stribeck_velocity" in fit.determined for by_law in fits.values() for fit in by_law.values())
+
+
+def caption(found: Characterisation, fits: Fits) -> str:
+    """Say what the figure shows."""
+    text = "Friction against speed with U (k = 2)"
+    text += ", and the fitted law with its 95 % band." if has_curve(fits) else "."
+    return text + (" The small numbers are gauge pressures in bar." if labelled(found) else "")
+
+
+def draw(found: Characterisation, fits: Fits) -> Figure:
+    """All points over speed, a look for each seal or pressure, and the fitted law where speed is determined."""
+    figure = style.new_figure(3.6)
+    axis = figure.subplots()
+    groups = groups_of(found)
+    shown = spread_evenly(groups, MOST_CURVES)
+    size = 2.2 if len(found.points) > MANY else 4.0
+    for group in groups:
+        if group not in shown:
+            speeds = [p.speed_m_s * 1e3 for p in group.points]
+            axis.plot(speeds, [p.friction_n for p in group.points], ".", color=style.GREY, ms=1.5)
+    for index, group in enumerate(shown):
+        look = style.look(index)
+        axis.errorbar(
+            [p.speed_m_s * 1e3 for p in group.points],
+            [p.friction_n for p in group.points],
+            yerr=[np.nan_to_num(p.expanded_n) for p in group.points],
+            fmt=look.marker,
+            color=look.color,
+            mfc="white" if index % 2 else look.color,
+            ms=size,
+            elinewidth=0.7,
+            capsize=size / 2,
+            label=group.label,
+        )
+        _curve(axis, look, group, fits.get(group.seal) or fits.get(ALL))
+    if labelled(found):
+        for p in found.points:
+            place = (p.speed_m_s * 1e3, p.friction_n)
+            axis.annotate(f"{p.pressure_pa / 1e5:.0f}", place, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
+    _axes(axis, np.array([p.speed_m_s for p in found.points]))
+    style.legend_above(figure, axis.get_legend_handles_labels()[0], columns=min(len(shown), 6))
+    return figure
+
+
+def _axes(axis: Axes, speeds: np.ndarray) -> None:
+    if speeds.max() > WIDE * speeds.min():
+        style.logarithmic(axis)
+    axis.set_ylim(bottom=0)
+    axis.set_xlabel("speed / (mm/s)")
+    axis.set_ylabel("friction / N")
+
+
+def _curve(axis: Axes, look: style.Look, group: Group, by_law: Mapping[str, FrictionFit] | None) -> None:
+    """Draw the fitted law at the group's pressures, where the data determine how it depends on speed."""
+    fit = (by_law or {}).get("stribeck")
+    if fit is None or group.gauges_pa is None or "stribeck_velocity" not in fit.determined:
+        return
+    speeds = np.array([p.speed_m_s for p in group.points])
+    grid = np.geomspace(speeds.min(), speeds.max(), 200)
+    law = fit.predict(grid, *group.gauges_pa)
+    axis.fill_between(grid * 1e3, law.lower_n, law.upper_n, color=style.BAND, lw=0)
+    axis.plot(grid * 1e3, law.friction_n, linestyle=look.linestyle, color=look.color, lw=0.9)
