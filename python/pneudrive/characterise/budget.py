@@ -90,86 +90,87 @@ def systematic_budget(
     return entries
 
 
-def _said(recording: Recording, channel: str) -> tuple[str, str]:
-    """Basis and note of an accuracy that was given: the layout may itself call it assumed."""
+@dataclass(frozen=True)
+class _Sensor:
+    """A sensor in the balance: its accuracy, and what one unit of it is in N.
+
+    ``reference`` is the value at which the whole accuracy may be an error of gain, ``change`` half the difference of
+    the mean readings of both directions.
+    """
+
+    name: str
+    unit: str
+    uncertainty: float
+    basis: str
+    note: str
+    newton_per_unit: float
+    change: float
+    reference: float
+
+    def entries(self) -> list[BudgetEntry]:
+        """List the common error, of which the pair leaves what changes with direction, and hysteresis, which it leaves whole."""
+        common = self.uncertainty * self.newton_per_unit
+        hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
+        left = common * self.change / self.reference if self.reference else 0.0
+        note = f"{self.note}; cancels in the pair but for the change of the reading with direction".lstrip("; ")
+        share = "a third of the accuracy taken to change with direction"
+        lost = self.uncertainty * ASSUMED_DIRECTION_SHARE
+        return [
+            BudgetEntry(f"{self.name}: common error", self.uncertainty, self.unit, self.basis, "B", left, common, note),
+            BudgetEntry(f"{self.name}: hysteresis", lost, self.unit, "assumed", "B", hysteresis, hysteresis, share),
+        ]
+
+
+def _accuracy(recording: Recording, channel: str, assumed: float, words: str) -> tuple[float, str, str]:
+    """Give the standard uncertainty of a channel, its basis and a note; the layout may itself call it assumed."""
+    if channel not in recording.accuracy:
+        return assumed, "assumed", words
     text = recording.calibration.get(channel, "")
-    return ("assumed" if text.lower().startswith("assumed") else "layout"), text
+    return recording.accuracy[channel], ("assumed" if text.lower().startswith("assumed") else "layout"), text
+
+
+def _reference(recording: Recording, channel: str, otherwise: float, zero: float = 0.0) -> float:
+    """Largest value that the sensor can give, where the layout says it."""
+    if channel not in recording.limits:
+        return otherwise
+    return max(abs(limit - zero) for limit in recording.limits[channel])
 
 
 def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
     channel = f"pressure_{side}_pa"
-    values = getattr(recording, channel)
-    area = getattr(recording, f"area_{side}_m2")
-    ambient = recording.ambient_pressure_pa
+    values, ambient = getattr(recording, channel), recording.ambient_pressure_pa
     if np.ptp(values) == 0 and channel not in recording.accuracy and abs(values[0] - ambient) < 1.0:
         return []  # open to ambient: nothing was measured, nothing acts
     largest = float(np.max(np.abs(values - ambient)))
-    if channel in recording.accuracy:
-        uncertainty = recording.accuracy[channel]
-        basis, note = _said(recording, channel)
-    else:
-        span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
-        uncertainty, basis = float(span * ASSUMED_PRESSURE_OF_RANGE), "assumed"
-        note = f"0.5 % of a {span / 1e5:g} bar range, rectangular"
-    change = abs(getattr(up, channel) - getattr(down, channel)) / 2
-    common = uncertainty * area
-    direction = common * ASSUMED_DIRECTION_SHARE / np.sqrt(2.0)
-    return [
-        BudgetEntry(
-            f"pressure {side}: common error",
-            uncertainty,
-            "Pa",
-            basis,
-            "B",
-            common * change / largest if largest else 0.0,
-            common,
-            f"{note}; cancels in the pair but for the pressure's change with direction".lstrip("; "),
-        ),
-        BudgetEntry(
-            f"pressure {side}: hysteresis",
-            uncertainty * ASSUMED_DIRECTION_SHARE,
-            "Pa",
-            "assumed",
-            "B",
-            direction,
-            direction,
-            "a third of the accuracy taken to change with direction",
-        ),
-    ]
+    span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
+    words = f"0.5 % of a {span / 1e5:g} bar range, rectangular"
+    uncertainty, basis, note = _accuracy(recording, channel, float(span * ASSUMED_PRESSURE_OF_RANGE), words)
+    return _Sensor(
+        name=f"pressure {side}",
+        unit="Pa",
+        uncertainty=uncertainty,
+        basis=basis,
+        note=note,
+        newton_per_unit=getattr(recording, f"area_{side}_m2"),
+        change=abs(getattr(up, channel) - getattr(down, channel)) / 2,
+        reference=_reference(recording, channel, float(span), ambient),
+    ).entries()
 
 
 def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
     largest = float(np.max(np.abs(recording.force_n)))
-    if "force_n" in recording.accuracy:
-        uncertainty = recording.accuracy["force_n"]
-        basis, note = _said(recording, "force_n")
-    else:
-        uncertainty, basis = largest * ASSUMED_FORCE_OF_LARGEST, "assumed"
-        note = "0.2 % of the largest force, rectangular"
-    change = abs(up.force_n - down.force_n) / 2
-    direction = uncertainty * ASSUMED_DIRECTION_SHARE / np.sqrt(2.0)
-    return [
-        BudgetEntry(
-            "force: common error and zero",
-            uncertainty,
-            "N",
-            basis,
-            "B",
-            uncertainty * change / largest if largest else 0.0,
-            uncertainty,
-            f"{note}; cancels in the pair but for the force's change with direction".lstrip("; "),
-        ),
-        BudgetEntry(
-            "force: hysteresis",
-            uncertainty * ASSUMED_DIRECTION_SHARE,
-            "N",
-            "assumed",
-            "B",
-            direction,
-            direction,
-            "a third of the accuracy taken to change with direction",
-        ),
-    ]
+    words = "0.2 % of the largest force, rectangular"
+    uncertainty, basis, note = _accuracy(recording, "force_n", largest * ASSUMED_FORCE_OF_LARGEST, words)
+    return _Sensor(
+        name="force",
+        unit="N",
+        uncertainty=uncertainty,
+        basis=basis,
+        note=note,
+        newton_per_unit=1.0,
+        change=abs(up.force_n - down.force_n) / 2,
+        reference=_reference(recording, "force_n", largest),
+    ).entries()
 
 
 def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:

@@ -17,7 +17,7 @@ from pneudrive.characterise.profile import Profile, build_profile, stroke_means
 from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2, Recording
 from pneudrive.characterise.reversal import ReversalPeak, find_reversal_peaks, usable
 from pneudrive.characterise.samples import clean
-from pneudrive.characterise.settling import SampleChoice
+from pneudrive.characterise.settling import Motion, SampleChoice
 from pneudrive.characterise.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.characterise.stick_slip import StickSlip, measure_stick_slip
 from pneudrive.errors import RecordingError
@@ -89,7 +89,8 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     acceleration: NDArray[np.float64] | float = 0.0
     if recording.mass_beyond_sensor_kg:
         acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
-    settled, balance = choice.choose(recording.time_s, recording.position_m, recording.balance_n(acceleration), strokes)
+    motion = Motion(recording.time_s, recording.position_m, recording.balance_n(acceleration), strokes)
+    settled, balance = choice.choose(motion)
     window = _window(recording, strokes, choice)
     levels = []
     for members in speed_levels(strokes):

@@ -15,6 +15,16 @@ if TYPE_CHECKING:
     from pneudrive.characterise.motion import Stroke
 
 
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a choice of samples may look at: arrays of shape (n,), and the strokes in them."""
+
+    time_s: NDArray[np.float64]
+    position_m: NDArray[np.float64]
+    balance_n: NDArray[np.float64]
+    strokes: list[Stroke]
+
+
 class SampleChoice(Protocol):
     """A way to choose, and perhaps smooth, the samples of a stroke that enter its mean."""
 
@@ -28,13 +38,7 @@ class SampleChoice(Protocol):
         """Whether the mean is over equal positions of the window; otherwise over all samples that count."""
         ...
 
-    def choose(
-        self,
-        time_s: NDArray[np.float64],
-        position_m: NDArray[np.float64],
-        balance_n: NDArray[np.float64],
-        strokes: list[Stroke],
-    ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Give the mask of samples that count, shape (n,), and the balance to average, shape (n,)."""
         ...
 
@@ -58,18 +62,13 @@ class Settled:
     name: str = "settled"
     uses_window: bool = True
 
-    def choose(
-        self,
-        time_s: NDArray[np.float64],
-        position_m: NDArray[np.float64],
-        balance_n: NDArray[np.float64],
-        strokes: list[Stroke],
-    ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Give the mask of settled samples and the balance as it is."""
-        velocity = local_slope(time_s, position_m)
-        levels = {d: _middle_level(position_m, balance_n, strokes, d) for d in (1, -1)}
-        mask = np.zeros(time_s.size, dtype=bool)
-        for stroke in strokes:
+        position_m, balance_n = motion.position_m, motion.balance_n
+        velocity = local_slope(motion.time_s, position_m)
+        levels = {d: _middle_level(motion, d) for d in (1, -1)}
+        mask = np.zeros(position_m.size, dtype=bool)
+        for stroke in motion.strokes:
             part = stroke.samples
             travelled = np.abs(position_m[part] - stroke.from_m)
             fast = np.abs(velocity[part]) >= self.speed_share * abs(stroke.speed_m_s)
@@ -101,22 +100,16 @@ class SourcePaper:
     name: str = "source-paper"
     uses_window: bool = False
 
-    def choose(
-        self,
-        time_s: NDArray[np.float64],
-        position_m: NDArray[np.float64],
-        balance_n: NDArray[np.float64],
-        strokes: list[Stroke],
-    ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Give the mask of samples after the first 5 % of each stroke and the smoothed balance."""
-        mask = np.zeros(time_s.size, dtype=bool)
-        smooth = balance_n.copy()
+        mask = np.zeros(motion.time_s.size, dtype=bool)
+        smooth = motion.balance_n.copy()
         kernel = np.ones(self.average_samples)
-        for stroke in strokes:
+        for stroke in motion.strokes:
             length = stroke.stop - stroke.start
             dropped = int(np.ceil(self.dropped_share * length))
             mask[stroke.start + dropped : stroke.stop] = True
-            part = balance_n[stroke.samples]
+            part = motion.balance_n[stroke.samples]
             smooth[stroke.samples] = np.convolve(part, kernel, "same") / np.convolve(np.ones(length), kernel, "same")
         return mask, smooth
 
@@ -124,14 +117,12 @@ class SourcePaper:
 SAMPLE_CHOICES = {"settled": Settled, "source-paper": SourcePaper}
 
 
-def _middle_level(
-    position_m: NDArray[np.float64], balance_n: NDArray[np.float64], strokes: list[Stroke], direction: int
-) -> float | None:
+def _middle_level(motion: Motion, direction: int) -> float | None:
     """Median balance over the middle 60 % of all strokes of one direction."""
     values = []
-    for stroke in strokes:
+    for stroke in motion.strokes:
         if stroke.direction == direction:
-            share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
-            values.append(balance_n[stroke.samples][(share > 0.2) & (share < 0.8)])
+            share = (motion.position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
+            values.append(motion.balance_n[stroke.samples][(share > 0.2) & (share < 0.8)])
     joined = np.concatenate(values) if values else np.array([])
     return middle(joined) if joined.size else None

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pneudrive.cli.output import writable_folder
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -58,16 +60,8 @@ def characterise(
 @contextmanager
 def _output(out: Path) -> Iterator[Path]:
     """Make the output folder before any work is done; a new one that stays empty goes again."""
-    from pneudrive.errors import CommandError
-
     is_new = not out.exists()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        probe = out / ".pneudrive-probe"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise CommandError(f"--out {out}: the folder cannot be written to", value=error.strerror) from None
+    writable_folder(out)
     try:
         yield out
     finally:
