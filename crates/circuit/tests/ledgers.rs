@@ -157,15 +157,17 @@ fn mass_energy_and_entropy_close_and_no_element_destroys_entropy() {
         assert!(balance.energy_error.abs() < 1e-6, "{name}: energy {:e}", balance.energy_error);
         assert!(balance.entropy_error.abs() < 1e-6, "{name}: entropy {:e}", balance.entropy_error);
         let passive = Drive::assemble(&case.drive, false).expect(name).warnings().is_empty();
+        let production = |kind: Kind| matches!(kind, Kind::EntropyOfGas | Kind::EntropyOfSolid);
+        let produced = balance.accounts.iter().filter(|(_, kind, _)| production(*kind));
+        let all: f64 = produced.map(|(.., total)| total.abs()).sum();
         let books: Vec<Vec<f64>> = trace.states.iter().map(|y| circuit.books(y).1).collect();
         for (i, channel) in circuit.channels().iter().enumerate() {
-            let produced = matches!(channel.kind, Kind::EntropyOfGas | Kind::EntropyOfSolid);
-            if !produced || !passive && channel.name.ends_with("friction") {
+            if !production(channel.kind) || !passive && channel.name.ends_with("friction") {
                 continue;
             }
-            let mut pairs = books.windows(2).map(|pair| pair[1][i] - pair[0][i]);
-            // What one rounding of an account of 1 J/K may take away.
-            assert!(pairs.all(|gain| gain > -1e-13), "{name}: {} destroys entropy", channel.name);
+            let mut gains = books.windows(2).map(|pair| pair[1][i] - pair[0][i]);
+            // As exact as the integral of a rate with a kink, where a flow turns round.
+            assert!(gains.all(|gain| gain > -1e-10 * all), "{name}: {} destroys entropy", channel.name);
         }
     }
 }
