@@ -108,7 +108,7 @@ class _Sensor:
     reference: float
 
     def entries(self) -> list[BudgetEntry]:
-        """List the common error, of which the pair leaves what changes with direction, and hysteresis, which it leaves whole."""
+        """List the common error, of which the pair leaves what changes with direction, and hysteresis."""
         common = self.uncertainty * self.newton_per_unit
         hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
         left = common * self.change / self.reference if self.reference else 0.0
