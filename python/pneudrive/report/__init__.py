@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
+    from pneudrive.report.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
     from pneudrive.report.write import Reproduction as Reproduction
     from pneudrive.report.write import reproduce as reproduce
@@ -14,12 +15,13 @@ if TYPE_CHECKING:
 
 _HOME = {
     "plot": "trajectory",
+    "plot_pressure": "pressure",
     "write_report": "write",
     "reproduce": "write",
     "Reproduction": "write",
     "write_layout_figure": "layout_figure",
 }
-__all__ = ["Reproduction", "plot", "reproduce", "write_layout_figure", "write_report"]
+__all__ = ["Reproduction", "plot", "plot_pressure", "reproduce", "write_layout_figure", "write_report"]
 
 
 def __getattr__(name: str) -> object:

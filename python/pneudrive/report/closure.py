@@ -76,7 +76,7 @@ def caption(closures: list[ClosureFit]) -> str:
     if all(len(fit.areas_m2) == 1 for fit in closures):
         return (
             "Above: half the sum of both directions' forces, less what pressure needs on the nominal area, with the "
-            "fitted line: its slope is the error of the area, its intercept the force zero. Below: what the line leaves."
+            "fitted line: its slope is the error of the area, its intercept the force zero. Below: what is left."
         )
     return "Above: half the sum of both directions' forces against the fit. Below: what the fit leaves."
 

@@ -9,8 +9,11 @@ import numpy as np
 from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Table, Text
 from pneudrive.report.words import sentence, spread_evenly
+from pneudrive.trajectory import check_target, whole
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -73,6 +76,33 @@ def draw(found: Characterisation) -> Figure:
     axes[0].set_ylim(0, min(1.05 * max([highest, *bands]), 2 * highest))
     style.outer_labels(figure, "gauge pressure / bar", "friction / N")
     style.legend_above(figure, list(handles.values()))
+    return figure
+
+
+def plot_pressure(found: Characterisation, path: str | Path) -> Figure:
+    """Draw friction against pressure with prediction bands, and write it.
+
+    Parameters
+    ----------
+    found : Characterisation
+        From ``characterise_recordings``, with recordings at two pressures or more.
+    path : path-like
+        Picture to write: .png, .svg or .pdf.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or the file cannot be written.
+    """
+    target = check_target(path, (".png", ".svg", ".pdf"))
+    with style.applied():
+        figure = draw(found)
+        with whole(target) as temporary:
+            figure.savefig(temporary, dpi=style.PNG_DPI)
     return figure
 
 

@@ -1,0 +1,45 @@
+"""`pneudrive demo` and `pneudrive reproduce` from end to end."""
+
+from pathlib import Path
+
+from pneudrive.cli.main import run
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_demo_prints_five_lines_and_where_the_report_lies(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    assert run(["demo", "--out", str(tmp_path / "out")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line[:3] for line in lines[:5]] == ["1. ", "2. ", "3. ", "4. ", "5. "]
+    assert "30 recordings, 6 seals" in lines[0]
+    assert "6 of 6 sentences of the source paper hold" in lines[4]
+    report = Path(lines[-1].removeprefix("Report: "))
+    assert report == tmp_path / "out" / "report.html"
+    page = report.read_text(encoding="utf-8")
+    for key in ("measured", "pressure", "recovered", "paper", "stick-slip", "chambers", "provenance"):
+        assert f'<section id="{key}">' in page
+    for name in ("map.parquet", "map.csv", "fit.toml"):
+        assert (tmp_path / "out" / name).stat().st_size > 500
+
+
+def test_the_demo_elsewhere_says_where_to_run_it(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["demo"]) == 2
+    assert "there are no recordings in data/measurements" in capsys.readouterr().err
+
+
+def test_reproduce_says_of_each_figure_whether_it_holds(tmp_path, capsys):
+    assert run(["reproduce", "--out", str(tmp_path / "out"), "--seed", "7"]) == 0
+    out = capsys.readouterr().out
+    for number in (1, 2, 3, 5, 6, 8):
+        assert f"figure {number}: " in out
+    assert out.count("  holds: ") == 6
+    assert "figures 4 and 7 (rigs) and 9 (stops): not reproduced yet" in out
+    assert (tmp_path / "out" / "figures" / "paper-8-pressure.svg").is_file()
+
+
+def test_reproduce_into_a_place_that_cannot_be(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert run(["reproduce", "--out", str(tmp_path / "file")]) == 2
+    assert "cannot be written to" in capsys.readouterr().err

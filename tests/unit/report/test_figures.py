@@ -1,0 +1,56 @@
+"""Figures can be read: every axis says its quantity and unit, curves differ in grey, equal data give equal files."""
+
+import pytest
+
+from pneudrive.report import reproduce, style
+from pneudrive.report.page import Picture, svg_text
+from pneudrive.report.write import sections
+
+UNITLESS = {"samples on the rise", "stroke in its direction"}
+
+
+@pytest.fixture(scope="module")
+def pictures(real):
+    found, fits = real
+    with style.applied():
+        parts = sections(found, fits, reproduce())
+    return [block for part in parts for block in part.blocks if isinstance(block, Picture)]
+
+
+def label_of(axis, which):
+    """Return the label of an axis, of one that it shares its scale with, or of the whole figure."""
+    own = getattr(axis, f"get_{which}label")()
+    shared = getattr(axis, f"get_shared_{which}_axes")().get_siblings(axis)
+    all_panels = getattr(axis.figure, f"get_sup{which}label")()
+    return own or next((label for s in shared if (label := getattr(s, f"get_{which}label")())), "") or all_panels
+
+
+def test_every_axis_says_its_quantity_and_unit(pictures):
+    assert len(pictures) >= 18
+    for picture in pictures:
+        for axis in picture.figure.axes:
+            if not (axis.get_visible() and axis.axison):
+                continue
+            assert " / " in label_of(axis, "x") or label_of(axis, "x") in UNITLESS, picture.name
+            words = [label.get_text() for label in axis.get_yticklabels()]
+            assert " / " in label_of(axis, "y") or "/\n" in label_of(axis, "y") or any(map(str.isalpha, words[0])), (
+                picture.name
+            )
+
+
+def test_captions_are_sentences_and_synthetic_ones_are_marked(pictures):
+    for picture in pictures:
+        assert picture.caption.endswith((".", "²."))
+        assert picture.synthetic == picture.name.startswith(("recovered", "paper", "stick-slip", "chamber"))
+
+
+def test_looks_differ_without_colour():
+    assert len({(str(look.linestyle), look.marker) for look in style.LOOKS}) == len(style.LOOKS)
+
+
+def test_equal_data_give_equal_files(real):
+    from pneudrive.report.closure import draw
+
+    with style.applied():
+        once, again = (svg_text(draw(list(real[0].closures))) for _ in range(2))
+    assert once == again
