@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.text_table import Table, column_number
+from pneudrive.characterise.text_table import Table, column_number, measurable
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def read_columns(form: str, path: Path, wanted: list[int | str]) -> Table:
             raise RecordingError(
                 f"column '{name}' is not a row of numbers", where=str(path), value=f"{column.dtype}, {column.shape}"
             )
-        columns.append(column.astype(np.float64))
+        columns.append(measurable(column.astype(np.float64)))
     if len({column.size for column in columns}) > 1:
         sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))
         raise RecordingError("the columns differ in length", where=str(path), value=sizes)

@@ -96,7 +96,8 @@ class Recording:
                     rule="all channels are one-dimensional and of one length",
                 )
             object.__setattr__(self, channel, values)
-        backwards = np.flatnonzero(np.diff(self.time_s) < 0)
+        with np.errstate(invalid="ignore"):  # times that are not finite are counted later
+            backwards = np.flatnonzero(np.diff(self.time_s) < 0)
         if backwards.size:
             at = int(backwards[0]) + 1
             raise RecordingError(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 COMPRESSIONS = {".gz": gzip.decompress, ".xz": lzma.decompress, ".bz2": bz2.decompress}
+NO_SENSOR = 1e100
 UNREADABLE_SHARE = 0.01  # more rows than this share that are not numbers: not such a file at all
 
 
@@ -103,6 +104,11 @@ def to_number(text: str, form: TextForm) -> float:
     return float(text)
 
 
+def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give numbers with NaN for what no sensor shows: infinite, or so large that their squares are."""
+    return np.where(np.abs(values) < NO_SENSOR, values, np.nan)
+
+
 def is_words(fields: list[str], form: TextForm) -> bool:
     """Whether no field of a line is a number: a header or a row of units."""
     for text in fields:
@@ -144,7 +150,7 @@ def read_text(path: Path, data: bytes, form: TextForm, wanted: list[int | str]) 
     flags: dict[str, int] = {}
     if table is None:
         table, flags = _parse_slow(lines, start, form, use, path)
-    return Table(names=[str(w) for w in wanted], columns=list(table.T), flags=flags)
+    return Table(names=[str(w) for w in wanted], columns=[measurable(c) for c in table.T], flags=flags)
 
 
 def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
