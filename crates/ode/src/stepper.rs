@@ -324,7 +324,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             control.statistics.factorisations += 1;
             if !control.judge(h_lane, error.get(lane)) {
                 self.check_progress(lane, error.get(lane));
-                if !self.ahead.is_empty() && !(error.get(lane) < FAR_OFF) {
+                let error = error.get(lane);
+                if !self.ahead.is_empty() && (error > FAR_OFF || error.is_nan()) {
                     self.stop_before_obstacle(lane, h_lane);
                 }
                 continue;
