@@ -31,7 +31,7 @@ class ReversalPeak:
 
     ``friction_n`` is the peak, offset taken out; ``sliding_n`` the friction level of the window.
     ``excess_n`` is their difference, ``significant`` whether it exceeds the noise of a single peak.
-    ``rise_samples`` counts samples between the reversal and the peak; ``flags`` names what spoils it:
+    ``rise_samples`` counts samples while it rises from 10 % to 90 %; ``flags`` names what spoils it:
     ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
     """
 
@@ -102,21 +102,11 @@ def _peak(
     end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
     part = slice(begin, end)
     friction = stroke.direction * (balance_n[part] - (offset[0] * position[part] + offset[1]))
-    top = int(np.argmax(friction))
-    bottom = float(friction[: top + 1].min())
-    # The rise begins at the last sample that has not left the bottom, not at the lowest one of a noisy rest.
-    low = int(np.flatnonzero(friction[: top + 1] <= bottom + 0.1 * (friction[top] - bottom))[-1])
+    low, high, top = _rise(friction)
     times = recording.time_s[part]
-    rise = friction[low : top + 1]
-    swing = friction[top] - friction[low]
-    steep = np.flatnonzero((rise > friction[low] + 0.1 * swing) & (rise < friction[low] + 0.9 * swing))
-    if steep.size >= 2:
-        first, last = low + int(steep[0]), low + int(steep[-1])
-    else:
-        first, last = low, top
-    duration = float(times[last] - times[first])
-    rate = float((friction[last] - friction[first]) / duration) if duration > 0 else float("nan")
-    flags = _peak_flags(recording, stroke, part, low, top, float(swing), usual_step)
+    duration = float(times[high] - times[low])
+    rate = float(friction[high] - friction[low]) / duration if duration > 0 else float("nan")
+    flags = _peak_flags(recording, stroke, part, (low, high, top), float(friction[top] - friction[low]), usual_step)
     excess = float(friction[top] - sliding)
     if top >= friction.size - 2:
         flags.append("no_peak")  # still rising where the search ends: no maximum of its own
@@ -134,9 +124,22 @@ def _peak(
         significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
         dwell_s=stroke.dwell_s,
         loading_rate_n_s=rate,
-        rise_samples=top - low,
+        rise_samples=high - low,
         flags=tuple(flags),
     )
+
+
+def _rise(friction_n: NDArray[np.float64]) -> tuple[int, int, int]:
+    """Find a peak and its rise: last sample below 10 % of the swing, first one above 90 %, the peak itself.
+
+    A slow drift up to the peak, after the rise, is no part of it.
+    """
+    top = int(np.argmax(friction_n))
+    bottom = float(friction_n[: top + 1].min())
+    swing = float(friction_n[top]) - bottom
+    high = int(np.argmax(friction_n >= bottom + 0.9 * swing))
+    below = np.flatnonzero(friction_n[: high + 1] <= bottom + 0.1 * swing)
+    return (int(below[-1]) if below.size else 0), high, top
 
 
 def _run_up(recording: Recording, stroke: Stroke) -> float:
@@ -148,10 +151,11 @@ def _run_up(recording: Recording, stroke: Stroke) -> float:
 
 
 def _peak_flags(
-    recording: Recording, stroke: Stroke, part: slice, low: int, top: int, swing: float, usual_step: float
+    recording: Recording, stroke: Stroke, part: slice, rise: tuple[int, int, int], swing: float, usual_step: float
 ) -> list[str]:
     flags = []
-    if top - low < NEEDED_RISE_SAMPLES:
+    low, high, top = rise
+    if high - low < NEEDED_RISE_SAMPLES:
         flags.append("undersampled")
     moved = 0.0
     for side in ("a", "b"):
