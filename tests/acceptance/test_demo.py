@@ -1,5 +1,7 @@
 """`pneudrive demo` and `pneudrive reproduce` from end to end."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 from pneudrive.cli.main import run
@@ -43,3 +45,12 @@ def test_reproduce_into_a_place_that_cannot_be(tmp_path, capsys):
     (tmp_path / "file").touch()
     assert run(["reproduce", "--out", str(tmp_path / "file")]) == 2
     assert "cannot be written to" in capsys.readouterr().err
+
+
+def test_the_table_on_the_first_page_is_what_its_example_prints(tmp_path):
+    command = [sys.executable, str(ROOT / "examples" / "friction_of_seals.py")]
+    printed = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True).stdout
+    rows = printed.splitlines()
+    assert len(rows) > 10
+    missing = [row for row in rows if row not in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()]
+    assert missing == [], "README.md is out of date: copy what examples/friction_of_seals.py prints, renew its figure"

@@ -59,15 +59,9 @@ def _of_recordings(found: Characterisation) -> list:
     every = [(r, level, s) for r in found.results for level in r.levels for s in level.stick_slip]
     if not every:
         return []
-    slipping = [item for item in every if item[2].found]
+    slipping = [item for item in every if item[2].found and "stick_slip" in item[1].flags]
     if not slipping:
-        finest = float(np.median([s.resolution_s for _, _, s in every]))
-        return [
-            Text(
-                f"The recordings: none of {plural(len(every), 'stroke')} sticks and slips. Sampling and noise of the "
-                f"position let one see periods longer than {finest:.2g} s."
-            )
-        ]
+        return [Text(_nothing([s for _, _, s in every]))]
     rows = tuple(
         (level.recording, f"{s.direction:+d}", *_cells(s), f"{100 * s.stuck_share:.0f}")
         for _, level, s in slipping[:MOST_ROWS]
@@ -79,6 +73,22 @@ def _of_recordings(found: Characterisation) -> list:
         Picture("stick-slip-recordings", "Stick-slip in the recordings: speed above, position below.", in_time(shown)),
         Picture("stick-slip-recordings-phase", "The same strokes in the phase plane.", phase_plane(shown)),
     ]
+
+
+def _nothing(strokes: list[StickSlip]) -> str:
+    """Say that no recording sticks and slips, and what could have been seen."""
+    finest = float(np.median([s.resolution_s for s in strokes]))
+    text = (
+        f"The recordings: none of {plural(len(strokes), 'stroke')} belongs to a motion that sticks and slips. Sampling and "
+        f"noise of the position let one see periods longer than {finest:.2g} s."
+    )
+    jumps = [s for s in strokes if s.found]
+    if jumps:
+        text += (
+            f" In {plural(len(jumps), 'stroke')} the position jumps a few times, but stands still for at most "
+            f"{100 * max(s.stuck_share for s in jumps):.0f} % of the time."
+        )
+    return text
 
 
 def _cells(s: StickSlip) -> tuple[str, ...]:
