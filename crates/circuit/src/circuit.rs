@@ -1,6 +1,6 @@
 //! Parts and nodes as one system of equations.
 
-use crate::ledger::{Balance, Channel, Kind};
+use crate::ledger::Channel;
 use crate::net::Net;
 use crate::part::*;
 use math::{Deps, Lane, Over, Real};
@@ -351,6 +351,14 @@ impl<R: Lane> Circuit<R> {
         &self.topology.names
     }
 
+    /// The volume, m3, of a gas node that has none left at state `y`.
+    pub fn vanished(&self, y: &[R]) -> Option<f64> {
+        let mut net = self.work::<R>();
+        self.evaluate(y, &mut net);
+        let volumes = net.gas.iter().flat_map(|node| (0..R::L).map(|lane| node.volume.get(lane)));
+        volumes.filter(|volume| *volume < 0.0).min_by(f64::total_cmp)
+    }
+
     /// How many states there are beside the accounts.
     pub fn n_states(&self) -> usize {
         self.topology.n_states
@@ -500,46 +508,4 @@ impl<R: Lane> System<R> for Circuit<R> {
         let (place, axis) = self.mover_mut(self.topology.sticking[event]);
         axis.switch(lane, &mut y[place.first + 1], net);
     }
-}
-
-/// The accounts of a run closed, from its states at the samples (accounts included).
-pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
-    let books: Vec<([f64; 3], Vec<f64>)> = samples.iter().map(|y| circuit.books(y)).collect();
-    let (start, first) = books.first().expect("at least the initial state");
-    let (end, last) = books.last().expect("at least the initial state");
-    let total = |kind: Kind| -> f64 { sum(circuit, kind, |i| last[i] - first[i]) };
-    let turned = |kind: Kind| -> f64 { sum(circuit, kind, |i| (last[i] - first[i]).abs()) };
-    let produced = total(Kind::EntropyOfGas);
-    let mut least_production = f64::INFINITY;
-    for pair in books.windows(2) {
-        for (i, channel) in circuit.channels().iter().enumerate() {
-            if matches!(channel.kind, Kind::EntropyOfGas | Kind::EntropyOfSolid) {
-                least_production = least_production.min(pair[1].1[i] - pair[0].1[i]);
-            }
-        }
-    }
-    let turnover = turned(Kind::Energy);
-    let entropy_turnover = turned(Kind::EntropyIn) + produced.abs();
-    let relative = |error: f64, size: f64| if size > 0.0 { error / size } else { error };
-    Balance {
-        mass_error: relative(
-            end[0] - start[0] - total(Kind::Mass),
-            start[0].max(end[0]).max(turned(Kind::Mass)),
-        ),
-        energy_error: relative(end[1] - start[1] - total(Kind::Energy), turnover),
-        entropy_error: relative(end[2] - start[2] - total(Kind::EntropyIn) - produced, entropy_turnover),
-        least_production,
-        turnover,
-        accounts: circuit
-            .channels()
-            .iter()
-            .enumerate()
-            .map(|(i, channel)| (channel.name.clone(), channel.kind, last[i] - first[i]))
-            .collect(),
-    }
-}
-
-fn sum(circuit: &Circuit<f64>, kind: Kind, value: impl Fn(usize) -> f64) -> f64 {
-    let channels = circuit.channels().iter().enumerate();
-    channels.filter(|(_, channel)| channel.kind == kind).map(|(i, _)| value(i)).sum()
 }

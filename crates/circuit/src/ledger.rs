@@ -1,5 +1,7 @@
 //! Mass, energy and entropy accounts: what crossed the boundary and what was produced, as quadratures.
 
+use crate::circuit::Circuit;
+
 /// What a quadrature counts. Flows count positive into the circuit's gas, masses and springs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -37,4 +39,46 @@ pub struct Balance {
     pub turnover: f64,
     /// Every account: name, kind, total.
     pub accounts: Vec<(String, Kind, f64)>,
+}
+
+/// The accounts of a run closed, from its states at the samples (accounts included).
+pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
+    let books: Vec<([f64; 3], Vec<f64>)> = samples.iter().map(|y| circuit.books(y)).collect();
+    let (start, first) = books.first().expect("at least the initial state");
+    let (end, last) = books.last().expect("at least the initial state");
+    let total = |kind: Kind| -> f64 { sum(circuit, kind, |i| last[i] - first[i]) };
+    let turned = |kind: Kind| -> f64 { sum(circuit, kind, |i| (last[i] - first[i]).abs()) };
+    let produced = total(Kind::EntropyOfGas);
+    let mut least_production = f64::INFINITY;
+    for pair in books.windows(2) {
+        for (i, channel) in circuit.channels().iter().enumerate() {
+            if matches!(channel.kind, Kind::EntropyOfGas | Kind::EntropyOfSolid) {
+                least_production = least_production.min(pair[1].1[i] - pair[0].1[i]);
+            }
+        }
+    }
+    let turnover = turned(Kind::Energy);
+    let entropy_turnover = turned(Kind::EntropyIn) + produced.abs();
+    let relative = |error: f64, size: f64| if size > 0.0 { error / size } else { error };
+    Balance {
+        mass_error: relative(
+            end[0] - start[0] - total(Kind::Mass),
+            start[0].max(end[0]).max(turned(Kind::Mass)),
+        ),
+        energy_error: relative(end[1] - start[1] - total(Kind::Energy), turnover),
+        entropy_error: relative(end[2] - start[2] - total(Kind::EntropyIn) - produced, entropy_turnover),
+        least_production,
+        turnover,
+        accounts: circuit
+            .channels()
+            .iter()
+            .enumerate()
+            .map(|(i, channel)| (channel.name.clone(), channel.kind, last[i] - first[i]))
+            .collect(),
+    }
+}
+
+fn sum(circuit: &Circuit<f64>, kind: Kind, value: impl Fn(usize) -> f64) -> f64 {
+    let channels = circuit.channels().iter().enumerate();
+    channels.filter(|(_, channel)| channel.kind == kind).map(|(i, _)| value(i)).sum()
 }

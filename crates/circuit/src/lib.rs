@@ -13,8 +13,8 @@ mod run;
 pub mod specification;
 
 pub use assembly::{Drive, Rig, Servo, friction_law};
-pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId, balance};
-pub use ledger::{Balance, Channel, Kind};
+pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
+pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};
 pub use part::{
     Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Link, Part, Reservoir, Restriction, Spring, Volume,

@@ -1,7 +1,7 @@
 //! Short callers of `Stepper::advance`: segments of constant inputs, samples, errors in words.
 
-use crate::circuit::{Circuit, balance};
-use crate::ledger::Balance;
+use crate::circuit::Circuit;
+use crate::ledger::{Balance, balance};
 use crate::net::Net;
 use ode::{Failure, Output, Paused, Statistics, Stepper, System};
 
@@ -146,30 +146,46 @@ pub fn advance(
 
 /// When, in which state, with which value, and what to try.
 fn in_words(failure: Failure, stepper: &Stepper<f64, Circuit<f64>>) -> String {
-    let names = stepper.system().state_names();
-    let state = |i: usize| match names.get(i) {
-        Some(name) => format!("{name} = {:.6e}", stepper.state()[i]),
-        None => "an account".to_string(),
+    let (circuit, y) = (stepper.system(), stepper.state());
+    let names = circuit.state_names();
+    let state =
+        |i: usize| names.get(i).map_or("an account".to_string(), |name| format!("{name} = {:.6e}", y[i]));
+    let (t, reason, remedy) = match failure {
+        Failure::StepTooSmall { t, h, state: i } => (
+            t,
+            format!("the step fell to {h:.1e} s in {}", state(i)),
+            "a looser rtol, a softer end stop or a larger dead volume",
+        ),
+        Failure::NotFinite { t, state: i } => (
+            t,
+            format!("a rate is not finite near {}", state(i)),
+            "a larger dead volume or a stiffer end stop",
+        ),
+        Failure::Chatter { t, .. } => (
+            t,
+            "stick and slip alternate without time passing".to_string(),
+            "law = \"lugre\", or a breakaway force above the Coulomb force",
+        ),
+        Failure::TooManyAttempts { t, attempts } => {
+            (t, format!("{attempts} attempts at a step are used up"), "a shorter duration or a looser rtol")
+        }
     };
-    match failure {
-        Failure::StepTooSmall { t, h, state: i } => format!(
-            "the simulation cannot go on at t = {t:.6} s: the step fell to {h:.1e} s in {}. \
-             Try a looser rtol, a softer end stop or a larger dead volume.",
-            state(i)
+    let (reason, remedy) = match circuit.vanished(y) {
+        Some(volume) => (
+            format!(
+                "a chamber has vanished (volume {:.3e} m3): the piston went through its end stop",
+                volume
+            ),
+            "a larger cylinder.end_stop.stiffness or cylinder.dead_volume",
         ),
-        Failure::NotFinite { t, state: i } => format!(
-            "the simulation cannot go on at t = {t:.6} s: a rate is not finite near {}. \
-             Try a larger dead volume or a stiffer end stop: a chamber may have vanished.",
-            state(i)
-        ),
-        Failure::Chatter { t, .. } => format!(
-            "the simulation cannot go on at t = {t:.6} s: stick and slip alternate without time passing, at {}. \
-             Try law = \"lugre\", or a breakaway force above the Coulomb force.",
-            state(0)
-        ),
-        Failure::TooManyAttempts { t, attempts } => format!(
-            "the simulation cannot go on at t = {t:.6} s: {attempts} attempts at a step are used up. \
-             Try a shorter duration or a looser rtol."
-        ),
-    }
+        None => (reason, remedy),
+    };
+    let shown: Vec<String> = (0..circuit.n_states().min(SHOWN)).map(state).collect();
+    format!(
+        "the simulation cannot go on at t = {t:.6} s: {reason}. State: {}. Try {remedy}.",
+        shown.join(", ")
+    )
 }
+
+/// How many states a message shows: those of one cylinder.
+const SHOWN: usize = 7;

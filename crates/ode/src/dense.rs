@@ -43,8 +43,9 @@ impl<R: Lane> Step<R> {
         let ends = self.y0.iter().zip(&self.y1);
         for ((at, (y0, y1)), ((k0, k1), k2)) in self.at.iter_mut().zip(ends).zip(k0.iter().zip(k1).zip(k2)) {
             for l in 0..BLOCK {
-                let inner = k2[l].fma(th, k1[l]).fma(th, k0[l]).fma(s, y1[l]);
-                at[l] = inner.fma(th, s * y0[l]);
+                // From y0: a state that does not change keeps its bits.
+                let bend = k2[l].fma(th, k1[l]).fma(th, k0[l]);
+                at[l] = bend.fma(s, y1[l] - y0[l]).fma(th, y0[l]);
             }
         }
         self.at.as_flattened()

@@ -134,9 +134,9 @@ macro_rules! laws {
                 None
             }
 
-            /// What the user should know about this parameter set, if anything.
-            pub fn warning(&self) -> Option<String> {
-                match self { $(AnyLaw::$name(law) => law.warning(),)* }
+            /// What the user should know about this parameter set with these levels, if anything.
+            pub fn warning(&self, levels: &Levels<f64>) -> Option<String> {
+                match self { $(AnyLaw::$name(law) => law.warning(levels),)* }
             }
         }
 

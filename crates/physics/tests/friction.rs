@@ -326,7 +326,7 @@ fn passive_sets_give_no_energy() {
     for meta in LAWS {
         for set in &passive {
             let law = law(meta, set);
-            assert_eq!(law.warning(), None, "{}: this set is passive", meta.key);
+            assert_eq!(law.warning(&law.levels()), None, "{}: this set is passive", meta.key);
             for seed in 0..30 {
                 let (least, turned) = least_dissipation(&law, &random_motion(seed));
                 assert!(least > -1e-9 * turned, "{} motion {seed}: {least} of {turned}", meta.key);
@@ -357,7 +357,7 @@ fn a_set_that_is_not_passive_says_so_and_is_not() {
     let reference = LAWS.iter().find(|meta| meta.key == "lugre").expect("registered");
     let set = with(&[("viscous", 0.0), ("bristle_damping", 1e3)]);
     let law = law(reference, &set);
-    let warning = law.warning().expect("a warning");
+    let warning = law.warning(&law.levels()).expect("a warning");
     assert!(warning.contains("500 N s/m"), "condition and value: {warning}");
     // Fast through zero with stretched bristles: the damper pushes along.
     let p = Point { v: 1.0, applied: 0.0, z: vec![4.5e-4], mode: 0.0 };

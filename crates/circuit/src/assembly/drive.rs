@@ -7,6 +7,7 @@ use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use ode::{Options, Output, Stepper};
 use physics::IdealGas;
 use physics::flow::Iso6358;
+use physics::friction::{AnyLaw, At, SealLips};
 use physics::mechanics::EndStop;
 use std::f64::consts::PI;
 
@@ -29,6 +30,34 @@ pub struct Drive {
 fn side(bore: f64, rod: f64) -> PistonSide {
     let area = 0.25 * PI * (bore * bore - rod * rod);
     PistonSide { area, perimeter: PI * (bore + rod), end_wall: 2.0 * area }
+}
+
+/// The law's own warning for its levels without pressure, or under supply pressure in either chamber.
+fn law_warning(law: &AnyLaw<f64>, lips: Option<&SealLips<f64>>, gauge: f64) -> Option<String> {
+    let base = law.levels();
+    let pressed = lips.into_iter().flat_map(|lips| {
+        [(gauge, 0.0), (0.0, gauge), (gauge, gauge)].map(|(gauge_a, gauge_b)| {
+            let at = At { v: 0.0, x: 0.0, gauge_a, gauge_b, applied: 0.0, prepared: 0.0 };
+            lips.apply(&base, &at)
+        })
+    });
+    std::iter::once(base).chain(pressed).find_map(|levels| law.warning(&levels))
+}
+
+/// A stop so soft that supply pressure pushes the piston through the dead volume before it.
+fn stop_warning(cylinder: &specification::Cylinder, sides: &[PistonSide; 2], gauge: f64) -> Option<String> {
+    let depth = |side: &PistonSide| gauge * side.area / cylinder.end_stop.stiffness_n_m;
+    let room = [cylinder.dead_volume_a_m3 / sides[0].area, cylinder.dead_volume_b_m3 / sides[1].area];
+    // Chamber a pushes towards b's end, and the other way round.
+    let (into_b, into_a) = (depth(&sides[0]), depth(&sides[1]));
+    let (end, depth, room) = if into_b > room[1] { ("b", into_b, room[1]) } else { ("a", into_a, room[0]) };
+    (depth > room).then(|| {
+        format!(
+            "supply pressure pushes the piston {:.3} mm into the end stop, but the dead volume of chamber {end} is only {:.3} mm long: \
+             a larger cylinder.end_stop.stiffness or cylinder.dead_volume.{end} keeps the chamber from vanishing",
+            1e3 * depth, 1e3 * room
+        )
+    })
 }
 
 impl Drive {
@@ -60,7 +89,9 @@ impl Drive {
                 "chamber law \"as-printed\" has no ledger: it does not conserve energy".into(),
             ));
         }
-        let mut warnings: Vec<String> = law.warning().into_iter().collect();
+        let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
+        let mut warnings: Vec<String> = law_warning(&law, lips.as_ref(), gauge).into_iter().collect();
+        warnings.extend(stop_warning(cylinder, &sides, gauge));
         if chamber_law == ChamberLaw::AsPrinted {
             warnings.push(
                 "chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only"

@@ -23,7 +23,7 @@ impl Coulomb<f64> {
         Coulomb { coulomb: values[0], viscous: values[1] }
     }
 
-    pub(super) fn warning(&self) -> Option<String> {
+    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
         None
     }
 }

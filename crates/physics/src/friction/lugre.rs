@@ -54,32 +54,34 @@ impl LuGre<f64> {
         }
     }
 
-    /// Whether the bristles can never give more energy than they took.
-    pub fn is_passive(&self) -> bool {
-        self.viscous >= self.viscous_needed() || (self.faded && self.fade_excess() <= 1.0)
+    /// Whether the bristles can never give more energy than they took, with these levels.
+    pub fn is_passive(&self, levels: &Levels<f64>) -> bool {
+        self.viscous >= self.viscous_needed(levels) || (self.faded && self.fade_excess(levels) <= 1.0)
     }
 
-    fn viscous_needed(&self) -> f64 {
-        self.bristle_damping * (self.breakaway - self.coulomb) / self.coulomb
+    fn viscous_needed(&self, levels: &Levels<f64>) -> f64 {
+        self.bristle_damping * (levels.breakaway - levels.coulomb) / levels.coulomb
     }
 
     /// The largest sigma1(v) |v|, at v = vd/sqrt 2, over its bound 4 Fc.
-    fn fade_excess(&self) -> f64 {
-        self.bristle_damping * self.damping_fade_velocity
-            / (2.0 * std::f64::consts::E).sqrt()
-            / (4.0 * self.coulomb)
+    fn fade_excess(&self, levels: &Levels<f64>) -> f64 {
+        let largest = self.bristle_damping * self.damping_fade_velocity / (2.0 * std::f64::consts::E).sqrt();
+        largest / (4.0 * levels.coulomb)
     }
 
-    pub(super) fn warning(&self) -> Option<String> {
-        if self.is_passive() {
+    pub(super) fn warning(&self, levels: &Levels<f64>) -> Option<String> {
+        if self.is_passive(levels) {
             return None;
         }
-        let fade = 4.0 * self.coulomb * (2.0 * std::f64::consts::E).sqrt() / self.bristle_damping;
+        let fade = 4.0 * levels.coulomb * (2.0 * std::f64::consts::E).sqrt() / self.bristle_damping;
         Some(format!(
-            "this lugre set is not passive: viscous = {} N s/m is below bristle_damping (breakaway - coulomb)/coulomb = {} N s/m, \
-             so friction can give energy during fast transients; friction.damping_fade_velocity = \"{:.3} m/s\" or less makes it passive",
+            "this lugre set is not passive: viscous = {} N s/m is below bristle_damping (breakaway - coulomb)/coulomb = {:.6} N s/m \
+             (coulomb {} N, breakaway {} N), so friction can give energy during fast transients; \
+             friction.damping_fade_velocity = \"{:.3} m/s\" or less makes it passive",
             self.viscous,
-            self.viscous_needed(),
+            self.viscous_needed(levels),
+            levels.coulomb,
+            levels.breakaway,
             fade
         ))
     }

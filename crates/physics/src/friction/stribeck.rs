@@ -54,7 +54,7 @@ impl Stribeck<f64> {
         }
     }
 
-    pub(super) fn warning(&self) -> Option<String> {
+    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
         None
     }
 }
