@@ -79,8 +79,8 @@ def _nothing(strokes: list[StickSlip]) -> str:
     """Say that no recording sticks and slips, and what could have been seen."""
     finest = float(np.median([s.resolution_s for s in strokes]))
     text = (
-        f"The recordings: none of {plural(len(strokes), 'stroke')} belongs to a motion that sticks and slips. Sampling and "
-        f"noise of the position let one see periods longer than {finest:.2g} s."
+        f"The recordings: none of {plural(len(strokes), 'stroke')} belongs to a motion that sticks and slips. "
+        f"Sampling and noise of the position let one see periods longer than {finest:.2g} s."
     )
     jumps = [s for s in strokes if s.found]
     if jumps:
