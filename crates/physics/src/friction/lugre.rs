@@ -73,15 +73,17 @@ impl LuGre<f64> {
         if self.is_passive(levels) {
             return None;
         }
+        // Rounded for reading: 500, not 499.99999999999994.
+        let rounded = |x: f64| (1e6 * x).round() / 1e6;
         let fade = 4.0 * levels.coulomb * (2.0 * std::f64::consts::E).sqrt() / self.bristle_damping;
         Some(format!(
-            "this lugre set is not passive: viscous = {} N s/m is below bristle_damping (breakaway - coulomb)/coulomb = {:.6} N s/m \
+            "this lugre set is not passive: viscous = {} N s/m is below bristle_damping (breakaway - coulomb)/coulomb = {} N s/m \
              (coulomb {} N, breakaway {} N), so friction can give energy during fast transients; \
              friction.damping_fade_velocity = \"{:.3} m/s\" or less makes it passive",
             self.viscous,
-            self.viscous_needed(levels),
-            levels.coulomb,
-            levels.breakaway,
+            rounded(self.viscous_needed(levels)),
+            rounded(levels.coulomb),
+            rounded(levels.breakaway),
             fade
         ))
     }
