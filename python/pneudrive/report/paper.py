@@ -9,6 +9,7 @@ import numpy as np
 from pneudrive.report import style
 from pneudrive.report.page import Picture, Section, Table, Text
 from pneudrive.report.words import plural, sentence
+from pneudrive.rig.friction_curves import RAMP_M
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,6 +47,12 @@ def section(figures: Mapping[int, PaperFigure]) -> Section:
             "holds" if held == len(figures) else "fails",
         ),
         Table(("figure", "what the paper says", "what ours shows", "verdict"), tuple(rows), numbers_from=9),
+        Text(
+            "What is assumed: all values of rig and drive (listed under provenance); speeds spaced logarithmically, "
+            f"as the paper does not say; in figure 5 a servo that turns over {1e3 * RAMP_M:g} mm, so that the peak "
+            "lasts for some samples: with the rig's own limits it would lie between two of them. The stopping time, "
+            "which the paper names as the other cause of that peak, is not in these friction laws."
+        ),
         Text(
             "A sentence that holds here says that the laws and the measuring chain can show the effect, since the "
             "parameters were chosen so that it is there; it is no evidence that a given drive behaves so.",

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 from pneudrive import __version__
 from pneudrive.references import entries
 from pneudrive.report.page import Items, Section, Table, Text
+from pneudrive.rig.chamber_laws import FULL_STROKE
+from pneudrive.rig.stick_slip import SLOW_DRIVE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,6 +34,7 @@ def section(found: Characterisation | None, made: Reproduction | None) -> Sectio
     if made is not None:
         blocks.append(Text("The simulated rig's values, each with its source:"))
         blocks.append(_rig_values(made))
+        blocks += [Text("The simulated drives, all values assumed:"), *_drives()]
     cited = [line for key in _keys(found, made) if (line := reference(key))]
     if cited:
         blocks += [Text("Sources of laws and methods:"), Items(tuple(cited))]
@@ -93,6 +96,11 @@ def _head(path: Path) -> str:
 def _rig_values(made: Reproduction) -> Table:
     rows = tuple((key, s.value, s.source, s.reason) for key, s in made.rig.description.sources.items())
     return Table(("value", "", "source", "why"), rows, numbers_from=9)
+
+
+def _drives() -> list[Text]:
+    """Drive files of the stick-slip figures and of the chamber comparison, as they are."""
+    return [Text(path.read_text(encoding="utf-8").strip(), "code") for path in (SLOW_DRIVE, FULL_STROKE)]
 
 
 def _keys(found: Characterisation | None, made: Reproduction | None) -> list[str]:
