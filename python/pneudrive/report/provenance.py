@@ -128,7 +128,7 @@ def reference(key: str) -> str | None:
     where = fields.get("journal") or fields.get("publisher") or fields.get("institution") or fields.get("school")
     number = fields.get("number") if "institution" in fields else None
     parts = (fields.get("author"), fields.get("title"), where, number, fields.get("year"), fields.get("note"))
-    return f"[{key}] " + ". ".join(p for p in parts if p) + "."
+    return f"[{key}] " + ". ".join(p.rstrip(".") for p in parts if p) + "."
 
 
 _ACCENTS = {

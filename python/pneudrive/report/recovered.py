@@ -70,7 +70,7 @@ def section(found: Characterisation, fits: Mapping[str, Mapping[str, FrictionFit
         Text(
             f"{pairs.true_n.size} recordings of a simulated rig with noise, quantisation, sensor zeros and limited "
             f"resolution went through the same code as real ones. {pairs.inside} of {pairs.true_n.size} friction "
-            f"values lie within their U (k = 2, {pairs.expanded_n.min():.2f} to {pairs.expanded_n.max():.2f} N) of "
+            f"values lie within their U (k = 2, {_range(pairs.expanded_n)} N) of "
             f"the truth, {pairs.within_statistics} within two statistical standard errors; the largest error is "
             f"{1e3 * worst:.0f} mN. U is larger than the errors because it covers gain and hysteresis, which these "
             "sensors do not have. This validates the evaluation, not the physics of real seals: the simulated "
@@ -89,6 +89,11 @@ def section(found: Characterisation, fits: Mapping[str, Mapping[str, FrictionFit
         head = ("parameter", "true", "recovered, U (k = 2)", "95 % interval, statistical", "true within U")
         blocks.append(Table(head, tuple(rows), "Parameters of the Stribeck law"))
     return Section("recovered", "Simulated rig: recovered against true", tuple(blocks), synthetic=True)
+
+
+def _range(values: np.ndarray) -> str:
+    low, high = f"{values.min():.2f}", f"{values.max():.2f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def parameter_rows(
