@@ -104,10 +104,7 @@ impl Circuit<f64> {
     /// Gas at constant pressure Pa and temperature K.
     pub fn reservoir(&mut self, pressure: f64, temperature: f64) -> GasId {
         let node = self.next_gas();
-        self.parts.reservoirs.push((
-            Place::default(),
-            Reservoir { pressure, temperature, inverse_sqrt_t: 1.0 / temperature.sqrt(), node },
-        ));
+        self.parts.reservoirs.push((Place::default(), Reservoir { pressure, temperature, node }));
         GasId(node)
     }
 
@@ -128,16 +125,19 @@ impl Circuit<f64> {
         GasId(node)
     }
 
+    fn is_reservoir(&self, id: GasId) -> bool {
+        self.parts.reservoirs.iter().any(|(_, part)| part.node == id.0)
+    }
+
     /// A restriction between two gas nodes, closed at first.
     pub fn restriction(&mut self, law: physics::flow::Iso6358<f64>, from: GasId, to: GasId) -> RestrictionId {
-        let is_reservoir = |id: GasId| self.parts.reservoirs.iter().any(|(_, part)| part.node == id.0);
         let part = Restriction {
             law,
             opening: 0.0,
             from: from.0,
             to: to.0,
-            from_boundary: is_reservoir(from),
-            to_boundary: is_reservoir(to),
+            from_boundary: self.is_reservoir(from),
+            to_boundary: self.is_reservoir(to),
         };
         self.parts.restrictions.push((Place::default(), part));
         RestrictionId(self.parts.restrictions.len() - 1)
@@ -179,7 +179,16 @@ impl Circuit<f64> {
     pub fn face(&mut self, gas: GasId, axis: AxisId, grows: bool, stroke: f64, side: PistonSide) {
         let offset = if grows { 0.0 } else { stroke };
         let PistonSide { area, perimeter, end_wall } = side;
-        let part = Face { area, perimeter, end_wall, offset, gas: gas.0, axis: axis.0, grows };
+        let part = Face {
+            area,
+            perimeter,
+            end_wall,
+            offset,
+            gas: gas.0,
+            axis: axis.0,
+            grows,
+            held: self.is_reservoir(gas),
+        };
         self.parts.faces.push((Place::default(), part));
     }
 
@@ -331,13 +340,14 @@ impl<R: Lane> Circuit<R> {
 
     /// Opens a restriction in one lane: 0 closed, 1 full.
     pub fn set_opening(&mut self, id: RestrictionId, lane: usize, opening: f64) {
-        self.parts.restrictions[id.0].1.opening.put(lane, opening);
-        let is_open = (0..R::L).any(|lane| self.parts.restrictions[id.0].1.opening.get(lane) != 0.0);
-        self.open.retain(|&i| i != id.0);
-        if is_open {
-            // Kept in order: sums of flows do not depend on when an edge opened.
-            let at = self.open.partition_point(|&i| i < id.0);
-            self.open.insert(at, id.0);
+        let restriction = &mut self.parts.restrictions[id.0].1;
+        restriction.opening.put(lane, opening);
+        let is_open = (0..R::L).any(|lane| restriction.opening.get(lane) != 0.0);
+        // Kept in order: sums of flows do not depend on when an edge opened.
+        match (self.open.binary_search(&id.0), is_open) {
+            (Err(at), true) => self.open.insert(at, id.0),
+            (Ok(at), false) => drop(self.open.remove(at)),
+            _ => {}
         }
     }
 
@@ -454,7 +464,11 @@ impl<R: Lane> System<R> for Circuit<R> {
     type Work<S: Over<R>> = Net<S>;
 
     fn work<S: Over<R>>(&self) -> Net<S> {
-        Net::new(self.gas_nodes, self.axis_nodes, S::from(self.common.gas.cp))
+        let mut net = Net::new(self.gas_nodes, self.axis_nodes, S::from(self.common.gas.cp));
+        for (_, reservoir) in &self.parts.reservoirs {
+            reservoir.fill(&mut net);
+        }
+        net
     }
 
     #[inline(never)]

@@ -1,23 +1,26 @@
 //! Dense output: the state within a step.
 
-use crate::stages::{BLOCK, Block, METHOD, combine_zero, zeros};
+use crate::stages::{BLOCK, Block, METHOD, sum_of_stages, zeros};
 use math::Lane;
 
-/// One step of all lanes, for dense output.
+/// One step of all lanes, for dense output, as a polynomial in theta = (t - t0)/h:
+///
+///   y = y0 + theta (c1 + theta (c2 + theta (c3 + theta c4)))
+///   c1 = y1 - y0 + K_1,  c2 = K_2 - K_1,  c3 = K_3 - K_2,  c4 = -K_3,  K_l = sum_j h_lj U_j
 #[derive(Clone, Debug)]
 pub(crate) struct Step<R> {
     pub y0: Vec<Block<R>>,
     pub y1: Vec<Block<R>>,
-    k: [Vec<Block<R>>; 3],
+    c: Vec<[Block<R>; 4]>,
     at: Vec<Block<R>>,
-    /// `k` belongs to the present attempt.
+    /// `c` belongs to the present attempt.
     ready: bool,
 }
 
 impl<R: Lane> Step<R> {
     pub fn new(blocks: usize) -> Self {
-        let zeros = || zeros(blocks);
-        Step { y0: zeros(), y1: zeros(), k: [zeros(), zeros(), zeros()], at: zeros(), ready: false }
+        let c = vec![[[R::zero(); BLOCK]; 4]; blocks];
+        Step { y0: zeros(blocks), y1: zeros(blocks), c, at: zeros(blocks), ready: false }
     }
 
     /// A new attempt from `y0`.
@@ -28,24 +31,31 @@ impl<R: Lane> Step<R> {
 
     /// Prepares the interpolation from the stages of the attempt, once.
     pub fn prepare(&mut self, u: &[Block<R>]) {
-        if !self.ready {
-            for (k, coefficients) in self.k.iter_mut().zip(&METHOD.dense) {
-                combine_zero(k, coefficients, u);
-            }
-            self.ready = true;
+        if self.ready {
+            return;
         }
+        let blocks = self.c.len();
+        for (b, c) in self.c.iter_mut().enumerate() {
+            let k = METHOD.dense.map(|coefficients| sum_of_stages(b, blocks, &coefficients, u));
+            for l in 0..BLOCK {
+                let rise = self.y1[b][l] - self.y0[b][l];
+                c[0][l] = rise + k[0][l];
+                c[1][l] = k[1][l] - k[0][l];
+                c[2][l] = k[2][l] - k[1][l];
+                c[3][l] = -k[2][l];
+            }
+        }
+        self.ready = true;
     }
 
-    /// The state at `t0 + theta h`, of the method's dense order; `prepare` comes first.
+    /// The state at `t0 + theta h`, of the method's dense order; `prepare` comes first. A state that
+    /// does not change keeps its bits.
     pub fn interpolate(&mut self, theta: f64) -> &[R] {
-        let (th, s) = (R::c(theta), R::c(1.0 - theta));
-        let [k0, k1, k2] = &self.k;
-        let ends = self.y0.iter().zip(&self.y1);
-        for ((at, (y0, y1)), ((k0, k1), k2)) in self.at.iter_mut().zip(ends).zip(k0.iter().zip(k1).zip(k2)) {
+        let th = R::c(theta);
+        for ((at, y0), c) in self.at.iter_mut().zip(&self.y0).zip(&self.c) {
             for l in 0..BLOCK {
-                // From y0: a state that does not change keeps its bits.
-                let bend = k2[l].fma(th, k1[l]).fma(th, k0[l]);
-                at[l] = bend.fma(s, y1[l] - y0[l]).fma(th, y0[l]);
+                let slope = c[3][l].fma(th, c[2][l]).fma(th, c[1][l]).fma(th, c[0][l]);
+                at[l] = slope.fma(th, y0[l]);
             }
         }
         self.at.as_flattened()

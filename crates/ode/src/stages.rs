@@ -61,17 +61,19 @@ fn combine_stages<R: Lane, const K: usize>(
     }
 }
 
-/// out = sum_j coefficient_j u_j over all stages.
-#[inline(never)]
-pub(crate) fn combine_zero<R: Lane>(out: &mut [Block<R>], coefficients: &[f64; S], u: &[Block<R>]) {
-    let blocks = out.len();
-    for (k, out) in out.iter_mut().enumerate() {
-        let mut sum = [R::zero(); BLOCK];
-        for (j, c) in coefficients.iter().enumerate() {
-            for l in 0..BLOCK {
-                sum[l] = u[j * blocks + k][l].fma(R::c(*c), sum[l]);
-            }
+/// sum_j coefficient_j u_j over all stages, of block `b`.
+#[inline(always)]
+pub(crate) fn sum_of_stages<R: Lane>(
+    b: usize,
+    blocks: usize,
+    coefficients: &[f64; S],
+    u: &[Block<R>],
+) -> Block<R> {
+    let mut sum = [R::zero(); BLOCK];
+    for (j, c) in coefficients.iter().enumerate() {
+        for (sum, u) in sum.iter_mut().zip(u[j * blocks + b]) {
+            *sum = u.fma(R::c(*c), *sum);
         }
-        *out = sum;
     }
+    sum
 }

@@ -71,6 +71,7 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     g1: Vec<R>,
     g_look: Vec<R>,
     ahead: Vec<R>,
+    seeded: bool,
     fresh: bool,
     started: bool,
     work: Sys::Work<R>,
@@ -109,6 +110,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             g1: vec![R::zero(); n_events],
             g_look: vec![R::zero(); n_events],
             ahead: vec![R::zero(); n_obstacles],
+            seeded: false,
             fresh: false,
             started: false,
             work,
@@ -177,11 +179,19 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let n = structure.n();
         let t = R::from_lanes(|lane| self.t[lane]);
         for pass in &structure.passes {
-            for (dual, y) in self.dual_y.iter_mut().zip(self.y.as_flattened()) {
-                *dual = Direction::from(*y);
-            }
-            for &(state, direction) in &pass.seeds {
-                self.dual_y[state as usize].eps[direction as usize] = R::one();
+            if self.seeded {
+                for (dual, y) in self.dual_y.iter_mut().zip(self.y.as_flattened()) {
+                    dual.re = *y;
+                }
+            } else {
+                for (dual, y) in self.dual_y.iter_mut().zip(self.y.as_flattened()) {
+                    *dual = Direction::from(*y);
+                }
+                for &(state, direction) in &pass.seeds {
+                    self.dual_y[state as usize].eps[direction as usize] = R::one();
+                }
+                // With one pass the directions are the same every time.
+                self.seeded = structure.passes.len() == 1;
             }
             let time = match pass.time {
                 Some(direction) => Direction::variable(t, direction as usize),
@@ -523,6 +533,7 @@ impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
             g1: self.g1.clone(),
             g_look: self.g_look.clone(),
             ahead: self.ahead.clone(),
+            seeded: self.seeded,
             fresh: self.fresh,
             started: self.started,
             work: self.work.clone(),

@@ -1,6 +1,6 @@
 use super::{Axis, Common, EndStops, Face, Own, OwnRates, Part, State, Volume};
 use crate::ledger::Kind;
-use crate::net::{AxisNode, GasNode, Net};
+use crate::net::Net;
 use math::{Lane, Over, Real};
 
 /// A double-acting cylinder: an axis between two chambers, with end stops. The same laws as its
@@ -65,16 +65,14 @@ impl<P: Real> Part<P> for Cylinder<P> {
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, common: &Common<P>) {
         let [x, v, m_a, u_a, m_b, u_b] = y.first();
-        let mut axis = AxisNode::at_rest();
-        self.axis.stand([x, v], &mut axis);
+        let axis = &mut net.axis[self.axis.node];
+        self.axis.stand([x, v], axis);
         for ((volume, face), states) in self.sides().zip([[m_a, u_a], [m_b, u_b]]) {
-            let mut node = GasNode::empty();
-            volume.reset(&mut node);
-            face.enlarge(&axis, &mut node);
-            volume.fill(states, &mut node, common);
-            net.gas[volume.node] = node;
+            let node = &mut net.gas[volume.node];
+            volume.reset(node);
+            face.enlarge(axis, node);
+            volume.fill(states, node, common);
         }
-        net.axis[self.axis.node] = axis;
     }
 
     #[inline(always)]

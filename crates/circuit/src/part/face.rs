@@ -24,6 +24,8 @@ physics::parameters! {
         axis: usize,
         /// The chamber grows with x (side a)
         grows: bool,
+        /// The gas is a reservoir: it takes no notice of the piston
+        held: bool,
     }
 }
 
@@ -60,6 +62,9 @@ impl<P: Real> Face<P> {
 impl<P: Real> Part<P> for Face<P> {
     #[inline(always)]
     fn shape<S: Over<P>>(&self, net: &mut Net<S>) {
+        if self.held {
+            return;
+        }
         self.enlarge(&net.axis[self.axis], &mut net.gas[self.gas]);
     }
 

@@ -44,12 +44,16 @@ impl<P: Real> Restriction<P> {
         let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
         let (m_dot, backward) = self.flow(one, two);
         let h_dot = m_dot * (net.cp * S::select(backward, two.t, one.t));
-        let one = &mut net.gas[self.from];
-        one.m_dot -= m_dot;
-        one.h_dot -= h_dot;
-        let two = &mut net.gas[self.to];
-        two.m_dot += m_dot;
-        two.h_dot += h_dot;
+        if !self.from_boundary {
+            let one = &mut net.gas[self.from];
+            one.m_dot -= m_dot;
+            one.h_dot -= h_dot;
+        }
+        if !self.to_boundary {
+            let two = &mut net.gas[self.to];
+            two.m_dot += m_dot;
+            two.h_dot += h_dot;
+        }
     }
 }
 
