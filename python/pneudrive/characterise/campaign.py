@@ -17,10 +17,12 @@ import pickle
 import signal
 import subprocess
 import sys
+import tempfile
+import time
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -60,6 +62,7 @@ BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB w
 WORTH_WORKERS = 200  # cycles below which starting processes costs more than it saves
 MOST_WORKERS = 8  # each takes about 300 MB
 EXIT_INTERRUPTED = 130
+POLL_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -192,21 +195,18 @@ def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = N
     command = [sys.executable, "-m", "pneudrive.characterise.campaign_worker"]
     environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
-    running: list[subprocess.Popen] = []
-    try:
+    # Results come by files: a read from a pipe cannot be interrupted where a library's threads take the signal.
+    with contextlib.ExitStack() as stack:
+        running: list[tuple[subprocess.Popen, IO[bytes]]] = []
+        stack.callback(_stop, running)
         for part in _divide(sources, workers):
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
-            running.append(process)
+            result = stack.enter_context(tempfile.TemporaryFile())
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=result, env=environment)
+            running.append((process, result))
             _send(process, (part, choice))
-        sheaves = [sheaf for process in running for sheaf in _receive(process)]
-    finally:
-        for process in running:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
-    return sheaves
+        while None in (ended := [process.poll() for process, _ in running]) and not any(ended):
+            time.sleep(POLL_S)  # until all have ended, or one with an error
+        return [sheaf for process, result in running for sheaf in _result(process, result)]
 
 
 def _processors() -> int:
@@ -270,15 +270,24 @@ def _send(process: subprocess.Popen, task: object) -> None:
         process.stdin.close()
 
 
-def _receive(process: subprocess.Popen) -> list[Sheaf]:
-    assert process.stdout is not None
-    data = process.stdout.read()
-    status = process.wait()
-    if status in (-signal.SIGINT, EXIT_INTERRUPTED):
+def _result(process: subprocess.Popen, written: IO[bytes]) -> list[Sheaf]:
+    """Sheaves of a worker that has ended, or the error that ended it."""
+    if process.returncode is None:
+        return []  # another one ended with an error, which is raised when its turn comes
+    if process.returncode in (-signal.SIGINT, EXIT_INTERRUPTED):
         raise KeyboardInterrupt
-    if status != 0:
-        raise RecordingError(f"a worker process ended with status {status}", remedy="its own message stands above")
-    result = pickle.loads(data)
+    if process.returncode != 0:
+        status = f"a worker process ended with status {process.returncode}"
+        raise RecordingError(status, remedy="its own message stands above")
+    written.seek(0)
+    result = pickle.load(written)
     if isinstance(result, PneudriveError):
         raise result
     return result
+
+
+def _stop(running: list[tuple[subprocess.Popen, IO[bytes]]]) -> None:
+    for process, _ in running:
+        if process.poll() is None:
+            process.kill()
+            process.wait()

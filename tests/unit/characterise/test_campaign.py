@@ -61,6 +61,46 @@ def test_worker_processes_give_the_same_map(plan, monkeypatch):
     assert repr(there) == repr(here)
 
 
+@pytest.fixture
+def started(monkeypatch):
+    """Collect the worker processes that are started."""
+    monkeypatch.setattr(module, "WORTH_WORKERS", 1)
+    processes = []
+    start = module.subprocess.Popen
+
+    def collect(*args, **options):
+        processes.append(start(*args, **options))
+        return processes[-1]
+
+    monkeypatch.setattr(module.subprocess, "Popen", collect)
+    return processes
+
+
+def test_an_interrupt_leaves_no_worker_behind(plan, monkeypatch, started):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module.time, "sleep", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        harvest([find_cycles(plan, LAYOUT)], Settled(), workers=2)
+    assert len(started) == 2
+    assert all(process.poll() is not None for process in started)
+
+
+def test_a_worker_that_dies_is_an_error_and_stops_the_others(plan, monkeypatch, started):
+    send = module._send
+
+    def kill_the_second(process, task):
+        send(process, task)
+        if len(started) == 2:
+            process.kill()
+
+    monkeypatch.setattr(module, "_send", kill_the_second)
+    with pytest.raises(RecordingError, match="a worker process ended with status -9"):
+        harvest([find_cycles(plan, LAYOUT)], Settled(), workers=2)
+    assert all(process.poll() is not None for process in started)
+
+
 def test_a_large_campaign_keeps_a_sample_of_curves(plan, monkeypatch):
     from pneudrive.characterise import characterisation
 
