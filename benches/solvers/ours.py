@@ -6,12 +6,12 @@ import json
 
 import numpy as np
 
-from benches.problem import CASE_A, CASE_C, COLUMNS, SERVO
+from benches.problem import CASE_A, CASE_C, SERVO
 from pneudrive import _core
 
 
 class Pneudrive:
-    """Timed as a bare solution, as the peers are: states at 1 kHz, in case C the columns at every sample."""
+    """Timed as a bare solution, as the peers are: the solver's own states at 1 kHz."""
 
     name = "pneudrive"
 
@@ -24,21 +24,22 @@ class Pneudrive:
 
     def case_a(self, tol: float) -> np.ndarray:
         """Return the states of case A at 1 kHz, shape (2001, 6)."""
-        columns = self.drive.simulate(*self.motion, tol)["columns"]
-        return np.stack([columns[c] for c in COLUMNS], axis=1)
+        return self._with_pressures(self.bare_a(tol))
 
     def case_c(self, tol: float) -> np.ndarray:
         """Return the states of case C at its samples, shape (10001, 6)."""
-        columns = self.bare_c(tol)["columns"]
-        return np.stack([columns[c] for c in COLUMNS], axis=1)
+        return self._with_pressures(self.bare_c(tol))
 
     def bare_a(self, tol: float) -> np.ndarray:
         """Solve case A for the solver's own states: mass and energy of the gas in place of p and T."""
         return self.drive.states(*self.motion, tol)
 
-    def bare_c(self, tol: float) -> dict:
-        """Solve case C; the columns of a trajectory file."""
-        return self.drive.servo(*self.control, tol)
+    def bare_c(self, tol: float) -> np.ndarray:
+        """Solve case C for the solver's own states."""
+        return self.drive.servo(*self.control, tol)["states"]
+
+    def _with_pressures(self, states: np.ndarray) -> np.ndarray:
+        return np.hstack([states[:, :2], self.drive.chambers(states)])
 
 
 class Columns(Pneudrive):

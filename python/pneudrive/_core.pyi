@@ -19,6 +19,11 @@ class SimulationResult(Result):
     warnings: list[str]
     citations: list[str]
 
+class ServoResult(TypedDict):
+    states: NDArray[float64]
+    commands: NDArray[float64]
+    statistics: dict[str, int]
+
 @final
 class Drive:
     def __new__(cls, json: str) -> Drive: ...
@@ -55,7 +60,8 @@ class Drive:
         sample_rate_hz: float,
         initial: Mapping[str, float],
         rtol: float,
-    ) -> Result: ...
+    ) -> ServoResult: ...
+    def chambers(self, states: NDArray[float64]) -> NDArray[float64]: ...
 
 @final
 class Rig:

@@ -62,7 +62,8 @@ def test_servo_control_follows_the_independent_model():
 
     case, want = CASES["case_c"], golden("case_c")
     servo = case["servo"]
-    run = _core.Drive(json.dumps(case["drive"])).servo(
+    drive = _core.Drive(json.dumps(case["drive"]))
+    run = drive.servo(
         servo["kp"],
         servo["kd"],
         servo["amplitude_m"],
@@ -71,9 +72,9 @@ def test_servo_control_follows_the_independent_model():
         servo["sample_rate_hz"],
         case["initial"],
         DEFAULT_RTOL,
-    )["columns"]
-    keep = round(servo["sample_rate_hz"] / case["sample_rate_hz"])
-    states = np.stack([run[c][::keep] for c in COLUMNS], axis=1)
+    )
+    keep, rows = round(servo["sample_rate_hz"] / case["sample_rate_hz"]), run["states"]
+    states = np.hstack([rows[:, :2], drive.chambers(rows)])[::keep]
     found = difference(case, states, want)
     assert found.meets(case), found
     assert np.ptp(want[:, 0]) > 0.15  # it moves

@@ -41,6 +41,18 @@ def test_the_force_balance_closes_from_the_columns(run):
     assert np.abs(force - drive.cylinder.moving_mass_kg * run.acceleration).max() < 1e-6
 
 
+def test_the_force_balance_closes_in_the_end_stop():
+    """At the end of chamber b the stop pushes back like friction: positive, against +x."""
+    drive = pn.Drive.load("catalogue:reference")
+    run = pn.simulate(drive, command=[(0.0, 0.6)], duration="0.3 s", sample_rate="2 kHz")
+    inside = run.position > drive.cylinder.stroke_m
+    assert inside.any()
+    assert float(run.end_stop_force.max()) > 100.0
+    assert float(run.end_stop_force.min()) == 0.0
+    force = drive.cylinder.area_a_m2 * (run.pressure_a - run.pressure_b) - run.friction_force - run.end_stop_force
+    assert np.abs(force - drive.cylinder.moving_mass_kg * run.acceleration).max() < 1e-6
+
+
 def test_units_and_provenance(run):
     assert {name: v.attrs["units"] for name, v in run.data_vars.items()} == {
         "position": "m",

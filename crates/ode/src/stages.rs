@@ -14,44 +14,24 @@ pub(crate) fn zeros<R: Lane>(count: usize) -> Vec<Block<R>> {
     vec![[R::zero(); BLOCK]; count]
 }
 
-/// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j, unrolled for the number of stages done.
-#[inline(never)]
-pub(crate) fn combine<R: Lane>(
-    stage: &mut [Block<R>],
-    b: &mut [Block<R>],
-    y: &[Block<R>],
-    a: &[f64],
-    c: &[f64],
-    inverse_h: R,
-    u: &[Block<R>],
-) {
-    macro_rules! unrolled {
-        ($($k:literal)*) => { match a.len() {
-            $($k => combine_stages::<R, $k>(stage, b, y, a, c, inverse_h, u),)*
-            _ => unreachable!("a method has at most {S} stages"),
-        }};
-    }
-    unrolled!(1 2 3 4 5 6 7);
-}
-
+/// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j for stage `I`, over the `I` stages before it.
 #[inline(always)]
-fn combine_stages<R: Lane, const K: usize>(
+pub(crate) fn combine<R: Lane, const I: usize>(
     stage: &mut [Block<R>],
     b: &mut [Block<R>],
     y: &[Block<R>],
-    a: &[f64],
-    c: &[f64],
     inverse_h: R,
     u: &[Block<R>],
 ) {
     let blocks = y.len();
     for k in 0..blocks {
         let (mut sum_a, mut sum_c) = (y[k], [R::zero(); BLOCK]);
-        for j in 0..K {
+        for j in 0..I {
+            let (a, c) = (R::c(METHOD.a[I][j]), R::c(METHOD.c[I][j]));
             let row = &u[j * blocks + k];
             for l in 0..BLOCK {
-                sum_a[l] = row[l].fma(R::c(a[j]), sum_a[l]);
-                sum_c[l] = row[l].fma(R::c(c[j]), sum_c[l]);
+                sum_a[l] = row[l].fma(a, sum_a[l]);
+                sum_c[l] = row[l].fma(c, sum_c[l]);
             }
         }
         stage[k] = sum_a;

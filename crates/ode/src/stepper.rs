@@ -261,34 +261,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
     fn attempt(&mut self, h: R) {
-        let structure = &*self.structure;
-        self.linear.factorise(structure, h * R::c(METHOD.gamma));
-        let n = structure.n();
-        let blocks = self.y.len();
+        self.linear.factorise(&self.structure, h * R::c(METHOD.gamma));
         let inverse_h = R::one() / h;
-        let t = R::from_lanes(|lane| self.t[lane]);
-        for i in 0..S {
-            let (done, b) = self.u[..(i + 1) * blocks].split_at_mut(i * blocks);
-            if i == 0 {
-                b.fill([R::zero(); BLOCK]);
-                self.rhs.copy_from_slice(&self.f0);
-            } else {
-                combine(&mut self.stage, b, &self.y, &METHOD.a[i][..i], &METHOD.c[i][..i], inverse_h, done);
-                self.linear.begin(structure, b);
-                let time = h.fma(R::c(METHOD.alpha[i]), t);
-                let stage = &self.stage.as_flattened()[..n];
-                self.system.rhs(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
-            }
-            if structure.depends_on_time {
-                let weight = h * R::c(METHOD.gamma_t[i]);
-                for (rhs, f_t) in self.rhs.iter_mut().zip(&self.f_t) {
-                    for l in 0..BLOCK {
-                        rhs[l] = f_t[l].fma(weight, rhs[l]);
-                    }
-                }
-            }
-            self.linear.finish(structure, b, &self.rhs);
+        macro_rules! stages {
+            ($($i:literal)*) => { $(self.stage::<$i>(h, inverse_h);)* };
         }
+        stages!(0 1 2 3 4 5 6 7);
+        let blocks = self.y.len();
         self.step.begin(&self.y);
         let last = &self.u[(S - 1) * blocks..];
         for ((y1, stage), u) in self.step.y1.iter_mut().zip(&self.stage).zip(last) {
@@ -296,6 +275,34 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 y1[l] = stage[l] + u[l];
             }
         }
+    }
+
+    /// Stage `I` of the present attempt: U_I into `u`.
+    #[inline(always)]
+    fn stage<const I: usize>(&mut self, h: R, inverse_h: R) {
+        let structure = &*self.structure;
+        let (n, blocks) = (structure.n(), self.y.len());
+        let (done, b) = self.u[..(I + 1) * blocks].split_at_mut(I * blocks);
+        if I == 0 {
+            b.fill([R::zero(); BLOCK]);
+            self.rhs.copy_from_slice(&self.f0);
+        } else {
+            combine::<R, I>(&mut self.stage, b, &self.y, inverse_h, done);
+            self.linear.begin(structure, b);
+            let t = R::from_lanes(|lane| self.t[lane]);
+            let time = h.fma(R::c(METHOD.alpha[I]), t);
+            let stage = &self.stage.as_flattened()[..n];
+            self.system.rhs(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
+        }
+        if structure.depends_on_time {
+            let weight = h * R::c(METHOD.gamma_t[I]);
+            for (rhs, f_t) in self.rhs.iter_mut().zip(&self.f_t) {
+                for l in 0..BLOCK {
+                    rhs[l] = f_t[l].fma(weight, rhs[l]);
+                }
+            }
+        }
+        self.linear.finish(structure, b, &self.rhs);
     }
 
     /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.

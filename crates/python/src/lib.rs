@@ -1,7 +1,7 @@
 //! The seam to Python: conversion and error mapping, nothing else.
 
 use circuit::{Balance, Drive, Error, Kind, Rig, Run, Servo, friction_law, specification};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::{Options, Statistics};
 use physics::friction::{At, LAWS, Levels};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
@@ -80,6 +80,9 @@ fn options(rtol: f64) -> Options {
     Options { rtol, ..Options::default() }
 }
 
+/// Samples in rows.
+type Table<'py> = Bound<'py, PyArray2<f64>>;
+
 /// A drive, assembled from its description in SI (JSON).
 #[pyclass(name = "Drive", frozen)]
 struct PyDrive {
@@ -138,15 +141,25 @@ impl PyDrive {
         sample_rate: f64,
         initial: &Bound<'py, PyDict>,
         rtol: f64,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    ) -> PyResult<Table<'py>> {
         let initial = initial_state(initial)?;
         let rows = detached(py, |interrupted| {
             let sampling = (duration, sample_rate);
             self.drive.states(&times, &commands, sampling, &initial, options(rtol), interrupted)
         })?;
+        self.table(py, rows)
+    }
+
+    /// Pressure Pa and temperature K in chambers a and b (four columns) at states as `states` gives them.
+    fn chambers<'py>(&self, py: Python<'py>, states: PyReadonlyArray2<'py, f64>) -> PyResult<Table<'py>> {
+        let states = states.as_array();
         let n = self.drive.n_states();
-        let samples = rows.len() / n;
-        PyArray1::from_vec(py, rows).reshape([samples, n])
+        if states.ncols() != n {
+            let message = format!("states have {} columns; this drive has {n} states", states.ncols());
+            return Err(PyValueError::new_err(message));
+        }
+        let gas = self.drive.chambers(states.rows().into_iter().map(|row| row.to_vec()));
+        PyArray1::from_vec(py, gas).reshape([states.nrows(), 4])
     }
 
     /// A sampled servo loop tracking a sine around mid stroke.
@@ -166,10 +179,14 @@ impl PyDrive {
         let initial = initial_state(initial)?;
         let middle = 0.5 * self.spec.cylinder.stroke_m;
         let servo = Servo { kp, kd, middle, amplitude: amplitude_m, frequency: frequency_hz };
-        let run = detached(py, |interrupted| {
+        let (rows, commands, work) = detached(py, |interrupted| {
             self.drive.servo(&servo, (duration_s, sample_rate_hz), &initial, options(rtol), interrupted)
         })?;
-        run_to_dict(py, self.drive.columns(), run)
+        let out = PyDict::new(py);
+        out.set_item("states", self.table(py, rows)?)?;
+        out.set_item("commands", PyArray1::from_vec(py, commands))?;
+        out.set_item("statistics", statistics(py, &work)?)?;
+        Ok(out)
     }
 
     /// What the user should know about this description.
@@ -182,6 +199,15 @@ impl PyDrive {
     #[getter]
     fn citations(&self) -> Vec<&'static str> {
         self.drive.citations().to_vec()
+    }
+}
+
+impl PyDrive {
+    /// Rows of states as an array of shape (samples, states).
+    fn table<'py>(&self, py: Python<'py>, rows: Vec<f64>) -> PyResult<Table<'py>> {
+        let n = self.drive.n_states();
+        let samples = rows.len() / n;
+        PyArray1::from_vec(py, rows).reshape([samples, n])
     }
 }
 

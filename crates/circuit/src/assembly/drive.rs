@@ -4,7 +4,7 @@ use crate::net::Net;
 use crate::part::ChamberLaw;
 use crate::run::{Error, Recorder, Run, States, advance, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
-use ode::{Options, Output, Stepper};
+use ode::{Options, Output, Statistics, Stepper, System};
 use physics::IdealGas;
 use physics::flow::Iso6358;
 use physics::friction::{AnyLaw, At, SealLips};
@@ -254,8 +254,19 @@ impl Drive {
         Ok(())
     }
 
+    /// (p_a, T_a, p_b, T_b) at each of the states, one after the other.
+    pub fn chambers(&self, states: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
+        let mut net = self.circuit.work::<f64>();
+        let mut gas = Vec::new();
+        for y in states {
+            self.circuit.observe(&y, &mut net);
+            gas.extend([self.a, self.b].iter().flat_map(|&id| [net[id].p, net[id].t]));
+        }
+        gas
+    }
+
     /// A sampled servo loop: every 1/rate seconds the command is computed from position and velocity
-    /// and held.
+    /// and held. Returns the states at the samples, rows as of [`Drive::states`], the commands, the work.
     pub fn servo(
         &self,
         servo: &Servo,
@@ -263,22 +274,20 @@ impl Drive {
         initial: &Initial,
         options: Options,
         interrupted: &mut dyn FnMut() -> bool,
-    ) -> Result<Run, Error> {
+    ) -> Result<(Vec<f64>, Vec<f64>, Statistics), Error> {
         let times = sample_times(sampling.0, sampling.1);
         let (circuit, y) = self.start(initial, 0.0);
-        let command = std::cell::Cell::new(0.0);
-        let mut recorder = Recorder::new(&circuit, times.clone(), self.columns.len(), |c, t, y, net, row| {
-            self.row(c, t, command.get(), y, net, row);
-        });
+        let mut recorder = States::new(times.clone(), y.len());
+        let mut commands = Vec::with_capacity(times.len());
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
         for pair in times.windows(2) {
             let u = servo.command(pair[0], stepper.state()[0], stepper.state()[1]);
-            command.set(u);
+            commands.push(u);
             set_command(stepper.system_mut(), &self.edges, 0, u);
             advance(&mut stepper, pair[1], &mut recorder, interrupted)?;
         }
-        recorder.finish(stepper.system(), stepper.state());
-        Ok(Run { columns: recorder.columns, statistics: stepper.statistics(0), balance: None })
+        commands.extend(commands.last().copied());
+        Ok((recorder.finish(stepper.state()), commands, stepper.statistics(0)))
     }
 
     fn row(&self, circuit: &Circuit<f64>, t: f64, u: f64, y: &[f64], net: &mut Net<f64>, row: &mut [f64]) {
@@ -294,7 +303,7 @@ impl Drive {
             b.p,
             b.t,
             axis.friction,
-            axis.end_stop,
+            -axis.end_stop,
             u,
             a.m_dot,
             b.m_dot,
