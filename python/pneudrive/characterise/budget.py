@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pneudrive.characterise.recording import Recording
 
 COVERAGE_FACTOR = 2.0
@@ -213,6 +215,11 @@ def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionM
             "cosine error; a side load's own friction is friction of the rig and stays in the result",
         ),
     ]
+
+
+def uncertainty_of(entries: Sequence[BudgetEntry], source: str) -> float:
+    """Give the standard uncertainty of one source, in its unit; 0 where the budget does not list it."""
+    return next((entry.standard_uncertainty for entry in entries if entry.source == source), 0.0)
 
 
 def combined(entries: list[BudgetEntry]) -> tuple[float, float]:

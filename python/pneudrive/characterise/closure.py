@@ -14,11 +14,17 @@ CONFIDENCE = 0.95
 TOGETHER = 0.05  # pressures change together when the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
 MINIMUM_RANGE_PA = 2e4  # below this change of pressure an area is not asked for
+# What both chambers leave of each other must spread this many times wider than the sensors' uncertainty explains: a
+# regressor that is noise draws its factor to zero, by 1 / (1 + RELIABLE**2) of it at this limit.
+RELIABLE = 5.0
 
 
 @dataclass(frozen=True)
 class ClosurePoint:
-    """Half the sum of both directions' forces at one pressure: where friction has dropped out."""
+    """Half the sum of both directions' forces at one pressure: where friction has dropped out.
+
+    ``u_a_pa``, ``u_b_pa`` are the standard uncertainties of the two pressures.
+    """
 
     recording: str
     group: str
@@ -28,6 +34,8 @@ class ClosurePoint:
     weight_n: float
     area_a_m2: float
     area_b_m2: float
+    u_a_pa: float = 0.0
+    u_b_pa: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,7 +75,8 @@ def fit_closures(points: list[ClosurePoint]) -> list[ClosureFit]:
     """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, gauge pressures.
 
     Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. Where both
-    pressures change together, one factor on both areas is fitted; where their forces cancel, nothing can be said.
+    pressures change together, one factor on both areas is fitted; where their forces cancel, as far as the sensors
+    can tell, nothing can be said.
     """
     groups: dict[tuple, list[ClosurePoint]] = {}
     for point in points:
@@ -82,7 +91,11 @@ def _fit(points: list[ClosurePoint]) -> ClosureFit | None:
     # Force of the rig against each chamber, by nominal areas: what is fitted is a factor on each.
     nominal = {"a": first.area_a_m2, "b": first.area_b_m2}
     push = {"a": -nominal["a"] * gauge["a"], "b": nominal["b"] * gauge["b"]}
-    factors = _factors(gauge, push, max(nominal.values()))
+    unsure = {
+        side: nominal[side] * float(np.sqrt(np.mean([getattr(p, f"u_{side}_pa") ** 2 for p in points])))
+        for side in ("a", "b")
+    }
+    factors = _factors(gauge, push, unsure, max(nominal.values()))
     if not factors or len(points) < len(factors) + 1:
         return None
     total = np.array([p.half_sum_force_n for p in points])
@@ -116,17 +129,24 @@ def _fit(points: list[ClosurePoint]) -> ClosureFit | None:
 
 
 def _factors(
-    gauge: dict[str, NDArray[np.float64]], push: dict[str, NDArray[np.float64]], area: float
+    gauge: dict[str, NDArray[np.float64]],
+    push: dict[str, NDArray[np.float64]],
+    unsure: dict[str, float],
+    area: float,
 ) -> list[tuple[str, ...]]:
     """Which sides' areas can be told: each by itself, both by one factor, or none."""
     sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
     if len(sides) < 2:
         return [tuple(sides)] if sides else []
-    spread = np.column_stack([gauge[side] - gauge[side].mean() for side in sides])
-    large, small = np.linalg.svd(spread, compute_uv=False)
-    if small > TOGETHER * large:
+    spread = np.column_stack([push[side] - push[side].mean() for side in sides])
+    _, (large, small), axes = np.linalg.svd(spread, full_matrices=False)
+    scale = np.sqrt(len(spread))
+    noise = np.array([unsure[side] for side in sides])
+    if small > TOGETHER * large and small / scale > RELIABLE * np.linalg.norm(axes[1] * noise):
         return [("a",), ("b",)]
-    return [("a", "b")] if np.ptp(push["a"] + push["b"]) > MINIMUM_RANGE_PA * area else []
+    net = push["a"] + push["b"]
+    told = np.ptp(net) > MINIMUM_RANGE_PA * area and np.std(net) > RELIABLE * np.linalg.norm(noise)
+    return [("a", "b")] if told else []
 
 
 def _estimate(value: float, stderr: float, dof: int) -> Estimate:

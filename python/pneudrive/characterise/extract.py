@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.budget import BudgetEntry, DirectionMeans, combined, expanded, systematic_budget
+from pneudrive.characterise.budget import (
+    BudgetEntry,
+    DirectionMeans,
+    combined,
+    expanded,
+    systematic_budget,
+    uncertainty_of,
+)
 from pneudrive.characterise.closure import ClosurePoint
 from pneudrive.characterise.friction_map import MapRow
 from pneudrive.characterise.levels import speed_levels
@@ -370,4 +377,6 @@ def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
         weight_n=weight,
         area_a_m2=recording.area_a_m2,
         area_b_m2=recording.area_b_m2,
+        u_a_pa=uncertainty_of(level.budget, "pressure a: common error"),
+        u_b_pa=uncertainty_of(level.budget, "pressure b: common error"),
     )

@@ -88,7 +88,7 @@ def _beyond_u(found: Characterisation) -> bool:
 
 def _closure(found: Characterisation) -> str:
     if not found.closures:
-        return "Force balance: too few pressures to check effective area and force zero."
+        return "Force balance: effective area and force zero are not determined by these pressures."
     known = [c for c in found.closures if all(_is_determined(a, c.nominal_m2[s]) for s, a in c.areas_m2.items())]
     if not known:
         return "Force balance: these pressures do not determine the effective area (both chambers moved together)."
