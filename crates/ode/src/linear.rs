@@ -102,29 +102,46 @@ impl<R: Lane> Linear<R> {
     }
 
     /// Then x += W^-1 rhs, or x = W^-1 (x + rhs).
-    #[inline(never)]
+    #[inline(always)]
     pub fn finish(&self, structure: &Structure, x: &mut [Block<R>], rhs: &[Block<R>]) {
-        let x = x.as_flattened_mut();
-        let (rhs, reciprocal) = (rhs.as_flattened(), self.reciprocal.as_flattened());
-        let (lower_values, rest) = self.lu.split_at(structure.lower.len());
-        let (upper_values, rest) = rest.split_at(structure.upper.len());
+        let (x, rhs) = (x.as_flattened_mut(), rhs.as_flattened());
         if structure.n_coupled <= SMALL {
-            let (x, tail) = x.split_first_chunk_mut().expect("at least SMALL entries are stored");
-            add_product(x, &self.inverse, rhs.first_chunk().expect("as many"));
-            for ((x, r), d) in tail.iter_mut().zip(&rhs[SMALL..]).zip(&reciprocal[SMALL..]) {
-                *x = (*x + *r) * *d;
-            }
+            let first = x.first_chunk_mut().expect("at least SMALL entries are stored");
+            add_product(first, &self.inverse, rhs.first_chunk().expect("as many"));
         } else {
-            for (x, r) in x.iter_mut().zip(rhs) {
-                *x += *r;
-            }
-            substitute(x, &structure.lower, lower_values);
-            for (x, d) in x.iter_mut().zip(reciprocal) {
-                *x *= *d;
-            }
-            substitute(x, &structure.upper, upper_values);
+            self.eliminate(structure, x, rhs);
         }
-        substitute(x, &structure.quadratures, rest);
+        if structure.n > structure.n_coupled {
+            self.finish_quadratures(structure, x, rhs);
+        }
+    }
+
+    /// x = W^-1 (x + rhs) by substitution, for the coupled states.
+    #[inline(never)]
+    fn eliminate(&self, structure: &Structure, x: &mut [R], rhs: &[R]) {
+        let coupled = structure.n_coupled;
+        let (lower, rest) = self.lu.split_at(structure.lower.len());
+        for (x, r) in x.iter_mut().zip(rhs).take(coupled) {
+            *x += *r;
+        }
+        substitute(x, &structure.lower, lower);
+        for (x, d) in x.iter_mut().zip(self.reciprocal.as_flattened()).take(coupled) {
+            *x *= *d;
+        }
+        substitute(x, &structure.upper, &rest[..structure.upper.len()]);
+    }
+
+    /// The quadratures' rows, from the coupled states solved for; in a small system the first few have
+    /// been multiplied by h gamma with the rest of their block.
+    #[inline(never)]
+    fn finish_quadratures(&self, structure: &Structure, x: &mut [R], rhs: &[R]) {
+        let first = if structure.n_coupled <= SMALL { SMALL } else { structure.n_coupled };
+        let rows = x.iter_mut().zip(rhs).zip(self.reciprocal.as_flattened());
+        for ((x, r), d) in rows.skip(first) {
+            *x = (*x + *r) * *d;
+        }
+        let values = &self.lu[structure.lower.len() + structure.upper.len()..];
+        substitute(x, &structure.quadratures, values);
     }
 }
 

@@ -371,9 +371,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 }
             }
             let t1 = if self.lanes[lane].last { until } else { t0 + h_lane };
+            let n = self.structure.n();
+            while output.due(lane) <= t0 {
+                output.sample(lane, t0, &self.y.as_flattened()[..n], &self.system);
+            }
             if output.due(lane) < t1 {
                 self.step.prepare(&self.u);
-                let (n, inverse_h) = (self.structure.n(), 1.0 / h_lane);
+                let inverse_h = 1.0 / h_lane;
                 loop {
                     let t = output.due(lane);
                     if t >= t1 {
