@@ -1,15 +1,14 @@
 """The sonic conductance of a valve from what its datasheet gives.
 
-ISO 6358 describes a flow path by C and b; datasheets also give a nominal flow, Kv or Cv. The formulas here only
-convert a number of the
-description; the flow law itself stands in the core. Each function says what it assumes, and `docs/guide/valve-
-flow.md` how far that carries.
+ISO 6358 describes a flow path by C and b; datasheets also give a nominal flow, Kv or Cv. The flow law itself is the
+core's. Each function says what it assumes, and `docs/guide/valve-flow.md` how far that carries.
 """
 
 from __future__ import annotations
 
 import math
 
+from pneudrive import _core
 from pneudrive.units import ANR_PRESSURE_PA, ANR_TEMPERATURE_K
 
 # Air at the reference atmosphere of ISO 6358 [iso6358-2013]: 65 % humid, hence not p/(R T) of dry air.
@@ -23,19 +22,6 @@ BAR_PA = 1.0e5
 KV_PER_CV = 3.785411784e-3 * 60.0 * math.sqrt(BAR_PA / 6894.757293168361)
 
 
-def subsonic_ratio(pressure_ratio: float, b: float, m: float) -> float:
-    """Flow over choked flow at a pressure ratio (downstream over upstream, absolute) [iso6358-2013].
-
-    Examples
-    --------
-    >>> subsonic_ratio(0.25, 0.3, 0.5)
-    1.0
-    """
-    if pressure_ratio <= b:
-        return 1.0
-    return (1.0 - ((pressure_ratio - b) / (1.0 - b)) ** 2) ** m
-
-
 def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> float:
     """Return C in m3/(s Pa) from the flow at 6 bar gauge before and 5 bar gauge behind the valve, at 20 degC.
 
@@ -44,7 +30,7 @@ def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> f
     agree to the litre [smc-eus11-83].
     """
     upstream, downstream = 6.0 * BAR_PA + ANR_PRESSURE_PA, 5.0 * BAR_PA + ANR_PRESSURE_PA
-    return flow_m3_s_anr / (upstream * subsonic_ratio(downstream / upstream, b, m))
+    return flow_m3_s_anr / (upstream * _core.flow_ratio(downstream / upstream, b, m))
 
 
 def conductance_from_kv(kv_m3_h: float) -> float:
@@ -55,7 +41,7 @@ def conductance_from_kv(kv_m3_h: float) -> float:
     pairs of Cv and C lie between 8 % below and 18 % above this [smc-eus11-83].
     """
     area = kv_m3_h / 3600.0 * math.sqrt(WATER_DENSITY_KG_M3 / (2.0 * BAR_PA))
-    choked = choked_flow_factor(AIR_HEAT_CAPACITY_RATIO) / math.sqrt(AIR_GAS_CONSTANT_J_KG_K * ANR_TEMPERATURE_K)
+    choked = _core.choked_flow_factor(AIR_HEAT_CAPACITY_RATIO) / math.sqrt(AIR_GAS_CONSTANT_J_KG_K * ANR_TEMPERATURE_K)
     return area * choked / AIR_DENSITY_KG_M3
 
 
@@ -65,14 +51,3 @@ def conductance_from_cv(cv: float) -> float:
     Assumes what `conductance_from_kv` does.
     """
     return conductance_from_kv(cv * KV_PER_CV)
-
-
-def choked_flow_factor(k: float) -> float:
-    """Return psi(k) in m_dot = A p psi / sqrt(R T): choked flow of an ideal gas through a nozzle of area A.
-
-    Examples
-    --------
-    >>> round(choked_flow_factor(1.4), 4)
-    0.6847
-    """
-    return math.sqrt(k) * (2.0 / (k + 1.0)) ** ((k + 1.0) / (2.0 * (k - 1.0)))

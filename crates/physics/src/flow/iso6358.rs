@@ -49,7 +49,7 @@ crate::parameters! {
 
 /// psi(k) of choked flow of an ideal gas, (2/(k+1))^((k+1)/(2(k-1))) sqrt(k): conductances of two
 /// gases in the same orifice are as sqrt(R) psi. Source: [iso6358-2013].
-fn choked_factor<P: Real>(k: P) -> P {
+pub fn choked_factor<P: Real>(k: P) -> P {
     let (one, two) = (P::one(), P::c(2.0));
     k.sqrt() * (two / (k + one)).pow((k + one) / (two * (k - one)))
 }
