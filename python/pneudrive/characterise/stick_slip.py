@@ -16,13 +16,17 @@ if TYPE_CHECKING:
 STUCK_SHARE = 0.2  # below this share of the mean speed the piston counts as stuck
 SLIP_SHARE = 1.2  # above it a slip has begun; the gap between the two keeps noise from counting
 MINIMUM_PERIODS = 3
+# Glitches of a position sensor look like short rests with jumps after them, but the travel is made between them.
+SLIPPED_SHARE = 0.5  # of the travel is made in slips at least
+RESTED_SHARE = 0.05  # of the time is spent stuck at least
 
 
 @dataclass(frozen=True)
 class StickSlip:
     """Stick-slip within one stroke or section.
 
-    ``found`` says whether at least three periods repeat. ``period_s`` and ``step_m`` are medians over
+    ``found`` says whether at least three periods repeat and, together, make the motion: half of the travel in slips,
+    5 % of the time stuck. ``period_s`` and ``step_m`` are medians over
     periods, ``peak_speed_m_s`` the median of the slips' peaks, ``stuck_share`` the share of time below
     20 % of the mean speed, ``mean_speed_m_s`` the mean over the section, ``ripple`` (standard
     deviation of speed over its mean). ``resolution_s`` is the shortest period that sampling and noise
@@ -106,12 +110,15 @@ def measure_stick_slip(
     weights = np.gradient(time_s) if time_s.size > 1 else np.ones(time_s.size)
     stuck_share = float(weights[speed < STUCK_SHARE * mean].sum() / weights.sum()) if mean > 0 else 0.0
     ripple = float(np.sqrt(np.average((speed - mean) ** 2, weights=weights)) / mean) if mean > 0 else 0.0
+    slipping = speed > SLIP_SHARE * mean
+    travel = float((np.abs(speed) * weights).sum())
+    slipped = float((speed * weights)[slipping].sum()) / travel if travel > 0 else 0.0
     onsets, peaks = _slips(speed, mean)
     periods = max(len(onsets) - 1, 0)
     moments = time_s[onsets] if onsets else np.array([])
     places = position_m[onsets] if onsets else np.array([])
     return StickSlip(
-        found=periods >= MINIMUM_PERIODS,
+        found=periods >= MINIMUM_PERIODS and slipped >= SLIPPED_SHARE and stuck_share >= RESTED_SHARE,
         direction=direction,
         start_s=float(time_s[0]),
         stop_s=float(time_s[-1]),

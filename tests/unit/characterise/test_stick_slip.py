@@ -9,10 +9,10 @@ from pneudrive.errors import RecordingError
 PERIOD, STEP, STUCK = 0.5, 0.005, 0.6  # s, m, share of time
 
 
-def staircase(time: np.ndarray) -> np.ndarray:
-    """Rest for 60 % of each period, then move by 5 mm along half a cosine: peak speed pi/2 * 5 mm / 0.2 s."""
+def staircase(time: np.ndarray, stuck: float = STUCK) -> np.ndarray:
+    """Rest for a share of each period (60 %), then move by 5 mm along half a cosine: peak speed pi/2 * 5 mm / 0.2 s."""
     phase = np.mod(time, PERIOD) / PERIOD
-    move = np.clip((phase - STUCK) / (1 - STUCK), 0.0, 1.0)
+    move = np.clip((phase - stuck) / (1 - stuck), 0.0, 1.0)
     return STEP * (np.floor(time / PERIOD) + (1 - np.cos(np.pi * move)) / 2)
 
 
@@ -51,6 +51,32 @@ def test_smooth_motion_and_a_ripple_that_never_rests_are_no_stick_slip(ripple):
     assert not found.found
     assert found.stuck_share < 0.02
     assert found.ripple == pytest.approx(np.hypot(ripple / np.sqrt(2), 0.03), abs=0.03)
+
+
+@pytest.mark.parametrize("glitch", ["held", "spike"])
+def test_glitches_of_the_position_are_no_stick_slip(glitch):
+    rng = np.random.default_rng(4)
+    time = np.arange(0.0, 4.0, 1 / 80)
+    position = 0.01 * time
+    for first in range(20, 300, 20):
+        if glitch == "held":
+            position[first : first + 6] = position[first]
+        else:
+            position[first] += 1e-3
+    position += rng.normal(0.0, 5e-6, time.size)
+    (found,) = find_stick_slip(time, position)
+    assert found.periods >= 3, "they look like rests and jumps"
+    assert found.stuck_share > 0.01
+    assert not found.found
+
+
+@pytest.mark.parametrize("stuck", [0.2, 0.9])
+def test_short_and_long_rests_are_found_at_80_samples_a_second(stuck):
+    time = np.arange(0.0, 8.0, 1 / 80)
+    position = staircase(time, stuck) + np.random.default_rng(5).normal(0.0, 5e-6, time.size)
+    (found,) = find_stick_slip(time, position)
+    assert found.found
+    assert found.period_s == pytest.approx(PERIOD, rel=0.03)
 
 
 def test_each_stroke_is_measured():
