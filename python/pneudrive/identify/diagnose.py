@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.identify.model import FrictionModel
-from pneudrive.identify.observations import distinct
+from pneudrive.identify.observations import distinct_levels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,6 +33,8 @@ PLATEAU = 2.8
 CHANCE = 0.05
 #: A viscous part whose interval spans more than this share of all friction is not told from the Coulomb force.
 VISCOUS_REACH = 0.5
+#: Speeds that a sentence lists before it stops.
+MOST_SPEEDS = 6
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,15 @@ def _mm_s(speed: float) -> str:
     return f"{1e3 * speed:.3g} mm/s"
 
 
+def _listed(levels: list[tuple[float, float]]) -> str:
+    """Speed levels in words, each once, the first six of them."""
+    shown = [
+        _mm_s(low) if _mm_s(low) == _mm_s(high) else f"{1e3 * low:.3g} to {_mm_s(high)}"
+        for low, high in levels[:MOST_SPEEDS]
+    ]
+    return ", ".join(shown) + (", ..." if len(levels) > MOST_SPEEDS else "")
+
+
 def choose_model(
     law: str, data: Observations, *, exponent: float | None, pressure_dependence: bool
 ) -> tuple[FrictionModel, list[Undetermined]]:
@@ -68,8 +79,8 @@ def choose_model(
     chambers: tuple[str, ...] = ()
     if pressure_dependence:
         chambers, lost = _chambers(data, law)
-    levels = distinct(data.speed_m_s)
-    speeds = ", ".join(_mm_s(v) for v in np.unique(np.round(data.speed_m_s, 5))[:6])
+    grouped = distinct_levels(data.speed_m_s)
+    levels, speeds = len(grouped), _listed(grouped)
     needed = 4 if exponent is not None else 5
     if law == "stribeck" and (levels < needed or len(data) < needed + 2 * len(chambers)):
         count = f"{levels} distinct speed{'s' * (levels != 1)} ({speeds})"

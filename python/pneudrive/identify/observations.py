@@ -251,10 +251,15 @@ def _inverse_trigamma(x: float) -> float:
 
 
 def distinct(values: Array, share: float = SAME_SPEED) -> int:
-    """Count the levels among `values`; what is closer than `share` of the larger is one level."""
-    ordered = np.sort(np.abs(values))
-    count, start = 0, -np.inf
-    for value in ordered:
-        if count == 0 or value - start > share * value:
-            count, start = count + 1, value
-    return count
+    """Count the levels among `values`."""
+    return len(distinct_levels(values, share))
+
+
+def distinct_levels(values: Array, share: float = SAME_SPEED) -> list[tuple[float, float]]:
+    """Give the lowest and highest of each level's `values`; what is closer than `share` of the larger is one level."""
+    levels: list[tuple[float, float]] = []
+    for value in np.sort(np.abs(values)).tolist():
+        if not levels or value - levels[-1][0] > share * value:
+            levels.append((value, value))
+        levels[-1] = (levels[-1][0], value)
+    return levels
