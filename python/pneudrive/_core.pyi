@@ -6,7 +6,7 @@ from typing import Any, TypedDict, final, type_check_only
 from numpy import float64
 from numpy.typing import NDArray
 
-__all__ = ["Drive", "Rig", "friction_laws", "steady_friction"]
+__all__ = ["Drive", "Rig", "choked_flow_factor", "flow_ratio", "friction_laws", "steady_friction"]
 
 @type_check_only
 class Result(TypedDict):
@@ -19,6 +19,7 @@ class SimulationResult(Result):
     warnings: list[str]
     citations: list[str]
 
+@type_check_only
 class ServoResult(TypedDict):
     states: NDArray[float64]
     commands: NDArray[float64]
