@@ -42,7 +42,7 @@ __all__ = [
 
 
 def characterise(
-    recordings: Sequence[Recording | str | Path] | Recording | str | Path,
+    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
     layout: Layout | str | Path | None = None,
     protocol: SampleChoice | None = None,
 ) -> xr.Dataset:
@@ -51,7 +51,7 @@ def characterise(
     Parameters
     ----------
     recordings
-        Recordings or files, or one of them.
+        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them.
     layout
         How files are read: a layout, its file, or None for ``layout.toml`` beside each recording.
     protocol

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,6 +26,7 @@ from pneudrive.characterise.pressure_line import (
 )
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.settling import SampleChoice, Settled
+from pneudrive.characterise.trajectories import from_run, is_run
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -108,7 +110,7 @@ class Characterisation:
 
 
 def characterise_recordings(
-    recordings: Sequence[Recording | str | Path] | Recording | str | Path,
+    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
     layout: Layout | str | Path | None = None,
     protocol: SampleChoice | None = None,
 ) -> Characterisation:
@@ -117,9 +119,9 @@ def characterise_recordings(
     Parameters
     ----------
     recordings
-        Recordings or files, or one of them.
+        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them.
     layout
-        How files are read; None takes ``layout.toml`` beside each file.
+        How files are read; None takes ``layout.toml`` beside each file. Trajectories need none.
     protocol
         Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
 
@@ -149,14 +151,27 @@ def characterise_recordings(
 
 
 def _sources(
-    recordings: Sequence[Recording | str | Path] | Recording | str | Path, layout: Layout | str | Path | None
+    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
+    layout: Layout | str | Path | None,
 ) -> tuple[list[Recording], list[Source]]:
     """Split the input into recordings that are here and files that are to be read."""
-    items = [recordings] if isinstance(recordings, Recording | str | Path) else list(recordings)
-    loaded = [item for item in items if isinstance(item, Recording)]
-    paths = [item for item in items if not isinstance(item, Recording)]
+    one = isinstance(recordings, str | Path) or is_run(recordings) or not isinstance(recordings, Iterable)
+    items = [recordings] if one else list(recordings)
     if not items:
         raise RecordingError("no recording is named", remedy="give at least one recording or file")
+    loaded: list[Recording] = []
+    paths: list[str | Path] = []
+    for item in items:
+        if isinstance(item, str | Path):
+            paths.append(item)
+        elif isinstance(item, Recording):
+            loaded.append(item)
+        elif is_run(item):
+            loaded.append(from_run(item, f"trajectory-{len(loaded) + 1}" if len(items) > 1 else "trajectory"))
+        else:
+            raise RecordingError(
+                "this is no recording", value=type(item).__name__, rule="a Recording, a file or a trajectory"
+            )
     files = recording_files(paths, layout) if paths else []
     sources: list[Source] = [find_cycles(f.path, f.layout) if f.layout and f.has_cycles else f for f in files]
     return loaded, sources

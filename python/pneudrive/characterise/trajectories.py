@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING
+import sys
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
@@ -42,6 +43,12 @@ def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None 
         sha256=digest,
         synthetic=True,
     )
+
+
+def is_run(item: object) -> TypeGuard[xr.Dataset]:
+    """Whether this is a Dataset, without importing what makes one."""
+    xarray = sys.modules.get("xarray")
+    return xarray is not None and isinstance(item, xarray.Dataset)
 
 
 def from_run(run: xr.Dataset, name: str = "trajectory") -> Recording:

@@ -53,7 +53,20 @@ def test_the_dataset_of_a_simulation(columns):
     names = dict(zip(COLUMNS, VARIABLES, strict=True))
     time = columns.pop("time_s")
     run = xr.Dataset({names[c]: ("time", v) for c, v in columns.items()}, coords={"time": time})
-    slips = characterise_recordings(from_run(run)).levels[0].stick_slip
+    slips = characterise_recordings(run).levels[0].stick_slip
     assert slips[0].period_s == pytest.approx(PERIOD, rel=0.01)
+    two = characterise_recordings([run, run.assign(friction_force=run.friction_force + 1.0)])
+    assert [r.name for r in two.recordings] == ["trajectory-1", "trajectory-2"]
+    with pytest.raises(RecordingError, match="lacks velocity"):
+        characterise_recordings(run.drop_vars("velocity"))
     with pytest.raises(RecordingError, match="lacks velocity"):
         from_run(run.drop_vars("velocity"))
+
+
+@pytest.mark.parametrize("given", [None, 3.0, np.zeros(4)])
+def test_what_is_no_recording_is_refused(given):
+    with pytest.raises(RecordingError, match="this is no recording"):
+        characterise_recordings([given])
+    if not np.iterable(given):
+        with pytest.raises(RecordingError, match="this is no recording"):
+            characterise_recordings(given)
