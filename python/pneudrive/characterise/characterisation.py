@@ -155,8 +155,9 @@ def _sources(
     layout: Layout | str | Path | None,
 ) -> tuple[list[Recording], list[Source]]:
     """Split the input into recordings that are here and files that are to be read."""
-    one = isinstance(recordings, str | Path) or is_run(recordings) or not isinstance(recordings, Iterable)
-    items = [recordings] if one else list(recordings)
+    items: list = [recordings]
+    if isinstance(recordings, Iterable) and not (isinstance(recordings, str) or is_run(recordings)):
+        items = list(recordings)
     if not items:
         raise RecordingError("no recording is named", remedy="give at least one recording or file")
     loaded: list[Recording] = []
