@@ -101,7 +101,7 @@ impl<P: Real> Law<P> for LuGre<P> {
     const TITLE: &'static str = "LuGre bristle model";
     const SOURCE: &'static str = "canudas1995";
     const STATES: &'static [InnerState] =
-        &[InnerState { name: "bristle_deflection_m", unit: "m", scale: 1e-4 }];
+        &[InnerState { name: "bristle_deflection_m", unit: "m", scale: 1e-3 }];
 
     fn levels(&self) -> Levels<P> {
         Levels { coulomb: self.coulomb, breakaway: self.breakaway }
