@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from pneudrive.characterise.motion import local_slope, middle
+from pneudrive.characterise.motion import local_slope, straight_line
+from pneudrive.characterise.profile import bin_means
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.motion import Stroke
+
+LEVEL_BINS = 40  # over the travel: what the balance of one direction is read from
+LEAST_SWING = 0.5  # of its median: where a friction that varies over position is followed no further
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +53,11 @@ class Settled:
 
     A stroke has settled after ``speed_travels`` times the travel in which its speed reaches ``speed_share`` of its
     own middle speed, and after ``force_travels`` times the travel in which the balance goes through ``force_share`` of
-    its swing from the opposite direction's level. Presliding approaches like  1 - 2 exp(-x/l):  80 % of the swing takes
+    its swing from the opposite direction's level at the same position, which an offset that changes along the stroke
+    moves with it. Presliding approaches like  1 - 2 exp(-x/l):  80 % of the swing takes
     1.6 l, and after three times that 2 % are left; a higher share would wait for a friction that varies over position.
-    At the end, samples below the speed share are dropped. The levels are medians over the middle 60 % of the travel,
-    so neither speed nor force needs to be constant.
+    At the end, samples below the speed share are dropped. The whole swing is a line through both directions'
+    difference over the middle 60 % of the travel, so neither speed nor force needs to be constant.
     """
 
     speed_share: float = 0.8
@@ -66,7 +71,7 @@ class Settled:
         """Give the mask of settled samples and the balance as it is."""
         position_m, balance_n = motion.position_m, motion.balance_n
         velocity = local_slope(motion.time_s, position_m)
-        levels = {d: _middle_level(motion, d) for d in (1, -1)}
+        levels = _levels(motion)
         mask = np.zeros(position_m.size, dtype=bool)
         for stroke in motion.strokes:
             part = stroke.samples
@@ -75,9 +80,8 @@ class Settled:
             if not fast.any():
                 continue
             begin = self.speed_travels * travelled[int(np.argmax(fast))]
-            own, opposite = levels[stroke.direction], levels[-stroke.direction]
-            if own is not None and opposite is not None and own != opposite:
-                risen = (balance_n[part] - opposite) / (own - opposite) >= self.force_share
+            if levels is not None:
+                risen = levels.share_risen(position_m[part], balance_n[part], stroke.direction) >= self.force_share
                 if risen.any():
                     begin = max(begin, self.force_travels * travelled[int(np.argmax(risen))])
             last_fast = int(fast.size - np.argmax(fast[::-1]))
@@ -117,12 +121,44 @@ class SourcePaper:
 SAMPLE_CHOICES = {"settled": Settled, "source-paper": SourcePaper}
 
 
-def _middle_level(motion: Motion, direction: int) -> float | None:
-    """Median balance over the middle 60 % of all strokes of one direction."""
-    values = []
-    for stroke in motion.strokes:
-        if stroke.direction == direction:
-            share = (motion.position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
-            values.append(motion.balance_n[stroke.samples][(share > 0.2) & (share < 0.8)])
-    joined = np.concatenate(values) if values else np.array([])
-    return middle(joined) if joined.size else None
+@dataclass(frozen=True, eq=False)
+class _Levels:
+    """Mean balance of each direction over position, and the swing from -x to +x as a line over position."""
+
+    position_m: dict[int, NDArray[np.float64]]
+    balance_n: dict[int, NDArray[np.float64]]
+    swing_n: float  # median in the middle of the travel
+    slope_n_m: float
+    intercept_n: float
+
+    def share_risen(
+        self, position_m: NDArray[np.float64], balance_n: NDArray[np.float64], direction: int
+    ) -> NDArray[np.float64]:
+        """Way that the balance has gone from the opposite direction's level to its own: 0 to 1, and noise."""
+        start = np.interp(position_m, self.position_m[-direction], self.balance_n[-direction])
+        line = (self.slope_n_m * position_m + self.intercept_n) / self.swing_n
+        return direction * (balance_n - start) / (self.swing_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
+
+
+def _levels(motion: Motion) -> _Levels | None:
+    """Levels of both directions; None where one is missing, or nothing tells them apart."""
+    ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
+    low, high = min(ends), max(ends)
+    edges = np.linspace(low, high, LEVEL_BINS + 1)
+    centres = (edges[:-1] + edges[1:]) / 2
+    position, balance, means = {}, {}, {}
+    for direction in (1, -1):
+        parts = [stroke.samples for stroke in motion.strokes if stroke.direction == direction]
+        if not parts:
+            return None
+        at = np.concatenate([motion.position_m[part] for part in parts])
+        means[direction] = bin_means(at, np.concatenate([motion.balance_n[part] for part in parts]), edges)
+        known = np.isfinite(means[direction])
+        position[direction], balance[direction] = centres[known], means[direction][known]
+    inside = (centres > low + 0.2 * (high - low)) & (centres < high - 0.2 * (high - low))
+    swings = means[1] - means[-1]
+    inside &= np.isfinite(swings)
+    swing = float(np.median(swings[inside])) if inside.any() else 0.0
+    if swing == 0.0:
+        return None
+    return _Levels(position, balance, swing, *straight_line(centres[inside], swings[inside]))

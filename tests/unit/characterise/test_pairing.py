@@ -138,3 +138,21 @@ def test_no_motion_and_too_few_samples_are_refused(make):
 def test_a_window_outside_the_motion_is_refused(make):
     with pytest.raises(RecordingError, match="window lies outside"):
         characterise(make(window_m=(0.1, 0.2)))
+
+
+@pytest.mark.parametrize("slope", [-1.0, 1.0])
+def test_an_offset_that_runs_along_the_stroke_does_not_look_like_a_transient(make, slope):
+    # From end to end it changes by six times the friction: one level per direction would never call a stroke settled.
+    recording = make(friction=2.5, offset=lambda x: slope * (400.0 * x + 8.0 * np.sin(80.0 * x)))
+    (level,) = characterise_recordings(recording).levels
+    assert level.friction_n == pytest.approx(2.5, abs=0.05)
+    assert "unpaired" not in level.flags
+    assert [row.strokes for row in level.rows] == [5, 5]
+
+
+def test_friction_that_varies_over_position_has_settled_where_it_is_low(make):
+    recording = make(friction=lambda x: 10.0 - 150.0 * x)
+    (level,) = characterise_recordings(recording).levels
+    assert level.friction_n == pytest.approx(7.0, abs=0.05)
+    profile = level.profile
+    assert np.isfinite(profile.friction_n[profile.in_window]).all()
