@@ -2,6 +2,7 @@
 
 use crate::ledger::Channel;
 use crate::net::Net;
+use crate::part::cylinder::{CHAMBERS, INNER};
 use crate::part::*;
 use math::{Deps, Lane, Over, Real};
 use ode::{Structure, System};
@@ -288,7 +289,7 @@ impl Circuit<f64> {
         for &(id, p, t) in gas {
             let tanks = self.parts.volumes.iter().map(|(place, volume)| (place.first, volume));
             let chambers = self.parts.cylinders.iter().flat_map(|(place, cylinder)| {
-                cylinder.volumes.iter().enumerate().map(|(side, volume)| (place.first + 2 + 2 * side, volume))
+                CHAMBERS.iter().zip(&cylinder.volumes).map(|(offset, volume)| (place.first + offset, volume))
             });
             let (first, part) =
                 tanks.chain(chambers).find(|(_, part)| part.node == id.0).expect("a volume of this circuit");
@@ -433,7 +434,7 @@ impl<P: Real> Circuit<P> {
     fn mover(&self, mover: Mover) -> (Place, &Axis<P>, usize) {
         match mover {
             Mover::Axis(i) => (self.parts.axes[i].0, &self.parts.axes[i].1, 2),
-            Mover::Cylinder(i) => (self.parts.cylinders[i].0, &self.parts.cylinders[i].1.axis, 6),
+            Mover::Cylinder(i) => (self.parts.cylinders[i].0, &self.parts.cylinders[i].1.axis, INNER),
         }
     }
 
@@ -476,8 +477,7 @@ impl<R: Lane> System<R> for Circuit<R> {
         self.evaluate(y, net);
         self.parts.rate(y, dy, net, &self.common);
         if !self.topology.channels.is_empty() {
-            let (states, accounts) = dy.split_at_mut(self.topology.n_states);
-            let _ = states;
+            let accounts = &mut dy[self.topology.n_states..];
             self.parts.account(y, net, &self.common, accounts);
         }
     }

@@ -2,7 +2,7 @@
 
 mod axis;
 mod carriage;
-mod cylinder;
+pub(crate) mod cylinder;
 mod end_stops;
 mod face;
 mod link;

@@ -156,13 +156,14 @@ fn substitute<R: Real>(x: &mut [R], entries: &[Entry], values: &[R]) {
 /// The transposed operations in reverse order, on all rows of `z` at once.
 #[inline(always)]
 fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry], values: &[R]) {
-    for (e, value) in entries.iter().zip(values).rev() {
+    for (e, value) in entries.iter().rev().zip(values.iter().rev()) {
         // Masked, an index into a fixed array needs no check.
         let (row, column) = (e.row as usize % SMALL, e.column as usize % SMALL);
-        let from = z[row];
-        for (to, from) in z[column].iter_mut().zip(from) {
-            *to = value.fma(from, *to);
+        let (from, mut to) = (z[row], z[column]);
+        for l in 0..SMALL {
+            to[l] = value.fma(from[l], to[l]);
         }
+        z[column] = to;
     }
 }
 

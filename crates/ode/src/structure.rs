@@ -9,7 +9,8 @@ pub(crate) const DIRECTIONS: usize = 8;
 /// Slot of a matrix entry in the array of stored values.
 type Slot = u32;
 
-/// One operation of a substitution: x[row] -= value * x[column]. The values lie in the same order.
+/// One operation of a substitution: x[row] += value * x[column]. The values lie in the same order, with
+/// the sign in which they are added.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
     pub row: u16,

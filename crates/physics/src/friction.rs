@@ -40,6 +40,25 @@ pub struct Levels<S> {
     pub breakaway: S,
 }
 
+impl<S: Real> Levels<S> {
+    /// The same force for starting and for sliding.
+    fn equal(coulomb: S) -> Self {
+        Levels { coulomb, breakaway: coulomb }
+    }
+
+    /// Fc + (Fs - Fc) weight, N.
+    #[inline(always)]
+    fn at(&self, weight: S) -> S {
+        (self.breakaway - self.coulomb).fma(weight, self.coulomb)
+    }
+}
+
+/// Steady sliding, N:  level sgn(v) + Fv v, where v = 0 counts as positive.
+fn sliding<P: Real, S: Over<P>>(v: S, level: S, viscous: P) -> S {
+    let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
+    sign * level + S::from(viscous) * v
+}
+
 /// An inner state of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InnerState {

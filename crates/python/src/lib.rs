@@ -4,7 +4,7 @@ use circuit::{Balance, Drive, Error, Kind, Rig, Run, Servo, friction_law, specif
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::{Options, Statistics};
 use physics::IdealGas;
-use physics::flow::{Iso6358, choked_factor};
+use physics::flow::{Iso6358, LINEAR_ABOVE, choked_factor};
 use physics::friction::{At, LAWS, Levels};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -322,15 +322,11 @@ fn steady_friction<'py>(
     Ok(PyArray1::from_iter(py, velocity.as_array().iter().map(|&v| force(v))))
 }
 
-/// Where the flow turns linear in 1 - r, unless a drive says otherwise.
-const LINEAR_ABOVE: f64 = 0.999;
-
 /// Flow through a component over its choked flow, at the ratio of downstream to upstream pressure.
 #[pyfunction]
 fn flow_ratio(pressure_ratio: f64, critical_pressure_ratio: f64, subsonic_index: f64) -> f64 {
     let (b, m) = (critical_pressure_ratio, subsonic_index);
-    let air = IdealGas::new(1.4, 287.05);
-    Iso6358::for_gas(1.0, b, m, LINEAR_ABOVE, m == 0.5, &air, true).phi(pressure_ratio)
+    Iso6358::for_gas(1.0, b, m, LINEAR_ABOVE, m == 0.5, &IdealGas::air(), true).phi(pressure_ratio)
 }
 
 /// psi(k) in m_dot = A p psi / sqrt(R T): choked flow of an ideal gas through a nozzle.

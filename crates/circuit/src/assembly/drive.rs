@@ -99,7 +99,11 @@ impl Drive {
             );
         }
         let inner = law.meta().states;
-        let citations = vec![law.meta().source, "iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"];
+        let mut citations =
+            vec![law.meta().source, "iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"];
+        if chamber_law == ChamberLaw::AsPrinted {
+            citations.push("bracha");
+        }
 
         let mut circuit = Circuit::new(&gas, spec.ambient.pressure_pa, spec.ambient.temperature_k);
         let supply = circuit.reservoir(spec.supply.pressure_pa, spec.supply.temperature_k);
@@ -130,7 +134,6 @@ impl Drive {
             circuit.spring(axis, spring.stiffness_n_m, spring.rest_position_m);
         }
         let Valve::Proportional53(valve) = &spec.valve;
-        let is_air = gas.heat_capacity_ratio == 1.4 && gas.gas_constant == 287.05;
         let edge_law = Iso6358::for_gas(
             valve.conductance_m3_s_pa,
             valve.critical_pressure_ratio,
@@ -138,7 +141,7 @@ impl Drive {
             valve.linear_above,
             valve.subsonic_index == 0.5,
             &gas,
-            is_air,
+            gas.is_air(),
         );
         let mut edge = |from, to| circuit.restriction(edge_law.clone(), from, to);
         let edges = [edge(supply, a), edge(a, exhaust), edge(supply, b), edge(b, exhaust)];

@@ -33,7 +33,7 @@ impl Rig {
     pub fn assemble(spec: &specification::Rig) -> Result<Self, Error> {
         let (law, lips) = friction_law(&spec.friction)?;
         let inner = law.meta().states;
-        let air = IdealGas::new(1.4, 287.05);
+        let air = IdealGas::air();
         let room_k = physics::flow::T_0;
         let mut circuit = Circuit::new(&air, spec.ambient_pressure_pa, room_k);
         let axis = circuit.axis(spec.moving_mass_kg, spec.incline_rad, 0.0, Some(law), lips);

@@ -17,8 +17,8 @@ pub struct Cylinder<P> {
 }
 
 /// Where the states of the two chambers and of the friction law begin.
-const CHAMBERS: [usize; 2] = [2, 4];
-const INNER: usize = 6;
+pub(crate) const CHAMBERS: [usize; 2] = [2, 4];
+pub(crate) const INNER: usize = 6;
 
 impl<R: Lane> Cylinder<R> {
     pub(crate) fn gather(each: &[&Cylinder<f64>]) -> Self {
@@ -94,7 +94,7 @@ impl<P: Real> Part<P> for Cylinder<P> {
 
     fn stored<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> [S; 3] {
         let mut sum = self.axis.stored_in(y.after(INNER), net);
-        let parts = CHAMBERS.iter().zip(&self.volumes).map(|(_, volume)| volume.stored(y, net, common));
+        let parts = self.volumes.iter().map(|volume| volume.stored(y, net, common));
         for own in parts.chain([self.stops.stored(y, net, common)]) {
             for (sum, own) in sum.iter_mut().zip(own) {
                 *sum += own;

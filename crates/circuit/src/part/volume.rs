@@ -3,6 +3,8 @@ use crate::ledger::Kind;
 use crate::net::{GasNode, Net};
 use math::{Over, Real};
 use physics::chamber::{AsPrinted, EnergyBalance, Exchange};
+// The standard reference atmosphere: of the error scales, and where entropy is zero.
+use physics::flow::{P_0, T_0};
 use physics::heat;
 
 /// The balance that a volume obeys, with its own states.
@@ -32,10 +34,6 @@ physics::parameters! {
         scales: [f64; 2],
     }
 }
-
-/// Reference pressure and temperature of the error scales and of the zero of entropy.
-const P_0: f64 = 1e5;
-const T_0: f64 = 293.15;
 
 impl Volume<f64> {
     pub(crate) fn set_scales(&mut self, k: f64, r: f64) {

@@ -6,6 +6,10 @@ use math::{Over, Real};
 pub const RHO_0: f64 = 1.185;
 /// Temperature of the standard reference atmosphere, K. Source: [iso6358-2013].
 pub const T_0: f64 = 293.15;
+/// Pressure of the standard reference atmosphere, Pa. Source: [iso6358-2013].
+pub const P_0: f64 = 1e5;
+/// Pressure ratio above which the flow is linear, unless a drive says otherwise (assumed).
+pub const LINEAR_ABOVE: f64 = 0.999;
 
 crate::parameters! {
     /// Mass flow through a pneumatic component, with r = p2/p1 and p1 the upstream pressure:
@@ -32,7 +36,7 @@ crate::parameters! {
         /// Subsonic index m
         subsonic_index: "-", crate::above(0.0), default 0.5;
         /// Pressure ratio above which the flow is linear in 1 - r
-        linear_above: "-", crate::between(0.0, 1.0), default 0.999;
+        linear_above: "-", crate::between(0.0, 1.0), default LINEAR_ABOVE;
         /// Derived: C rho0 sqrt(T0), of the gas that flows
         gain: "kg K^0.5/(s Pa)", crate::above(0.0);
         /// Derived: 1/(1 - b)
@@ -54,9 +58,6 @@ pub fn choked_factor<P: Real>(k: P) -> P {
     k.sqrt() * (two / (k + one)).pow((k + one) / (two * (k - one)))
 }
 
-/// Dry air, with which conductances are measured: heat capacity ratio and gas constant J/(kg K).
-const AIR: (f64, f64) = (1.4, 287.05);
-
 impl<P: Real> Iso6358<P> {
     /// The law for a component of sonic conductance `c`, measured with air, through which `gas` flows.
     pub fn for_gas(
@@ -75,10 +76,11 @@ impl<P: Real> Iso6358<P> {
         let (density, c_gas) = if is_air {
             (P::c(RHO_0), c)
         } else {
-            let (k_air, r_air) = AIR;
-            let ratio = (gas.gas_constant / P::c(r_air)).sqrt() * choked_factor(gas.heat_capacity_ratio)
-                / choked_factor(P::c(k_air));
-            (P::c(1e5) / (gas.gas_constant * P::c(T_0)), c * ratio)
+            let air = IdealGas::air();
+            let ratio = (gas.gas_constant / P::c(air.gas_constant)).sqrt()
+                * choked_factor(gas.heat_capacity_ratio)
+                / choked_factor(P::c(air.heat_capacity_ratio));
+            (P::c(P_0) / (gas.gas_constant * P::c(T_0)), c * ratio)
         };
         Iso6358 {
             conductance: c,

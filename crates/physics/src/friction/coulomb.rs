@@ -1,4 +1,4 @@
-use super::{At, Law, Levels, dry};
+use super::{At, Law, Levels, dry, sliding};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -52,7 +52,6 @@ impl<P: Real> Law<P> for Coulomb<P> {
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
-        sign * levels.coulomb + S::from(self.viscous) * v
+        sliding(v, levels.coulomb, self.viscous)
     }
 }

@@ -1,6 +1,6 @@
 //! Stick and slip as modes: -1 and +1 slide in that direction, 0 sticks with v = 0 exactly.
 
-use super::{At, Levels};
+use super::At;
 use math::{Over, Real};
 
 /// The force that a law gives in slip, or in stick the force that holds the mass.
@@ -26,17 +26,4 @@ pub(super) fn event<P: Real, S: Over<P>>(at: &At<S>, breakaway: S, mode: P) -> S
 /// strong enough to push it back.
 pub(super) fn next_mode(mode: f64, applied: f64, breakaway: f64) -> f64 {
     if mode == 0.0 || applied.abs() > breakaway { applied.signum() } else { 0.0 }
-}
-
-impl<S: Real> Levels<S> {
-    /// Fc + (Fs - Fc) weight, N.
-    #[inline(always)]
-    pub(super) fn at(&self, weight: S) -> S {
-        (self.breakaway - self.coulomb).fma(weight, self.coulomb)
-    }
-
-    /// The same force for starting and for sliding.
-    pub(super) fn equal(coulomb: S) -> Self {
-        Levels { coulomb, breakaway: coulomb }
-    }
 }

@@ -1,4 +1,4 @@
-use super::{At, InnerState, Law, Levels, stribeck::weight};
+use super::{At, InnerState, Law, Levels, sliding, stribeck::weight};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -136,7 +136,6 @@ impl<P: Real> Law<P> for LuGre<P> {
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
-        sign * levels.at(self.weight(v)) + S::from(self.viscous) * v
+        sliding(v, levels.at(self.weight(v)), self.viscous)
     }
 }

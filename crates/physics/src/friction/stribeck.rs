@@ -1,4 +1,4 @@
-use super::{At, Law, Levels, dry};
+use super::{At, Law, Levels, dry, sliding};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -94,7 +94,6 @@ impl<P: Real> Law<P> for Stribeck<P> {
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
-        sign * levels.at(self.weight(v)) + S::from(self.viscous) * v
+        sliding(v, levels.at(self.weight(v)), self.viscous)
     }
 }

@@ -23,6 +23,23 @@ crate::parameters! {
     }
 }
 
+/// Dry air: ratio of specific heats, -, and specific gas constant, J/(kg K). Conductances of components
+/// are measured with it. Source: [assumed], the usual values.
+const AIR: (f64, f64) = (1.4, 287.05);
+
+impl IdealGas<f64> {
+    /// Dry air.
+    pub fn air() -> Self {
+        let (heat_capacity_ratio, gas_constant) = AIR;
+        IdealGas::new(heat_capacity_ratio, gas_constant)
+    }
+
+    /// Whether this is exactly the gas of [`IdealGas::air`].
+    pub fn is_air(&self) -> bool {
+        (self.heat_capacity_ratio, self.gas_constant) == AIR
+    }
+}
+
 impl<P: Real> IdealGas<P> {
     /// From k and R, J/(kg K).
     pub fn new(heat_capacity_ratio: P, gas_constant: P) -> Self {
