@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 GAP_FACTOR = 5.0  # a gap is an interval longer than this many usual ones
 SPIKE_FACTOR = 12.0  # a spike stands out of both neighbours by this many noise deviations
+STEP_FACTOR = 3.0  # and stands out by this many of the channel's own steps:
+FEW_SPIKES = 0.95  # those below this quantile, which spikes do not reach,
+OWN_STEPS = 0.99  # and, without the spikes, below this one
 AGREEMENT = 0.5  # neighbours of a spike differ by less than this share of its height
 SATURATED_RUN = 5  # equal samples in a row at a channel's extreme
 CLIPPED_SHARE = 0.5  # more of the samples than this at the extremes: a smooth signal
@@ -102,18 +105,28 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """
     mask = np.zeros(values.size, dtype=bool)
     steps = np.diff(values)
-    some = np.abs(thinned(steps))
-    rank = int(0.99 * (some.size - 1))
-    usual = float(np.partition(some, rank)[rank])
-    threshold = max(SPIKE_FACTOR * noise_level(values), 3.0 * usual)
+    threshold = max(SPIKE_FACTOR * noise_level(values), STEP_FACTOR * _upper(steps, FEW_SPIKES))
     large = np.flatnonzero(np.abs(steps[:-1]) > threshold)  # few, as a rule none
     there, back = steps[large], steps[large + 1]
     height = np.minimum(np.abs(there), np.abs(back))
     alone = (there * back < 0) & (height > threshold) & (np.abs(there + back) < AGREEMENT * height)
     for neighbour in (np.maximum(large - 1, 0), np.minimum(large + 2, steps.size - 1)):
         alone &= (np.abs(steps[neighbour]) < AGREEMENT * height) | (neighbour == large) | (neighbour == large + 1)
+    if (
+        alone.any()
+    ):  # the channel's own largest steps, reversals, are without spikes: many of these would hide behind them
+        rest = np.ones(steps.size, dtype=bool)
+        rest[large[alone]] = rest[large[alone] + 1] = False
+        alone &= height > STEP_FACTOR * _upper(steps[rest], OWN_STEPS)
     mask[large[alone] + 1] = True
     return mask
+
+
+def _upper(steps: NDArray[np.float64], share: float) -> float:
+    """Height that this share of the steps stays below."""
+    some = np.abs(thinned(steps))
+    rank = int(share * (some.size - 1))
+    return float(np.partition(some, rank)[rank])
 
 
 def _runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -139,7 +152,9 @@ def _usual_run(lengths: NDArray[np.intp]) -> float:
 
 
 def _saturated(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
-    """Mark runs at the largest or smallest value of a channel that is noisy elsewhere.
+    """Mark what lies at the largest or smallest value of a channel that is noisy elsewhere, where long runs do.
+
+    A channel near its limit touches it for single samples too: these are as clipped as the runs.
 
     A channel that rests at its extremes for most of the time is a smooth signal (a simulation), not a clipped one.
     """
@@ -149,7 +164,7 @@ def _saturated(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArra
     hit = extreme & (lengths >= needed)
     if lengths[hit].sum() > CLIPPED_SHARE * values.size:
         return np.zeros(values.size, dtype=bool)
-    return _fill(values.size, starts[hit], lengths[hit])
+    return np.isin(values, np.unique(values[starts[hit]]))
 
 
 def _stuck(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:

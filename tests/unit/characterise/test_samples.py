@@ -39,13 +39,25 @@ def test_spikes_are_found_in_every_channel(make):
         assert len(found) == len(noisy) - 2
 
 
+@pytest.mark.parametrize(("channel", "size"), [("force_n", 50.0), ("pressure_b_pa", 1e5), ("position_m", 0.01)])
+def test_many_spikes_do_not_hide_each_other(make, channel, size):
+    recording = make(strokes=20)
+    recording = replace(
+        recording, pressure_b_pa=recording.pressure_b_pa + np.random.default_rng(1).normal(0, 50, len(recording))
+    )
+    at = np.arange(150, len(recording) - 50, 97)  # 1 % of the samples
+    noisy = changed(recording, channel, at, getattr(recording, channel)[at] + size)
+    assert clean(noisy).flags == {"spike": at.size}
+
+
 def test_a_reversal_is_no_spike(make):
     assert "spike" not in clean(make(presliding=1e-5, noise=0.0)).flags
 
 
 def test_saturation(make):
     recording = make(friction=lambda x: 5.0 + 200.0 * x)
-    assert clean(replace(recording, force_n=np.minimum(recording.force_n, 155.0))).flags["saturated"] > 100
+    clipped = clean(replace(recording, force_n=np.minimum(recording.force_n, 155.0)))
+    assert clipped.flags["saturated"] == int((recording.force_n >= 155.0).sum()) > 100
     limited = replace(recording, limits={"force_n": (-1e3, 150.0)})
     assert clean(limited).flags["saturated"] == int((recording.force_n >= 150.0).sum())
 
