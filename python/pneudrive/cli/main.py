@@ -95,8 +95,7 @@ def run(arguments: Sequence[str]) -> int:
     except PneudriveError as error:
         return fail(error)
     except KeyboardInterrupt:
-        sys.stderr.write("Interrupted; what was finished is kept.\n")
-        return EXIT_INTERRUPTED
+        status = EXIT_INTERRUPTED
     except BrokenPipeError:  # the reader of our output has gone (pneudrive ... | head): no more to say
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -105,6 +104,8 @@ def run(arguments: Sequence[str]) -> int:
             error.show()  # type: ignore[attr-defined]
             return int(error.exit_code)  # type: ignore[attr-defined]
         raise
+    if status == EXIT_INTERRUPTED:  # typer, too, returns it for Ctrl-C
+        sys.stderr.write("Interrupted; what was finished is kept.\n")
     return status if isinstance(status, int) else 0
 
 
