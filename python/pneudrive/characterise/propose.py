@@ -18,6 +18,7 @@ from pneudrive.characterise.motion import find_strokes, local_slope, noise_level
 from pneudrive.characterise.sniff import Reading, sniff_format, sniff_text
 from pneudrive.characterise.text_table import TextForm, read_bytes, read_text
 from pneudrive.errors import PneudriveError, RecordingError
+from pneudrive.units import converter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -250,24 +251,25 @@ def _sides(guesses: list[Guess], columns: list[NDArray[np.float64]], time: NDArr
     """Say which chamber a pressure belongs to: where the rig must push towards +x against it, it is chamber b."""
     by_role = {g.role: g for g in guesses}
     force = by_role.get("force")
+    sign = -1.0 if _force_levels(guesses, columns)[0] == "-x" else 1.0
     named = []
     for guess in guesses:
         if not guess.role.startswith("pressure"):
             named.append(guess)
             continue
         side, why = "b", "taken for the chamber that shrinks as position grows"
-        in_name = SIDE_IN_NAME.search(str(guess.column).lower()) if isinstance(guess.column, str) else None
+        in_name = SIDE_IN_NAME.search(_without_unit(guess.column)) if isinstance(guess.column, str) else None
         if in_name:
             side = {"1": "a", "2": "b"}.get(in_name.group(1), in_name.group(1))
             why = f"chamber {side} by its name"
         elif force is not None:
-            f, p = columns[force.index], columns[guess.index]
+            f, p = sign * columns[force.index], columns[guess.index]
             together = float(np.corrcoef(f, p)[0, 1]) if np.ptp(f) > 0 and np.ptp(p) > 0 else 0.0
             mean = float(np.nanmean(f)) if abs(np.nanmean(f)) > 0.2 * np.nanstd(f) else together
             if "pressure 1" in by_role:
                 mean = together
             side = "b" if mean >= 0 else "a"
-            why = f"chamber {side}: force {'grows' if side == 'b' else 'falls'} with it where +x is right"
+            why = f"chamber {side}: the force towards +x {'grows' if side == 'b' else 'falls'} with it"
         if any(g.role == f"pressure_{side}" for g in named):
             side = "a" if side == "b" else "b"
         named.append(Guess(f"pressure_{side}", guess.column, guess.index, guess.unit, f"{guess.reason}; {why}"))
@@ -312,12 +314,18 @@ def _layout_text(path: Path, reading: Reading, guesses: list[Guess], columns: li
     return "\n".join(lines)
 
 
-def _sign_and_bore(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tuple[str, float, str]:
-    """Sign of the force (friction opposes motion) and the bore that closes the balance on the mean."""
+def _without_unit(name: str) -> str:
+    """Name of a pressure column in lower case, without the unit: the a of kPa names no chamber."""
+    bare = UNIT_IN_NAME.sub("", name).strip()
+    head, _, tail = bare.replace(" ", "_").rpartition("_")
+    return (head if tail in KNOWN_UNITS["pressure"] else bare).lower()
+
+
+def _force_levels(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tuple[str, float] | tuple[None, None]:
+    """Sign of the force (friction opposes motion) and half the sum of both directions' levels towards +x, raw unit."""
     by_role = {g.role: g for g in guesses}
-    fallback = ("+x", 0.025, "no force and position to take it from; write the real bore")
     if not {"time", "position", "force"} <= set(by_role):
-        return fallback
+        return None, None
     time, position, force = (columns[by_role[r].index] for r in ("time", "position", "force"))
     good = np.isfinite(time) & np.isfinite(position) & np.isfinite(force)
     good[1:] &= np.diff(time) > 0
@@ -325,16 +333,22 @@ def _sign_and_bore(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> 
     fast = np.abs(velocity) > 0.5 * np.median(np.abs(velocity))
     up, down = (force[good][fast & (velocity * d > 0)] for d in (1, -1))
     if not up.size or not down.size:
-        return fallback
-    sign = "+x" if np.median(up) >= np.median(down) else "-x"
-    half_sum = (np.median(up) + np.median(down)) / 2 * (1 if sign == "+x" else -1)
+        return None, None
+    half_sum = float(np.median(up) + np.median(down)) / 2
+    return ("+x", half_sum) if np.median(up) >= np.median(down) else ("-x", -half_sum)
+
+
+def _sign_and_bore(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tuple[str, float, str]:
+    """Sign of the force and the bore that closes the balance on the mean."""
+    sign, half_sum = _force_levels(guesses, columns)
+    if sign is None or half_sum is None:
+        return "+x", 0.025, "no force and position to take it from; write the real bore"
+    by_role = {g.role: g for g in guesses}
     pressures = [g for g in guesses if g.role.startswith("pressure")]
-    factor = {"bar": 1e5, "mbar": 100.0, "kPa": 1e3, "MPa": 1e6, "Pa": 1.0, "psi": 6894.757}
     if len(pressures) != 1:
         return sign, 0.025, "write the real bore"
-    mean = float(np.nanmean(columns[pressures[0].index])) * factor[pressures[0].unit]
-    scale = {"kN": 1e3, "mN": 1e-3}.get(by_role["force"].unit, 1.0)
-    area = abs(half_sum * scale / mean) if mean else 0.0
+    mean = float(np.nanmean(columns[pressures[0].index])) * converter(pressures[0].unit, "Pa")[0]
+    area = abs(half_sum * converter(by_role["force"].unit, "N")[0] / mean) if mean else 0.0
     if not 1e-6 < area < 1.0:
         return sign, 0.025, "write the real bore"
     return sign, math.sqrt(4 * area / math.pi), "force over pressure, mean of both directions; write the real bore"

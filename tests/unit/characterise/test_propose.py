@@ -58,6 +58,17 @@ def test_units_in_a_row_of_their_own_and_a_force_of_the_other_sign(make, tmp_pat
     assert 'positive = "-x"' in proposal.text
 
 
+@pytest.mark.parametrize("name", ["Pressure (kPa)", "pressure_kPa", "Druck / kPa", "p kPa"])
+def test_a_unit_names_no_chamber_and_the_force_s_sign_is_heeded(make, tmp_path, name):
+    truth, t, x, p, f = columns(make)
+    write(tmp_path / "a.csv", [f"Time (s),Position (mm),{name},Load Cell (N)"], [t, x, p * 100, -f], ",")
+    proposal = check(tmp_path / "a.csv", truth)
+    assert {g.role: g.unit for g in proposal.guesses}["pressure_b"] == "kPa"
+    assert characterise([tmp_path / "a.csv"], Layout.loads(proposal.text)).friction_n.to_numpy() == pytest.approx(
+        20, abs=0.2
+    )
+
+
 def test_a_campaign_file(make, tmp_path):
     import polars as pl
 
