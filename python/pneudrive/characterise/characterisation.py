@@ -17,6 +17,7 @@ from pneudrive.characterise.friction_map import MapRow, to_dataset
 from pneudrive.characterise.layout import Layout
 from pneudrive.characterise.load import recording_files
 from pneudrive.characterise.pressure_line import (
+    CONFOUNDED,
     FrictionPoint,
     PressureLine,
     RunSpread,
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
 KEPT_IN_FULL = 300  # recordings; of a larger campaign the samples are not kept
 SHOWN = 24  # recordings of a larger campaign whose curves are kept
-CONFOUNDED = 0.7  # correlation of speed and pressure beyond which their effects are called confounded
 
 
 @dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself

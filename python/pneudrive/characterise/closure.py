@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 CONFIDENCE = 0.95
 TOGETHER = 0.05  # pressures change together when the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
-MINIMUM_RANGE_PA = 2e4  # below this change of pressure an area is not asked for
+MINIMUM_RANGE_PA = 2e4  # pressures that differ by less are one: neither an area nor a slope is asked for
 # What both chambers leave of each other must spread this many times wider than the sensors' uncertainty explains: a
 # regressor that is noise draws its factor to zero, by 1 / (1 + RELIABLE**2) of it at this limit.
 RELIABLE = 5.0

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.closure import CONFIDENCE, MINIMUM_RANGE_PA
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -14,11 +16,11 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise.extract import RecordingResult
 
-CONFIDENCE = 0.95
 BAND_POINTS = 41
 ALL_RECORDINGS = "all recordings"  # the group of recordings that no label tells apart
 SAME_SPEED = 0.02  # controlled speeds closer than this are one level
 SHOWN_SPEEDS = 5
+CONFOUNDED = 0.7  # correlation of speed and pressure beyond which their effects are called confounded
 SPEED_OF_REPEAT = 0.25  # a repeat at a speed that was not controlled may be off by this much
 SAME_PRESSURE = 0.1  # recordings within this share of their pressure repeat one another
 
@@ -154,7 +156,7 @@ def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
         members = [p for p in points if p.seal == seal]
         for title, group in _speed_groups(seal, members):
             pressures = np.array([p.pressure_pa for p in group])
-            if len(group) >= 3 and np.ptp(pressures) > 2e4:
+            if len(group) >= 3 and np.ptp(pressures) > MINIMUM_RANGE_PA:
                 lines.append(_fit(title, seal, group, spread))
     return lines
 
@@ -162,7 +164,7 @@ def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
 def _speed_groups(seal: str, points: list[FrictionPoint]) -> list[tuple[str, list[FrictionPoint]]]:
     """Points of equal speed where speed and pressure were crossed, otherwise all of them together."""
     groups = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
-    crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > 2e4]
+    crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > MINIMUM_RANGE_PA]
     if len(crossed) < 2 or sum(len(g) for g in crossed) < 0.6 * len(points):
         return [(seal, points)]
     chosen = np.unique(np.linspace(0, len(crossed) - 1, SHOWN_SPEEDS).astype(int))
@@ -247,7 +249,7 @@ def _statement(
             f"the interval includes the spread between runs, {100 * spread.relative:.0f} % standard deviation, "
             f"from {source}"
         )
-    if abs(together) > 0.7:
+    if abs(together) > CONFOUNDED:
         word = "falls" if together < 0 else "rises"
         text += f"; speed {word} with pressure (correlation {together:+.2f}): the slope cannot tell the two apart"
     return text + "."

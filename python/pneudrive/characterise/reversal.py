@@ -65,13 +65,11 @@ def find_reversal_peaks(
     balance_n
         Shape (n,).
     profile
-        Of the same level. Its offset is taken out: the straight line through the offset of the window, since near
-        the ends one direction is still in its transient and half the sum is not the offset.
+        Of the same level. Its offset is taken out, see `offset_line`.
     """
-    known = np.isfinite(profile.offset_n) & profile.in_window
-    if known.sum() < 2:
+    if _offset_bins(profile).sum() < 2:
         return []
-    offset = straight_line(profile.position_m[known], profile.offset_n[known])
+    offset = offset_line(profile)
     sliding = float(np.nanmean(profile.friction_n[profile.in_window]))
     usual_step = middle(np.diff(recording.time_s))
     noise = noise_level(balance_n)
@@ -81,6 +79,19 @@ def find_reversal_peaks(
             continue
         peaks.append(_peak(recording, stroke, balance_n, offset, sliding, usual_step, noise, profile.level))
     return peaks
+
+
+def offset_line(profile: Profile) -> tuple[float, float]:
+    """Fit a line through the offset of the window: slope, N/m, and intercept at x = 0, N.
+
+    Near the ends of a stroke one direction is still in its transient, and half the sum is not the offset.
+    """
+    known = _offset_bins(profile)
+    return straight_line(profile.position_m[known], profile.offset_n[known])
+
+
+def _offset_bins(profile: Profile) -> NDArray[np.bool_]:
+    return np.isfinite(profile.offset_n) & profile.in_window
 
 
 def _peak(

@@ -71,12 +71,12 @@ def _output(out: Path) -> Iterator[Path]:
 
 def _write_fits(fits: Fits, law: str, folder: Path) -> list[Path]:
     """Write fit.toml for all recordings and, where there are several seals, fit-SEAL.toml for each."""
-    from pneudrive.identify.seals import ALL
+    from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 
     written = []
     for group, by_law in fits.items():
         if law in by_law:
-            name = "fit.toml" if group == ALL else f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', group)}.toml"
+            name = "fit.toml" if group == ALL_RECORDINGS else f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', group)}.toml"
             by_law[law].to_toml(folder / name)
             written.append(folder / name)
     return written

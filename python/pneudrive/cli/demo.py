@@ -16,9 +16,10 @@ def demo(
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
     from pneudrive.characterise import characterise_recordings, write_map
+    from pneudrive.characterise.pressure_line import ALL_RECORDINGS
     from pneudrive.cli.output import writable_folder
     from pneudrive.errors import CommandError
-    from pneudrive.identify.seals import ALL, fit_characterisation
+    from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import reproduce, write_report
     from pneudrive.report.verdict import verdict
 
@@ -33,8 +34,8 @@ def demo(
     for name in ("map.parquet", "map.csv"):
         write_map(found.friction_map, folder / name)
     fits, _ = fit_characterisation(found)
-    if "stribeck" in fits.get(ALL, {}):
-        fits[ALL]["stribeck"].to_toml(folder / "fit.toml")
+    if "stribeck" in fits.get(ALL_RECORDINGS, {}):
+        fits[ALL_RECORDINGS]["stribeck"].to_toml(folder / "fit.toml")
     made = reproduce()
     report = write_report(found, fits, folder, made)
     for number, line in enumerate(verdict(found, fits, made), 1):

@@ -16,6 +16,7 @@ def reproduce(
     from pneudrive.cli.output import writable_folder
     from pneudrive.report import reproduce as run
     from pneudrive.report import write_report
+    from pneudrive.rig.paper import NOT_REPRODUCED
 
     folder = writable_folder(out)
     made = run(seed=seed)
@@ -24,5 +25,6 @@ def reproduce(
         verdict = "holds" if figure.holds else "DOES NOT HOLD"
         typer.echo(f"figure {figure.number}: {figure.sentence}")
         typer.echo(f"          {verdict}: {figure.measured}")
-    typer.echo("figures 4 and 7 (rigs) and 9 (stops): not reproduced yet")
+    for numbers, why in NOT_REPRODUCED.items():
+        typer.echo(f"figure {numbers}: not reproduced: {why}")
     typer.echo(str(report))

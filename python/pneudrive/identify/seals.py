@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.closure import MINIMUM_RANGE_PA
+from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 from pneudrive.errors import FitError
 from pneudrive.identify.fit import LAWS, fit_friction
 
@@ -16,10 +18,6 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation
     from pneudrive.identify.result import FrictionFit
-
-ALL = "all recordings"
-#: Pressures that differ by less than this are one level: their effect is not asked for.
-PRESSURE_STEP_PA = 2e4
 
 
 def fit_characterisation(
@@ -40,11 +38,11 @@ def fit_characterisation(
         Group -> law -> fit, and what could not be fitted. Groups are ``all recordings`` and, where there are several,
         each seal. Friction may depend on pressure where the recordings have several pressures.
     """
-    seals = {r.name: r.labels.get("seal", ALL) for r in characterisation.recordings}
+    seals = {r.name: r.labels.get("seal", ALL_RECORDINGS) for r in characterisation.recordings}
     seals |= {point.recording: point.seal for point in characterisation.points}
     curves = characterisation.friction_map
     of_row = np.array([seals[name] for name in curves["recording"].to_numpy()])
-    groups = {ALL: np.ones(of_row.size, dtype=bool)}
+    groups = {ALL_RECORDINGS: np.ones(of_row.size, dtype=bool)}
     if len(set(of_row)) > 1:
         groups |= {seal: of_row == seal for seal in dict.fromkeys(of_row)}
     fits: dict[str, dict[str, FrictionFit]] = {}
@@ -53,7 +51,7 @@ def fit_characterisation(
         part = curves.isel(row=np.flatnonzero(rows))
         spread = max(float(np.ptp(part[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
         for law in laws:
-            found = _fit(part, law, pressure_dependence=spread > PRESSURE_STEP_PA)
+            found = _fit(part, law, pressure_dependence=spread > MINIMUM_RANGE_PA)
             if isinstance(found, str):
                 problems.append(f"{group}, {law}: {found}")
             else:

@@ -10,6 +10,7 @@ from pneudrive.report import style
 from pneudrive.report.page import Picture, Section, Table, Text
 from pneudrive.report.words import plural, sentence
 from pneudrive.rig.friction_curves import RAMP_M
+from pneudrive.rig.paper import NOT_REPRODUCED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,12 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.rig import PaperFigure
-
-#: Figures that the simulated rig does not show yet, and why.
-NOT_YET = (
-    ("4 and 7", "photographs of the rigs: nothing to check"),
-    ("9", "friction after stops of 15 s: needs a law of dwell, which the friction laws do not have yet"),
-)
 
 
 def section(figures: Mapping[int, PaperFigure]) -> Section:
@@ -32,7 +27,7 @@ def section(figures: Mapping[int, PaperFigure]) -> Section:
         (str(f.number), f.sentence, sentence(f.measured), "holds" if f.holds else "DOES NOT HOLD")
         for f in figures.values()
     ]
-    rows += [(number, "–", why, "not checked") for number, why in NOT_YET]
+    rows += [(number, "–", why, "not checked") for number, why in NOT_REPRODUCED.items()]
     blocks: list = [
         Text(
             "The paper prints figures but no data, and does not name drive, seals or sensors. What can be checked "

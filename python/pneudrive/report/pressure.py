@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Table, Text
 from pneudrive.report.words import sentence, spread_evenly
@@ -26,7 +27,7 @@ MOST_PANELS = 9
 
 def section(found: Characterisation) -> Section | None:
     """Friction over pressure for each seal; None where all recordings have one pressure."""
-    if len(found.points) < 2 or np.ptp([p.pressure_pa for p in found.points]) < 2e4:
+    if len(found.points) < 2 or np.ptp([p.pressure_pa for p in found.points]) < MINIMUM_RANGE_PA:
         return None
     blocks: list = [
         Text(

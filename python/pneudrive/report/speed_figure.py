@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.closure import MINIMUM_RANGE_PA
+from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 from pneudrive.report import style
 from pneudrive.report.words import spread_evenly
 
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 
-ALL = "all recordings"
 MOST_LABELS = 40  # points that carry their pressure as a number
 MOST_CURVES = 8
 MANY = 60  # points beyond which markers get smaller
@@ -76,7 +77,8 @@ def _words(bar: tuple[float, float]) -> str:
 def labelled(found: Characterisation) -> bool:
     """Whether each point carries its pressure: seals at several pressures, and few enough points to read them."""
     several = len({p.seal for p in found.points}) > 1
-    return several and len(found.points) <= MOST_LABELS and float(np.ptp([p.pressure_pa for p in found.points])) > 2e4
+    spread = float(np.ptp([p.pressure_pa for p in found.points]))
+    return several and len(found.points) <= MOST_LABELS and spread > MINIMUM_RANGE_PA
 
 
 def has_curve(fits: Fits) -> bool:
@@ -116,7 +118,7 @@ def draw(found: Characterisation, fits: Fits) -> Figure:
             capsize=size / 2,
             label=group.label,
         )
-        _curve(axis, look, group, fits.get(group.seal) or fits.get(ALL))
+        _curve(axis, look, group, fits.get(group.seal) or fits.get(ALL_RECORDINGS))
     if labelled(found):
         for p in found.points:
             place = (p.speed_m_s * 1e3, p.friction_n)

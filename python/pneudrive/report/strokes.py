@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.reversal import NEEDED_RISE_SAMPLES
+from pneudrive.characterise.reversal import NEEDED_RISE_SAMPLES, offset_line
 from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Table, Text
 from pneudrive.report.words import by_seal, gauge_bar, plural, spread_evenly
@@ -25,6 +25,7 @@ MOST_ROWS = 12
 SPOILS = {
     "undersampled": f"fewer than {NEEDED_RISE_SAMPLES} samples on the rise",
     "pressure_transient": "pressure changes during the rise",
+    "inertia": "the mass beyond the sensor is accelerated during the rise",
     "gap": "a gap in the samples",
     "no_peak": "no maximum of its own",
 }
@@ -153,8 +154,8 @@ def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figu
     r = result.recording
     top = int(np.searchsorted(r.time_s, peak.time_s))
     part = slice(max(top - 40, 0), top + 60)
-    offset = _offset_line(level)(r.position_m[part])
-    friction = peak.direction * (result.balance_n[part] - offset)
+    slope, intercept = offset_line(level.profile)
+    friction = peak.direction * (result.balance_n[part] - (slope * r.position_m[part] + intercept))
     left.plot(r.time_s[part] - peak.time_s, friction, "o-", color=style.BLACK, ms=2.5, lw=0.7)
     left.axhline(peak.sliding_n, color=style.BLUE, linestyle="--", lw=0.9, label="sliding friction in the window")
     left.axvline(0, color=style.ORANGE, linestyle=":", label=f"peak, {peak.rise_samples} samples after the turn")
@@ -174,10 +175,3 @@ def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figu
     right.set_xlim(left=0)
     right.legend(fontsize=6.8)
     return figure
-
-
-def _offset_line(level: Level) -> np.polynomial.Polynomial:
-    """Line through the offset of the window: what is taken out of a reversal peak."""
-    p = level.profile
-    known = np.isfinite(p.offset_n) & p.in_window
-    return np.polynomial.Polynomial.fit(p.position_m[known], p.offset_n[known], 1)

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.pressure_line import CONFOUNDED
 from pneudrive.report.recovered import recovered
 from pneudrive.report.speed import richest
 from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s, with_u
+from pneudrive.rig.paper import NOT_REPRODUCED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -72,7 +74,7 @@ def _pressure(found: Characterisation) -> str:
         return f"Pressure: too few recordings for a line over pressure; {known}."
     slopes = sorted(1e5 * line.slope_n_pa for line in lines)
     rise = f"{slopes[0]:+.2f} N/bar" if len(slopes) == 1 else f"{slopes[0]:+.2f} to {slopes[-1]:+.2f} N/bar"
-    confounded = [line for line in lines if abs(line.speed_pressure_correlation) > 0.7]
+    confounded = [line for line in lines if abs(line.speed_pressure_correlation) > CONFOUNDED]
     tail = (
         f"; in {len(confounded)} of {len(lines)} speed changes with pressure and the two cannot be told apart"
         if confounded
@@ -160,5 +162,5 @@ def _reproduced(made: Reproduction, *, all_of_it: bool) -> list[str]:
         f"temperature off by up to {c.largest_difference('temperature_b'):.0f} K and "
         f"{c.energy_residual_j['as-printed']:.0f} J of {c.stroke_work_j:.0f} J from nowhere."
     )
-    lines.append("Figures 4 and 7 (rigs) and 9 (stops) are not reproduced yet.")
+    lines.append(f"Figures {' and '.join(NOT_REPRODUCED)} are not reproduced.")
     return lines

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.pressure_line import ALL_RECORDINGS
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -13,7 +15,6 @@ if TYPE_CHECKING:
     from pneudrive.characterise.extract import Level, RecordingResult
 
 MOST_SHOWN = 24  # panels of one kind in a report; a campaign has more recordings than anyone looks at
-UNLABELLED = "all recordings"
 #: What each flag of the friction map and of the samples means.
 FLAGS = {
     "non_finite": "samples with a value that is not finite, left out",
@@ -22,7 +23,8 @@ FLAGS = {
     "saturated": "samples at the end of a sensor's range",
     "stuck": "samples in which a channel stood still while the piston travelled",
     "gap": "intervals at least five times as long as usual",
-    "unreadable": "rows that could not be read",
+    "unreadable_row": "rows that could not be read",
+    "negative_friction": "friction is negative beyond its uncertainty: a sign in the layout is wrong",
     "unpaired": "one direction only: the offset is not separated from friction",
     "single_stroke": "one stroke in a direction: no spread between strokes",
     "trend": "friction drifts from stroke to stroke beyond chance",
@@ -37,7 +39,7 @@ FLAGS = {
 
 def seal_of(recording: Recording) -> str:
     """Name of the seal, or the group of recordings that no label tells apart."""
-    return recording.labels.get("seal", UNLABELLED)
+    return recording.labels.get("seal", ALL_RECORDINGS)
 
 
 def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:

@@ -1,0 +1,28 @@
+"""Every flag that a map can carry is explained, in the report and in the guide alike."""
+
+import inspect
+import re
+from pathlib import Path
+
+from pneudrive.characterise import extract, samples, text_table
+from pneudrive.report.words import FLAGS
+
+GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "recordings.md"
+
+
+def test_the_guide_explains_the_flags_of_the_report():
+    table = GUIDE.read_text(encoding="utf-8").partition("| flag | meaning |")[2].partition("\n\n")[0]
+    assert set(re.findall(r"`(\w+)`", table)) == set(FLAGS)
+
+
+def test_what_the_code_raises_is_explained():
+    of_levels = set(re.findall(r'"(\w+)":', inspect.getsource(extract._level_flags)))
+    of_samples = set(re.findall(r'_count\(counts, "(\w+)"', inspect.getsource(samples.clean)))
+    of_samples |= set(
+        re.findall(r'"(\w+)"', inspect.getsource(samples._bad_samples).split("masks = ")[1].split("}")[0])
+    )
+    of_rows = set(re.findall(r'\{"(\w+)": len', inspect.getsource(text_table._parse_slow)))
+    assert len(of_levels) >= 9
+    assert len(of_samples) >= 6
+    assert of_rows == {"unreadable_row"}
+    assert of_levels | of_samples | of_rows <= set(FLAGS)
