@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive import __version__
+from pneudrive.characterise.pressure_line import CONFOUNDED
 from pneudrive.errors import FitError
 from pneudrive.identify.diagnose import Undetermined, choose_model, diagnose, without_support
 from pneudrive.identify.model import PRESSURE_NAMES, UNITS, FrictionModel, Observations
 from pneudrive.identify.observations import observations
 from pneudrive.identify.profile import profile_intervals
 from pneudrive.identify.result import FrictionFit
-from pneudrive.identify.robust import Estimate, estimate
+from pneudrive.identify.robust import Estimate, deviance, estimate
 from pneudrive.identify.scatter import with_scatter
 
 if TYPE_CHECKING:
@@ -26,8 +28,6 @@ if TYPE_CHECKING:
 
 LAWS = ("coulomb", "stribeck")
 PROBABILITY = 0.95
-#: Correlation of log speed and pressure over the rows above which the map is called confounded.
-CONFOUNDED = 0.7
 
 
 def fit_friction(
@@ -100,7 +100,7 @@ def fit_friction(
     if len(data) == len(model.names):
         notes.append("as many values as parameters: the intervals rest on the stated standard errors alone")
     provenance = {
-        "version": _version(),
+        "version": __version__,
         "map_sha256": fingerprint(data),
         "direction": "both" if direction is None else f"{direction:+d}",
         "robust": robust,
@@ -251,11 +251,10 @@ def _systematic(model: FrictionModel, data: Observations, found: Estimate) -> Ar
 
 
 def information_criteria(model: FrictionModel, data: Observations, found: Estimate) -> dict[str, float]:
-    """AICc and BIC from Huber's least favourable density [huber2009] (normal where the loss is quadratic)."""
-    n, k = len(data), len(model.names) + 1
-    deviance = 2.0 * (found.cost + n * np.log(found.scale) + float(np.sum(np.log(data.stderr_n))))
+    """AICc and BIC from the deviance, see `robust.deviance`."""
+    n, k, fit = len(data), len(model.names) + 1, deviance(data, found)
     small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
-    return {"aicc": deviance + 2.0 * k + small, "bic": deviance + k * float(np.log(n))}
+    return {"aicc": fit + 2.0 * k + small, "bic": fit + k * float(np.log(n))}
 
 
 def _result(law: str, support: _Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
@@ -309,12 +308,3 @@ def _result(law: str, support: _Support, lost: list[Undetermined], notes: list[s
         observations=data,
         weights=found.weight,
     )
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("pneudrive")
-    except PackageNotFoundError:
-        return "unknown"

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 REQUIRED = ("recording", "direction", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "balance_n", "friction_n")
 #: Speeds closer than this share count as one level when levels are counted.
 SAME_SPEED = 0.05
+#: No force sensor shows less: what is smaller in every row is rounding, and its squares would underflow.
+NO_FRICTION_N = 1e-12
 #: Speed levels for each coefficient of the trend of variance over speed.
 ROWS_PER_TREND = 4
 
@@ -73,7 +75,7 @@ def observations(
     mean = {name: np.array([column[name][g].mean() for g in groups]) for name in _AVERAGED}
     speed = np.array([np.abs(column["velocity_m_s"][g]).mean() for g in groups])
     value = np.array([friction[g].mean() for g in groups])
-    if not value.any():
+    if np.abs(value).max() < NO_FRICTION_N:
         raise FitError("friction is zero in every row of the map", rule="a fit needs friction that was measured")
     stderr, note = _standard_errors(column, groups, value, speed)
     notes += note

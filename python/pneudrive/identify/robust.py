@@ -109,6 +109,14 @@ def estimate(
     return _describe(model, data, q, scale, k, dof, fixed_scale)
 
 
+def deviance(data: Observations, found: Estimate) -> float:
+    """Twice the negative log-likelihood, but for a constant, with Huber's least favourable density [huber2009].
+
+    Normal where the loss is quadratic.
+    """
+    return 2.0 * (found.cost + len(data) * np.log(found.scale) + float(np.sum(np.log(data.stderr_n))))
+
+
 def starting_points(model: FrictionModel, data: Observations) -> list[Array]:
     """Find internal coordinates to start from, best first.
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.robust import Estimate, estimate
+from pneudrive.identify.robust import Estimate, deviance, estimate
 
 if TYPE_CHECKING:
     from pneudrive.identify.model import FrictionModel, Observations
@@ -69,10 +69,6 @@ def with_scatter(
     scatter = float(np.exp(brentq(excess, low, high, xtol=1e-2)))  # pyright: ignore[reportCallIssue, reportArgumentType]
     wider = spread(scatter)
     again = estimate(model, wider, robust=robust)
-    if _deviance(wider, again) < _deviance(data, found) + CLEARLY:
+    if deviance(wider, again) < deviance(data, found) + CLEARLY:
         return wider, again, scatter
     return data, found, 0.0
-
-
-def _deviance(data: Observations, found: Estimate) -> float:
-    return 2.0 * (found.cost + len(data) * np.log(found.scale) + float(np.sum(np.log(data.stderr_n))))
