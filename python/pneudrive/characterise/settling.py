@@ -108,14 +108,18 @@ class SourcePaper:
         """Give the mask of samples after the first 5 % of each stroke and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()
-        kernel = np.ones(self.average_samples)
         for stroke in motion.strokes:
             length = stroke.stop - stroke.start
             dropped = int(np.ceil(self.dropped_share * length))
             mask[stroke.start + dropped : stroke.stop] = True
-            part = motion.balance_n[stroke.samples]
-            smooth[stroke.samples] = np.convolve(part, kernel, "same") / np.convolve(np.ones(length), kernel, "same")
+            smooth[stroke.samples] = moving_average(motion.balance_n[stroke.samples], self.average_samples)
         return mask, smooth
+
+
+def moving_average(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Centred mean of ``count`` samples, of fewer at the ends; same shape."""
+    kernel = np.ones(count)
+    return np.convolve(values, kernel, "same") / np.convolve(np.ones(values.size), kernel, "same")
 
 
 SAMPLE_CHOICES = {"settled": Settled, "source-paper": SourcePaper}

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise import SourcePaper, characterise, characterise_recordings
+from pneudrive.characterise.budget import COVERAGE_FACTOR
+from pneudrive.characterise.settling import moving_average
 from pneudrive.rig.figure import PaperFigure
 from pneudrive.rig.motion import Limits
 from pneudrive.rig.simulated import SimulatedRig, sweep
@@ -31,7 +33,7 @@ RAMP_JERK_M_S3 = 0.05
 #: Travel after the turn in which the peak has to lie, as a share of the stroke.
 PEAK_WITHIN = 0.02
 #: Samples of the paper's moving average.
-AVERAGE = 5
+AVERAGE = SourcePaper().average_samples
 #: What counts as low speed, and as its opposite, in the checks.
 LOW_M_S = 2e-3
 HIGH_M_S = 20e-3
@@ -197,12 +199,6 @@ def figure_8(rig: SimulatedRig | None = None, seed: int = 0) -> PaperFigure:
     )
 
 
-def moving_average(values: Array, count: int) -> Array:
-    """Centred mean of `count` samples, of fewer at the ends; same shape."""
-    kernel = np.ones(count)
-    return np.convolve(values, kernel, "same") / np.convolve(np.ones(values.size), kernel, "same")
-
-
 def _after_turn(recording: Recording, stroke: Stroke) -> slice:
     """Take the samples from the moment at which the carriage turns: the rest before the stroke belongs to it."""
     begin = int(np.searchsorted(recording.time_s, recording.time_s[stroke.start] - stroke.dwell_s))
@@ -215,5 +211,5 @@ def _means(recordings: list[Recording], protocol: SourcePaper | None) -> tuple[A
     up = curves.isel(row=np.flatnonzero(curves["direction"].to_numpy() > 0))
     of = {str(name): i for i, name in enumerate(up["recording"].to_numpy())}
     order = [of[recording.name] for recording in recordings]
-    expanded = 2.0 * np.hypot(up["stderr_n"].to_numpy(), up["u_systematic_n"].to_numpy())
+    expanded = COVERAGE_FACTOR * np.hypot(up["stderr_n"].to_numpy(), up["u_systematic_n"].to_numpy())
     return up["friction_n"].to_numpy()[order], expanded[order]

@@ -139,7 +139,7 @@ class SimulatedRig:
         try:
             rig = _core.Rig(json.dumps(self._core_description(pressure_a, pressure_b)))
             result = rig.run(motion.durations_s, motion.jerks_m_s3, times, motion.start_m, rtol)
-        except ValueError as error:
+        except (ValueError, RuntimeError) as error:
             raise SimulationError("the simulated rig cannot run", value=str(error)) from error
         return Trace(dict(result["columns"]), motion, speed_m_s, pressure_a, pressure_b, dict(result["statistics"]))
 
@@ -223,14 +223,8 @@ class SimulatedRig:
         d = self.description
         a, b = (d.ambient_pressure_pa if p is None else p for p in (pressure_a_pa, pressure_b_pa))
         gauge_a, gauge_b = a - d.ambient_pressure_pa, b - d.ambient_pressure_pa
-        parameters = dict(d.parameters)
-        for force in ("coulomb", "breakaway"):
-            if d.pressure and force in parameters:
-                parameters[force] += (
-                    d.pressure.get(f"{force}_a", 0.0) * gauge_a + d.pressure.get(f"{force}_b", 0.0) * gauge_b
-                )
         speed = np.atleast_1d(np.asarray(speed_m_s, dtype=np.float64))
-        friction = np.asarray(_core.steady_friction(d.law, parameters, speed, gauge_a, gauge_b))
+        friction = np.asarray(_core.steady_friction(d.law, d.parameters, speed, gauge_a, gauge_b, d.pressure))
         return friction if np.ndim(speed_m_s) else friction[0]
 
     def _absolute(self, gauge_pa: float | tuple[float, float]) -> tuple[float, float]:

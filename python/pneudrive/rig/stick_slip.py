@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import local_slope
-from pneudrive.characterise.stick_slip import StickSlip, measure_stick_slip
+from pneudrive.characterise.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip
 from pneudrive.describe import Drive
 from pneudrive.rig.figure import PaperFigure
 from pneudrive.rig.sensors import AnalogSensor, Encoder
@@ -130,8 +130,8 @@ def whole_periods(columns: dict[str, Array]) -> StickSlip:
 def _onsets(velocity: Array, mean: float) -> list[int]:
     """First sample of each slip: above the mean after a rest below a fifth of it."""
     onsets, rested = [], False
-    for i in np.flatnonzero((velocity > mean) | (velocity < 0.2 * mean)):
-        if velocity[i] < 0.2 * mean:
+    for i in np.flatnonzero((velocity > mean) | (velocity < STUCK_SHARE * mean)):
+        if velocity[i] < STUCK_SHARE * mean:
             rested = True
         elif rested:
             onsets.append(int(i))
