@@ -42,11 +42,8 @@ if TYPE_CHECKING:
 
 # Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
 _HOME = {
-    **dict.fromkeys(
-        ["Ambient", "Cylinder", "Drive", "EndStop", "Friction", "Gas", "Initial", "Load", "SealPressure", "Spring"],
-        "pneudrive.describe",
-    ),
-    **dict.fromkeys(["Supply", "Valve"], "pneudrive.describe"),
+    **dict.fromkeys(["Ambient", "Cylinder", "Drive", "EndStop", "Friction", "Gas"], "pneudrive.describe"),
+    **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
     "save": "pneudrive.trajectory",
     "characterise": "pneudrive.characterise",
@@ -76,8 +73,7 @@ class _Package(ModuleType):
     """The package, in which a public function outranks the module of the same name.
 
     Importing ``pneudrive.simulate`` would otherwise bind the module over ``pn.simulate``, so that whether
-    ``pn.simulate(...)`` works
-    depended on what was imported before.
+    ``pn.simulate(...)`` works depended on what was imported before.
     """
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -12,8 +12,6 @@ from pneudrive import units
 from pneudrive.errors import CommandError, DescriptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     import numpy as np
 
     from pneudrive.describe import Initial
@@ -29,8 +27,7 @@ def steps(command: str | Path | Pairs | np.ndarray) -> Steps:
     ----------
     command : str, path or sequence of pairs
         ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s and command, or pairs of time and command; a
-        time is in s, or a
-        quantity such as ``"20 ms"``.
+        time is in s, or a quantity such as ``"20 ms"``.
 
     Returns
     -------
@@ -162,7 +159,7 @@ def initial(text: str) -> Initial:
     from pneudrive.describe import Initial
 
     given: dict[str, str] = {}
-    for entry in _entries(text):
+    for entry in filter(None, map(str.strip, text.split(","))):
         key, equals, value = (part.strip() for part in entry.partition("="))
         if not equals or not value:
             raise CommandError(
@@ -172,7 +169,3 @@ def initial(text: str) -> Initial:
             raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
         given[key] = value
     return Initial.model_validate(given)
-
-
-def _entries(text: str) -> Iterable[str]:
-    return [entry.strip() for entry in text.split(",") if entry.strip()]

@@ -1,8 +1,7 @@
 """Trajectories: what their columns mean, and how they become files.
 
 In memory a trajectory is an `xarray.Dataset` whose names carry no unit (each variable has one in its attributes); in
-a file the column
-names carry it. Files appear whole or not at all.
+a file the column names carry it. Files appear whole or not at all.
 """
 
 from __future__ import annotations

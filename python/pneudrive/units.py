@@ -2,8 +2,7 @@
 
 A quantity is written as a number and a unit, ``"25 mm"``; a pressure also says against what, ``"3 bar abs"`` or
 ``"2 bar gauge"``. Units of daily use are converted by the table below, every other one by pint, which is imported
-only then:
-its import and its first parse cost more than a whole simulation. A test proves the table equal to pint.
+only then: its import and its first parse cost more than a whole simulation. A test proves the table equal to pint.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import numpy as np
 
 from pneudrive.characterise.recording import Recording
 from pneudrive.errors import RecordingError
+from pneudrive.trajectory import meaning
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 # Columns of a trajectory file that make it a recording; other files do not have them all.
 COLUMNS = ("time_s", "position_m", "velocity_m_s", "friction_force_n", "pressure_a_pa", "pressure_b_pa", "command")
-VARIABLES = ("time", "position", "velocity", "friction_force", "pressure_a", "pressure_b", "command")
+VARIABLES = tuple(meaning(column)[0] for column in COLUMNS)
 
 
 def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None = None) -> Recording:

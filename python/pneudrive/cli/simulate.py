@@ -9,8 +9,6 @@ from typing import Annotated
 
 import typer
 
-PICTURES = (".png", ".html", ".svg", ".pdf")
-
 
 def simulate(
     drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
@@ -24,7 +22,7 @@ def simulate(
     sample_rate: Annotated[str, typer.Option(help="Samples a second.")] = "1 kHz",
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
     out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png or .html.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png, .svg, .pdf or .html.")] = None,
 ) -> None:
     """Simulate a drive and write its trajectory."""
     from pneudrive.describe import Drive
@@ -34,6 +32,8 @@ def simulate(
     if out is not None:
         check_target(out)
     if plot is not None:
+        from pneudrive.report.trajectory import PICTURES
+
         check_target(plot, PICTURES)
     described = Drive.load(drive)
     with warnings.catch_warnings(record=True) as notes:

@@ -1,8 +1,8 @@
 """The catalogue of parts and drives: every value with its source, or marked as assumed.
 
 A part is a TOML file under ``parts/``, a drive one under ``drives/``; each of their values is a table with ``value``
-and either
-``source`` (a key of references.bib) or ``assumed`` (the reason). A drive names its parts and adds what they leave open.
+and either ``source`` (a key of references.bib) or ``assumed`` (the reason). A drive names its parts and adds what they
+leave open.
 """
 
 from __future__ import annotations
