@@ -116,7 +116,7 @@ def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | Non
         handles["line"] = axis.plot(bar, line.band_mean_n, "-", color=style.BLACK, lw=0.9, label="line")[0]
         band.set_label("95 % for a further run")
         handles["band"] = band
-    runs = list(dict.fromkeys(p.run for p in points))
+    runs = sorted({p.run for p in points})  # one order in all panels: a run keeps its marker
     own = []
     for index, run in enumerate(runs):
         look = style.look(index)
@@ -135,7 +135,7 @@ def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | Non
         if len(runs) == 1:
             handles["recording"] = drawn
     if len(runs) > 1:
-        axis.legend(handles=own, loc="lower right", frameon=True, framealpha=1.0, edgecolor=style.GREY)
+        axis.legend(handles=own, loc="best", frameon=True, framealpha=1.0, edgecolor=style.GREY)
     return handles
 
 

@@ -122,7 +122,7 @@ def draw(found: Characterisation, fits: Fits) -> Figure:
     if labelled(found):
         for p in found.points:
             place = (p.speed_m_s * 1e3, p.friction_n)
-            axis.annotate(f"{p.pressure_pa / 1e5:.0f}", place, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
+            axis.annotate(f"{p.pressure_pa / 1e5:.2g}", place, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
     _axes(axis, np.array([p.speed_m_s for p in found.points]))
     style.legend_above(figure, axis.get_legend_handles_labels()[0], columns=min(len(shown), 6))
     return figure

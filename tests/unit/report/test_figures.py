@@ -54,3 +54,26 @@ def test_equal_data_give_equal_files(real):
     with style.applied():
         once, again = (svg_text(draw(list(real[0].closures))) for _ in range(2))
     assert once == again
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_run_keeps_its_marker_and_the_legend_leaves_the_points_free(order):
+    from pneudrive.characterise.pressure_line import FrictionPoint
+    from pneudrive.report.pressure import draw_panel
+
+    points = [
+        FrictionPoint(f"{run}/{bar}", "seal", run, bar * 1e5, 0.01, 2.0 + 0.1 * bar, 0.3)
+        for run in ("1", "second")
+        for bar in (1, 4, 7)
+    ]
+    figure = style.new_figure(2.5)
+    axis = figure.subplots()
+    with style.applied():
+        draw_panel(axis, points[::order], None)
+        axis.set_ylim(0, 12)
+        figure.canvas.draw()
+    legend = axis.get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["run 1", "run second"]
+    frame = legend.get_window_extent()
+    places = axis.transData.transform([(p.pressure_pa / 1e5, p.friction_n) for p in points])
+    assert not any(frame.contains(*place) for place in places)
