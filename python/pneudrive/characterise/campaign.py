@@ -26,10 +26,11 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.extract import extract
+from pneudrive.characterise.extract import RecordingResult, extract
 from pneudrive.characterise.layout import Layout, stem
 from pneudrive.characterise.load import RecordingFile, to_recording
 from pneudrive.characterise.pressure_line import friction_points
+from pneudrive.characterise.text_table import column_number
 from pneudrive.errors import PneudriveError, RecordingError
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ Source = Cycles | RecordingFile
 
 
 @dataclass(frozen=True)
-class Sheaf:
+class Summary:
     """What one recording of a campaign leaves: map rows and points for closure and pressure lines.
 
     ``digest`` is equal for recordings with the same samples; ``reason`` says why it could not be used.
@@ -99,6 +100,12 @@ class Sheaf:
     closure_points: tuple[ClosurePoint, ...] = ()
     friction_points: tuple[FrictionPoint, ...] = ()
     reason: str = ""
+
+
+def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
+    """Keep of a recording's result what map, closure and pressure lines need."""
+    rows = tuple(row for level in result.levels for row in level.rows)
+    return Summary(result.recording.name, digest, rows, result.closure_points, tuple(friction_points(result)))
 
 
 def find_cycles(path: Path, layout: Layout) -> Cycles:
@@ -116,15 +123,11 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
         raise RecordingError("cycles are read from Parquet only", where=str(path), value=f'format = "{said.format}"')
     try:
         names = list(pl.read_parquet_schema(path))
-        column = said.cycle if isinstance(said.cycle, str) else names[said.cycle or 0]
-        if column not in names:
-            raise RecordingError(
-                f"there is no column '{column}'", where=str(path), value=f"columns: {', '.join(names)}"
-            )
+        column = names[column_number(said.cycle or 0, names, len(names), path)]
         numbers = pl.read_parquet(path, columns=[column]).to_series().to_numpy()
     except FileNotFoundError:
         raise RecordingError("there is no such file", where=str(path)) from None
-    except (OSError, IndexError, pl.exceptions.PolarsError) as error:
+    except (OSError, pl.exceptions.PolarsError) as error:
         raise RecordingError(f"the file cannot be read as Parquet: {str(error)[:200]}", where=str(path)) from None
     if numbers.size == 0:
         raise RecordingError("there are no rows", where=str(path))
@@ -147,14 +150,9 @@ def read_cycles(cycles: Cycles) -> Iterator[Recording]:
     said = cycles.layout.for_file(cycles.path)
     names = list(pl.read_parquet_schema(cycles.path))
     wanted = {
-        channel: column.column if isinstance(column.column, str) else names[column.column]
+        channel: names[column_number(column.column, names, len(names), cycles.path)]
         for channel, column in said.columns.items()
     }
-    missing = [name for name in wanted.values() if name not in names]
-    if missing:
-        raise RecordingError(
-            f"there is no column '{missing[0]}'", where=str(cycles.path), value=f"columns: {', '.join(names)}"
-        )
     scan = pl.scan_parquet(cycles.path).select(list(dict.fromkeys(wanted.values())))
     start = 0
     while start < len(cycles):
@@ -171,7 +169,7 @@ def read_cycles(cycles: Cycles) -> Iterator[Recording]:
         start = stop
 
 
-def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = None) -> list[Sheaf]:
+def summarise(sources: list[Source], choice: SampleChoice, workers: int | None = None) -> list[Summary]:
     """Characterise every cycle, or every file, and keep what the map needs.
 
     Parameters
@@ -185,7 +183,7 @@ def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = N
 
     Returns
     -------
-    list of Sheaf
+    list of Summary
         In the order of the sources. A cycle or file that cannot be used has a ``reason``: of 7500 cycles one may fail.
     """
     number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
@@ -206,7 +204,7 @@ def harvest(sources: list[Source], choice: SampleChoice, workers: int | None = N
             _send(process, (part, choice))
         while None in (ended := [process.poll() for process, _ in running]) and not any(ended):
             time.sleep(POLL_S)  # until all have ended, or one with an error
-        return [sheaf for process, result in running for sheaf in _result(process, result)]
+        return [summary for process, result in running for summary in _result(process, result)]
 
 
 def _processors() -> int:
@@ -214,20 +212,19 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def work(sources: list[Source], choice: SampleChoice) -> list[Sheaf]:
+def work(sources: list[Source], choice: SampleChoice) -> list[Summary]:
     """Characterise sources one after the other in this process."""
-    sheaves = []
+    summaries = []
     for name, read in _recordings(sources):
         try:
             recording = read()
             digest = zlib.crc32(recording.position_m.tobytes()) << 32 | zlib.crc32(recording.force_n.tobytes())
             result = extract(recording, choice)
         except RecordingError as error:
-            sheaves.append(Sheaf(name, 0, reason=error.what))
+            summaries.append(Summary(name, 0, reason=error.what))
             continue
-        rows = tuple(row for level in result.levels for row in level.rows)
-        sheaves.append(Sheaf(name, digest, rows, result.closure_points, tuple(friction_points(result))))
-    return sheaves
+        summaries.append(summary_of(result, digest))
+    return summaries
 
 
 def _recordings(sources: list[Source]) -> Iterator[tuple[str, Callable[[], Recording]]]:
@@ -270,8 +267,8 @@ def _send(process: subprocess.Popen, task: object) -> None:
         process.stdin.close()
 
 
-def _result(process: subprocess.Popen, written: IO[bytes]) -> list[Sheaf]:
-    """Sheaves of a worker that has ended, or the error that ended it."""
+def _result(process: subprocess.Popen, written: IO[bytes]) -> list[Summary]:
+    """Summaries of a worker that has ended, or the error that ended it."""
     if process.returncode is None:
         return []  # another one ended with an error, which is raised when its turn comes
     if process.returncode in (-signal.SIGINT, EXIT_INTERRUPTED):

@@ -1,4 +1,4 @@
-"""A process that characterises part of a campaign: work comes on stdin, the sheaves go to stdout."""
+"""A process that characterises part of a campaign: work comes on stdin, the summaries go to stdout."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pneudrive.errors import PneudriveError
 
 
 def main() -> None:
-    """Read (sources, choice), write a list of sheaves or the error that stopped it."""
+    """Read (sources, choice), write a list of summaries or the error that stopped it."""
     sources, choice = pickle.load(sys.stdin.buffer)
     try:
         result: object = work(sources, choice)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.campaign import Cycles, Sheaf, Source, find_cycles, harvest, read_cycles
+from pneudrive.characterise.campaign import Cycles, Source, Summary, find_cycles, read_cycles, summarise, summary_of
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA, ClosureFit, fit_closures
 from pneudrive.characterise.extract import Level, RecordingResult, extract
 from pneudrive.characterise.friction_map import MapRow, to_dataset
@@ -22,7 +22,6 @@ from pneudrive.characterise.pressure_line import (
     PressureLine,
     RunSpread,
     fit_pressure_lines,
-    friction_points,
     run_spread,
 )
 from pneudrive.characterise.recording import Recording
@@ -142,9 +141,9 @@ def characterise_recordings(
         loaded += _read(sources)
         unique, skipped, notes = _count_once(loaded)
         results = tuple(extract(recording, choice) for recording in unique)
-        return _assemble(results, [_sheaf(result) for result in results], skipped, notes, choice)
-    sheaves = [_sheaf(extract(recording, choice)) for recording in loaded] + harvest(sources, choice)
-    kept, skipped, notes = _sheaves_once(sheaves)
+        return _assemble(results, [summary_of(result) for result in results], skipped, notes, choice)
+    summaries = [summary_of(extract(recording, choice)) for recording in loaded] + summarise(sources, choice)
+    kept, skipped, notes = _summaries_once(summaries)
     results = tuple(extract(recording, choice) for recording in _sample(loaded, sources, {s.name for s in kept}))
     notes.insert(0, f"{len(kept)} recordings; the curves of {len(results)} of them are shown, the map holds all.")
     return _assemble(results, kept, skipped, notes, choice)
@@ -198,22 +197,17 @@ def _sample(loaded: list[Recording], sources: list[Source], usable: set[str]) ->
     return [recording for recording in recordings if recording.name in usable]
 
 
-def _sheaf(result: RecordingResult) -> Sheaf:
-    rows = tuple(row for level in result.levels for row in level.rows)
-    return Sheaf(result.recording.name, 0, rows, result.closure_points, tuple(friction_points(result)))
-
-
 def _assemble(
     results: tuple[RecordingResult, ...],
-    sheaves: list[Sheaf],
+    summaries: list[Summary],
     skipped: list[tuple[str, str]],
     notes: list[str],
     choice: SampleChoice,
 ) -> Characterisation:
-    points = tuple(point for sheaf in sheaves for point in sheaf.friction_points)
-    closures = fit_closures([point for sheaf in sheaves for point in sheaf.closure_points])
+    points = tuple(point for summary in summaries for point in summary.friction_points)
+    closures = fit_closures([point for summary in summaries for point in summary.closure_points])
     lines = fit_pressure_lines(list(points))
-    rows = [row for sheaf in sheaves for row in sheaf.rows]
+    rows = [row for summary in summaries for row in summary.rows]
     friction_map = to_dataset(rows)
     friction_map.attrs["protocol"] = choice.name
     if results:
@@ -248,16 +242,16 @@ def _count_once(recordings: list[Recording]) -> tuple[list[Recording], list[tupl
     return unique, skipped, notes
 
 
-def _sheaves_once(sheaves: list[Sheaf]) -> tuple[list[Sheaf], list[tuple[str, str]], list[str]]:
+def _summaries_once(summaries: list[Summary]) -> tuple[list[Summary], list[tuple[str, str]], list[str]]:
     """Leave out what could not be used, and recordings whose samples equal those of an earlier one."""
     seen: dict[int, str] = {}
     kept, skipped = [], []
-    for sheaf in sheaves:
-        if sheaf.reason or (sheaf.digest and sheaf.digest in seen):
-            skipped.append((sheaf.name, sheaf.reason or f"identical to {seen[sheaf.digest]}"))
+    for summary in summaries:
+        if summary.reason or (summary.digest and summary.digest in seen):
+            skipped.append((summary.name, summary.reason or f"identical to {seen[summary.digest]}"))
         else:
-            seen[sheaf.digest] = sheaf.name
-            kept.append(sheaf)
+            seen[summary.digest] = summary.name
+            kept.append(summary)
     if not kept:
         raise RecordingError("no recording could be used", value="; ".join(f"{n}: {why}" for n, why in skipped[:3]))
     notes = [f"{len(skipped)} recordings were not counted: {skipped[0][0]}: {skipped[0][1]}, ..."] if skipped else []

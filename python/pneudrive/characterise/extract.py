@@ -21,7 +21,7 @@ from pneudrive.characterise.levels import speed_levels
 from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, straight_line, thinned
 from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 from pneudrive.characterise.profile import Profile, build_profile, stroke_means
-from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2, Recording
+from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.reversal import ReversalPeak, find_reversal_peaks, usable
 from pneudrive.characterise.samples import clean
 from pneudrive.characterise.settling import Motion, SampleChoice
@@ -69,6 +69,20 @@ class Level:
     def expanded_n(self) -> float:
         """Expanded uncertainty U (k = 2) of ``friction_n``."""
         return expanded(self.stderr_n, self.u_systematic_n)
+
+    @property
+    def speed_m_s(self) -> float:
+        """Mean speed of the directions in the window, not negative."""
+        return float(np.mean([abs(row.velocity_m_s) for row in self.rows]))
+
+    def gauge_pa(self, ambient_pressure_pa: float) -> dict[str, float]:
+        """Mean gauge pressure of the directions in chambers ``a`` and ``b``."""
+        means = {side: np.mean([getattr(row, f"pressure_{side}_pa") for row in self.rows]) for side in ("a", "b")}
+        return {side: float(mean) - ambient_pressure_pa for side, mean in means.items()}
+
+    def larger_gauge_pa(self, ambient_pressure_pa: float) -> float:
+        """Mean gauge pressure in the chamber that is pressurised more."""
+        return max(self.gauge_pa(ambient_pressure_pa).values(), key=abs)
 
 
 @dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
@@ -361,12 +375,7 @@ def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
     """Half the sum of both directions' forces, by way of the balance so that positions are equal."""
     if len(level.rows) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
         return None
-    ambient = recording.ambient_pressure_pa
-    gauge = {
-        side: float(np.mean([getattr(row, f"pressure_{side}_pa") for row in level.rows])) - ambient
-        for side in ("a", "b")
-    }
-    weight = recording.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * float(np.sin(recording.incline_rad))
+    gauge, weight = level.gauge_pa(recording.ambient_pressure_pa), recording.weight_n
     force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
     return ClosurePoint(
         recording=recording.name,

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.characterise.column_units import column_unit, pressure_range, share, uncertainty
 from pneudrive.characterise.formats import FORMATS
 from pneudrive.characterise.layout import CHANNEL_UNITS, Column, FileLayout, Layout, labels_from_name, stem
+from pneudrive.characterise.recording import STANDARD_ATMOSPHERE_PA
 from pneudrive.characterise.text_table import TextForm
+from pneudrive.describe.geometry import KINDS, piston_areas
 from pneudrive.errors import DescriptionError, LayoutError, nearest
 from pneudrive.units import parse, parse_pressure, parse_range
 
@@ -17,8 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-STANDARD_ATMOSPHERE_PA = 101325.0  # where rig.ambient_pressure is not said
-KINDS = ("rodless", "through-rod", "single-rod")
 DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
 SIGNS = {"+x": 1, "-x": -1}
 
@@ -202,10 +202,8 @@ class LayoutValues:
         if rod is not None and rod >= bore:
             what = f"geometry.rod_diameter = {geometry['rod_diameter']} must be smaller than bore = {geometry['bore']}"
             raise self.fail(what, "geometry", "rod_diameter", remedy="were bore and rod swapped?")
-        full = math.pi / 4 * bore**2
-        ring = full - math.pi / 4 * (rod or 0.0) ** 2
         said = self.read("geometry", "bore_accuracy", lambda text: uncertainty(text, "m"))
-        return (ring if kind == "through-rod" else full), ring, ({} if said is None else {"bore_m": said})
+        return *piston_areas(kind, bore, rod or 0.0), ({} if said is None else {"bore_m": said})
 
     def given_areas(self, geometry: dict[str, Any]) -> tuple[float, float, dict[str, float]]:
         """Areas of a piston that is not round."""

@@ -77,24 +77,18 @@ class PressureLine:
 def friction_points(result: RecordingResult) -> list[FrictionPoint]:
     """Give one point per speed level: friction at the gauge pressure of the side that is pressurised more."""
     recording = result.recording
-    points = []
-    for level in result.levels:
-        gauge = [
-            float(np.mean([getattr(row, f"pressure_{side}_pa") for row in level.rows])) - recording.ambient_pressure_pa
-            for side in ("a", "b")
-        ]
-        points.append(
-            FrictionPoint(
-                recording=recording.name,
-                seal=recording.labels.get("seal", ALL_RECORDINGS),
-                run=recording.labels.get("run", "1"),
-                pressure_pa=max(gauge, key=abs),
-                speed_m_s=float(np.mean([abs(row.velocity_m_s) for row in level.rows])),
-                friction_n=level.friction_n,
-                expanded_n=level.expanded_n,
-            )
+    return [
+        FrictionPoint(
+            recording=recording.name,
+            seal=recording.labels.get("seal", ALL_RECORDINGS),
+            run=recording.labels.get("run", "1"),
+            pressure_pa=level.larger_gauge_pa(recording.ambient_pressure_pa),
+            speed_m_s=level.speed_m_s,
+            friction_n=level.friction_n,
+            expanded_n=level.expanded_n,
         )
-    return points
+        for level in result.levels
+    ]
 
 
 def run_spread(points: list[FrictionPoint]) -> RunSpread | None:

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-STANDARD_GRAVITY_M_S2 = 9.80665
+STANDARD_GRAVITY_M_S2 = 9.80665  # exact by definition [bipm2019]
+STANDARD_ATMOSPHERE_PA = 101325.0  # exact by definition; where nothing is said of the surroundings
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
 
@@ -67,7 +68,7 @@ class Recording:
     pressure_b_pa: NDArray[np.float64]
     area_a_m2: float
     area_b_m2: float
-    ambient_pressure_pa: float = 101325.0
+    ambient_pressure_pa: float = STANDARD_ATMOSPHERE_PA
     mass_beyond_sensor_kg: float = 0.0
     incline_rad: float = 0.0
     accuracy: dict[str, float] = field(default_factory=dict)
@@ -115,6 +116,11 @@ class Recording:
         """Give the number of samples."""
         return self.time_s.size
 
+    @property
+    def weight_n(self) -> float:
+        """Weight of the mass beyond the sensor along the axis, positive where it pulls towards -x."""
+        return self.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * float(np.sin(self.incline_rad))
+
     def balance_n(self, acceleration_m_s2: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
         """Force that is left for friction and for errors, positive where it opposes motion in +x.
 
@@ -131,11 +137,10 @@ class Recording:
             Shape (n,), N.
         """
         ambient = self.ambient_pressure_pa
-        weight = self.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * np.sin(self.incline_rad)
         return (
             self.force_n
             + (self.pressure_a_pa - ambient) * self.area_a_m2
             - (self.pressure_b_pa - ambient) * self.area_b_m2
             - self.mass_beyond_sensor_kg * acceleration_m_s2
-            - weight
+            - self.weight_n
         )

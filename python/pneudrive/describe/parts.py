@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -27,6 +26,7 @@ from pneudrive.describe.base import (
     WrongValueError,
     wrong,
 )
+from pneudrive.describe.geometry import piston_areas
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
 
@@ -134,16 +134,16 @@ class Cylinder(Described):
     @property
     def area_a_m2(self) -> float:
         """Piston area on chamber a's side, m2."""
-        return self._area(rod=self.kind == "through-rod")
+        return self._areas[0]
 
     @property
     def area_b_m2(self) -> float:
         """Piston area on chamber b's side, m2."""
-        return self._area(rod=self.kind in {"through-rod", "single-rod"})
+        return self._areas[1]
 
-    def _area(self, *, rod: bool) -> float:
-        d = (self.rod_diameter_m or 0.0) if rod else 0.0
-        return 0.25 * math.pi * (self.bore_m**2 - d**2)
+    @property
+    def _areas(self) -> tuple[float, float]:
+        return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
 
 
 class _FlowCoefficient(Quantity):

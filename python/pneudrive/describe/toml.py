@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -151,34 +152,37 @@ def write(tables: dict[str, Any]) -> str:
     dead_volume = { a = "1 cm3", b = "1 cm3" }
     <BLANKLINE>
     """
-    plain = [f"{_bare(key)} = {_value(value)}" for key, value in tables.items() if not isinstance(value, dict)]
+    plain = [f"{_bare(key)} = {value_text(value)}" for key, value in tables.items() if not isinstance(value, dict)]
     blocks = ["\n".join(plain)] if plain else []
     for key, value in tables.items():
         if isinstance(value, dict):
-            body = [f"{_bare(k)} = {_value(v)}" for k, v in value.items()]
+            body = [f"{_bare(k)} = {value_text(v)}" for k, v in value.items()]
             blocks.append("\n".join([f"[{_bare(key)}]", *body]))
     return "\n\n".join(blocks) + "\n"
 
 
-def _value(value: object) -> str:
+def value_text(value: object) -> str:
+    """Write one value: a truth value, a number (of NumPy too), a text, a list or an inline table."""
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
+    if isinstance(value, Integral):
+        return str(int(value))
+    if isinstance(value, Real):
+        return repr(float(value))  # all digits; nan, inf and -inf as TOML writes them
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         escaped = re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped)
         return f'"{escaped}"'
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_bare(k)} = {_value(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{_bare(k)} = {value_text(v)}" for k, v in value.items()) + " }"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
+        return "[" + ", ".join(value_text(v) for v in value) + "]"
     msg = f"{type(value).__name__} has no form in TOML"
     raise TypeError(msg)
 
 
 def _bare(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else value_text(key)
 
 
 def _dotted(name: str) -> str:

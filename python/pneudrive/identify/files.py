@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.describe import toml
 from pneudrive.errors import FitError
 from pneudrive.identify.diagnose import Undetermined
 from pneudrive.identify.model import UNITS, FrictionModel
@@ -16,11 +15,6 @@ from pneudrive.identify.result import FrictionFit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 SCHEMA = 1
 
@@ -81,8 +75,8 @@ def read_fit(path: str | Path) -> FrictionFit:
     """
     where = str(path)
     try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = toml.tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
         raise FitError("the fit cannot be read", where=where, value=str(error)) from error
     try:
         if content["schema"] != SCHEMA:
@@ -141,18 +135,4 @@ def _model_table(model: FrictionModel) -> dict[str, object]:
 
 def _table(name: str, entries: Mapping[str, object], *, array: bool = False) -> list[str]:
     head = [] if not name else ["", f"[[{name}]]" if array else f"[{name}]"]
-    return head + [f"{key} = {_value(value)}" for key, value in entries.items()]
-
-
-def _value(value: object) -> str:
-    """One TOML value; floats keep all their digits."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (float, np.floating)):
-        number = float(value)
-        return repr(number)  # Python writes nan, inf and -inf as TOML does
-    if isinstance(value, (int, np.integer)):
-        return str(int(value))
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
-    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    return head + [f"{key} = {toml.value_text(value)}" for key, value in entries.items()]

@@ -52,16 +52,12 @@ def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
 
 def gauge_bar(level: Level, recording: Recording) -> float:
     """Gauge pressure of the side that is pressurised more, mean of both directions, bar."""
-    sides = [
-        float(np.mean([getattr(row, f"pressure_{side}_pa") for row in level.rows])) - recording.ambient_pressure_pa
-        for side in ("a", "b")
-    ]
-    return max(sides, key=abs) / 1e5
+    return level.larger_gauge_pa(recording.ambient_pressure_pa) / 1e5
 
 
 def speed_mm_s(level: Level) -> float:
     """Mean speed of both directions in the window, mm/s."""
-    return 1e3 * float(np.mean([abs(row.velocity_m_s) for row in level.rows]))
+    return 1e3 * level.speed_m_s
 
 
 def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:

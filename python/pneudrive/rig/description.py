@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pneudrive.describe import toml
+from pneudrive.describe.geometry import piston_areas
 from pneudrive.errors import DescriptionError, nearest
 from pneudrive.rig.motion import Limits
 from pneudrive.rig.sensors import CLOCKS, AnalogSensor, Encoder, EncoderClock, TimeClock
@@ -15,11 +16,6 @@ from pneudrive.units import parse, parse_pressure
 
 if TYPE_CHECKING:
     from collections.abc import Collection
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 DEFAULT = Path(__file__).with_name("default.toml")
 SCHEMA = 1
@@ -121,7 +117,7 @@ class RigDescription:
     @property
     def area_m2(self) -> float:
         """Piston area, the same on both sides (rodless)."""
-        return 0.25 * math.pi * self.bore_m**2
+        return piston_areas("rodless", self.bore_m)[0]
 
 
 def read_description(path: str | Path = DEFAULT) -> RigDescription:
@@ -134,8 +130,8 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
     """
     where = str(path)
     try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = toml.tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
         raise DescriptionError("the rig file cannot be read", where=where, value=str(error)) from error
     if content.get("schema") != SCHEMA:
         raise DescriptionError("the rig file has another schema", where=where, rule=f"schema = {SCHEMA}")

@@ -6,7 +6,7 @@ import pytest
 
 from pneudrive.characterise import Layout, Settled, characterise, characterise_recordings
 from pneudrive.characterise import campaign as module
-from pneudrive.characterise.campaign import CAMPAIGN_LAYOUT, Cycles, find_cycles, harvest
+from pneudrive.characterise.campaign import CAMPAIGN_LAYOUT, Cycles, find_cycles, summarise
 from pneudrive.errors import RecordingError
 
 LAYOUT = Layout.loads(CAMPAIGN_LAYOUT.format(kind="rodless", bore="25 mm"))
@@ -53,9 +53,9 @@ def test_32_bit_floats_are_enough(plan, recordings, tmp_path):
 
 
 def test_worker_processes_give_the_same_map(plan, monkeypatch):
-    here = harvest([find_cycles(plan, LAYOUT)], Settled(), workers=1)
+    here = summarise([find_cycles(plan, LAYOUT)], Settled(), workers=1)
     monkeypatch.setattr(module, "WORTH_WORKERS", 1)
-    there = harvest([find_cycles(plan, LAYOUT)], Settled(), workers=3)
+    there = summarise([find_cycles(plan, LAYOUT)], Settled(), workers=3)
     assert [s.name for s in there] == [s.name for s in here] == [f"plan/{i}" for i in range(12)]
     assert [s.digest for s in there] == [s.digest for s in here]
     assert repr(there) == repr(here)
@@ -82,7 +82,7 @@ def test_an_interrupt_leaves_no_worker_behind(plan, monkeypatch, started):
 
     monkeypatch.setattr(module.time, "sleep", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        harvest([find_cycles(plan, LAYOUT)], Settled(), workers=2)
+        summarise([find_cycles(plan, LAYOUT)], Settled(), workers=2)
     assert len(started) == 2
     assert all(process.poll() is not None for process in started)
 
@@ -97,7 +97,7 @@ def test_a_worker_that_dies_is_an_error_and_stops_the_others(plan, monkeypatch, 
 
     monkeypatch.setattr(module, "_send", kill_the_second)
     with pytest.raises(RecordingError, match="a worker process ended with status -9"):
-        harvest([find_cycles(plan, LAYOUT)], Settled(), workers=2)
+        summarise([find_cycles(plan, LAYOUT)], Settled(), workers=2)
     assert all(process.poll() is not None for process in started)
 
 
