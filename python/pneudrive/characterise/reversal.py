@@ -23,6 +23,9 @@ TRANSIENT_SHARE = 0.1
 INERTIA_SHARE = 0.1
 # The peak is sought from the start of a stroke over this share of its travel.
 SOUGHT_SHARE = 0.25
+# The offset at the turn follows from the line through what lies between these shares of the travel from it.
+OFFSET_FROM = (0.1, 0.35)
+FEWEST_BINS = 3
 
 
 @dataclass(frozen=True)
@@ -67,9 +70,8 @@ def find_reversal_peaks(
     profile
         Of the same level. Its offset is taken out, see `offset_line`.
     """
-    if _offset_bins(profile).sum() < 2:
+    if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS:
         return []
-    offset = offset_line(profile)
     sliding = float(np.nanmean(profile.friction_n[profile.in_window]))
     usual_step = middle(np.diff(recording.time_s))
     noise = noise_level(balance_n)
@@ -77,32 +79,32 @@ def find_reversal_peaks(
     for stroke in strokes:
         if stroke.start == 0 or stroke.index == 0:
             continue
-        peaks.append(_peak(recording, stroke, balance_n, offset, sliding, usual_step, noise, profile.level))
+        peaks.append(_peak(recording, stroke, balance_n, profile, sliding, usual_step, noise))
     return peaks
 
 
-def offset_line(profile: Profile) -> tuple[float, float]:
-    """Fit a line through the offset of the window: slope, N/m, and intercept at x = 0, N.
+def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
+    """Fit a line through the offset near a turn: slope, N/m, and intercept at x = 0, N.
 
-    Near the ends of a stroke one direction is still in its transient, and half the sum is not the offset.
+    At the turn itself one direction is still in its transient, and half the sum is not the offset; far from it the
+    offset may have bent. Where too few bins lie between, those of the window are taken.
     """
-    known = _offset_bins(profile)
-    return straight_line(profile.position_m[known], profile.offset_n[known])
-
-
-def _offset_bins(profile: Profile) -> NDArray[np.bool_]:
-    return np.isfinite(profile.offset_n) & profile.in_window
+    known = np.isfinite(profile.offset_n)
+    away = np.abs(profile.position_m - turn_m) / float(np.ptp(profile.position_m))
+    near = known & (away > OFFSET_FROM[0]) & (away < OFFSET_FROM[1])
+    if near.sum() < FEWEST_BINS:
+        near = known & profile.in_window
+    return straight_line(profile.position_m[near], profile.offset_n[near])
 
 
 def _peak(
     recording: Recording,
     stroke: Stroke,
     balance_n: NDArray[np.float64],
-    offset: tuple[float, float],
+    profile: Profile,
     sliding: float,
     usual_step: float,
     noise: float,
-    level: int,
 ) -> ReversalPeak:
     # The force rises while the piston still rests: go back from the first motion through the dwell.
     position = recording.position_m
@@ -112,7 +114,8 @@ def _peak(
     travelled = np.abs(position[stroke.samples] - stroke.from_m)
     end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
     part = slice(begin, end)
-    friction = stroke.direction * (balance_n[part] - (offset[0] * position[part] + offset[1]))
+    slope, intercept = offset_line(profile, stroke.from_m)
+    friction = stroke.direction * (balance_n[part] - (slope * position[part] + intercept))
     low, high, top = _rise(friction)
     times = recording.time_s[part]
     duration = float(times[high] - times[low])
@@ -123,7 +126,7 @@ def _peak(
         flags.append("no_peak")  # still rising where the search ends: no maximum of its own
     return ReversalPeak(
         recording=recording.name,
-        level=level,
+        level=profile.level,
         stroke=stroke.index,
         direction=stroke.direction,
         time_s=float(times[top]),

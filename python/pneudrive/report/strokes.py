@@ -154,7 +154,8 @@ def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figu
     r = result.recording
     top = int(np.searchsorted(r.time_s, peak.time_s))
     part = slice(max(top - 40, 0), top + 60)
-    slope, intercept = offset_line(level.profile)
+    turn = next(stroke.from_m for stroke in level.strokes if stroke.index == peak.stroke)
+    slope, intercept = offset_line(level.profile, turn)
     friction = peak.direction * (result.balance_n[part] - (slope * r.position_m[part] + intercept))
     left.plot(r.time_s[part] - peak.time_s, friction, "o-", color=style.BLACK, ms=2.5, lw=0.7)
     left.axhline(peak.sliding_n, color=style.BLUE, linestyle="--", lw=0.9, label="sliding friction in the window")

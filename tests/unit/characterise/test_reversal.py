@@ -23,18 +23,24 @@ def with_peaks(make, rate: float, swing: float = 0.0, **options):
     return replace(recording, force_n=recording.force_n + extra)
 
 
-def test_a_well_sampled_peak_is_measured(make):
-    level = characterise_recordings(with_peaks(make, rate=1000.0)).levels[0]
+def bent(x):
+    """Offset that rises by 5 N towards the middle of the stroke: a straight line through it misses the turns by 3 N."""
+    return 5.0 * np.sin(np.pi * x / 0.04)
+
+
+@pytest.mark.parametrize("offset", [0.0, bent])
+def test_a_well_sampled_peak_is_measured(make, offset):
+    level = characterise_recordings(with_peaks(make, rate=1000.0, offset=offset)).levels[0]
     good = [p for p in level.peaks if not p.flags]
     assert len(good) >= 8
     assert all(p.significant for p in good)
     a = np.linspace(0.0, 2e-3, 2001)
     truth = (5 * (1 - 2 * np.exp(-a / 1e-4)) + PEAK * np.exp(-a / DECAY) * (1 - np.exp(-a / 1e-4))).max()
-    assert np.median([p.friction_n for p in good]) == pytest.approx(truth, abs=0.1)
+    assert np.median([p.friction_n for p in good]) == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
     assert all(p.dwell_s == pytest.approx(0.5, abs=0.05) for p in good)
     assert all(p.loading_rate_n_s > 100 for p in good)
     for row in level.rows:
-        assert row.breakaway_n == pytest.approx(truth, abs=0.1)
+        assert row.breakaway_n == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
         assert "breakaway_spoiled" not in row.flags
 
 
