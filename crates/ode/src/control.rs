@@ -47,6 +47,8 @@ const SAFETY: f64 = 0.8;
 /// Bounds on the change of the step size from one attempt to the next.
 const MIN_FACTOR: f64 = 0.1;
 const MAX_FACTOR: f64 = 6.0;
+/// Errors below this ask for the longest growth anyway; zero has no root.
+const LEAST_ERROR: f64 = 1e-12;
 /// After a failed attempt that gave no finite error.
 const NOT_FINITE_FACTOR: f64 = 0.1;
 /// A step within this factor of the target is stretched or cut onto it.
@@ -132,7 +134,7 @@ impl Control {
             self.statistics.rejected += 1;
             return false;
         }
-        let factor = SAFETY * inverse_fifth_root(error.max(1e-12));
+        let factor = SAFETY * inverse_fifth_root(error.max(LEAST_ERROR));
         let factor = factor.clamp(MIN_FACTOR, MAX_FACTOR);
         if error > 1.0 {
             self.wish = h * factor.min(SAFETY);

@@ -4,6 +4,11 @@
 /// step is seen, not only a change of sign over the step.
 pub(crate) const LOOKOUTS: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
+/// Rounds of the search: bisection alone would be done in 53.
+const MOST_ROUNDS: u32 = 60;
+/// Relative width at which a bracket counts as a point: some roundings.
+const BRACKET: f64 = 1e-14;
+
 /// The point in (low, high] where `g` passes below its target, by the Illinois form of regula falsi
 /// (superlinear, never leaves the bracket). `g_low > target >= g_high`. `g` is already shifted.
 pub(crate) fn locate(
@@ -15,7 +20,7 @@ pub(crate) fn locate(
 ) -> f64 {
     debug_assert!(g_low > 0.0 && g_high <= 0.0);
     let mut side = 0;
-    for _ in 0..60 {
+    for _ in 0..MOST_ROUNDS {
         let inside = |point: f64| point > low && point < high;
         let mut middle = (low * g_high - high * g_low) / (g_high - g_low);
         if !inside(middle) {
@@ -39,7 +44,7 @@ pub(crate) fn locate(
             }
             side = -1;
         }
-        if high - low < 1e-14 * high {
+        if high - low < BRACKET * high {
             break;
         }
     }

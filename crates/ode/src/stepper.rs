@@ -1,13 +1,15 @@
 //! The integration loop: one for a single system, for lanes, for every caller.
 
+mod search;
+
 use crate::control::{Control, Failure, Options, Statistics};
 use crate::dense::Step;
-use crate::event::{LOOKOUTS, locate};
 use crate::linear::{Linear, blocks};
 use crate::stages::{BLOCK, Block, METHOD, S, combine, zeros};
 use crate::structure::{DIRECTIONS, Structure};
 use crate::system::System;
 use math::{Dual, Lane, Real};
+use search::Found;
 use std::sync::Arc;
 
 /// A step below this fraction of the present time (or of 1) no longer moves the clock reliably.
@@ -21,6 +23,17 @@ const LOCAL_SHARE: f64 = 0.5;
 const FAR_OFF: f64 = 10.0;
 /// How near an obstacle the next attempt ends, as a share of the way.
 const SHORT_OF_OBSTACLE: f64 = 0.999;
+
+/// The first step may change the state by about this share of its size.
+const FIRST_SHARE: f64 = 0.01;
+/// Relative rate of a state, 1/s, below which it counts as at rest when the first step is chosen.
+const LEAST_RATE: f64 = 1e-9;
+/// The first step is not shorter, s: error control shortens it where it must.
+const LEAST_FIRST_STEP: f64 = 1e-9;
+/// Step of a lane that has nothing to do, s: any that keeps its numbers finite.
+const IDLE_STEP: f64 = 1e-9;
+/// Near t = 0 a step counts as too small against this time, s.
+const LEAST_TIME: f64 = 1e-3;
 
 type Direction<R> = Dual<R, DIRECTIONS>;
 
@@ -52,6 +65,7 @@ pub enum Paused {
 }
 
 /// An integration in progress: resumable, cloneable, keeping step size and Jacobian.
+#[derive(Clone)]
 pub struct Stepper<R: Lane, Sys: System<R>> {
     system: Sys,
     options: Options,
@@ -239,8 +253,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 size = size.max(y / (scale.get(lane) + y));
                 rate = rate.max(f / (scale.get(lane) + y));
             }
-            let h = 0.01 * size.max(rtol) / rate.max(1e-9);
-            self.lanes[lane].wish = h.min(until - self.t[lane]).max(1e-9);
+            let h = FIRST_SHARE * size.max(rtol) / rate.max(LEAST_RATE);
+            self.lanes[lane].wish = h.min(until - self.t[lane]).max(LEAST_FIRST_STEP);
         }
         self.started = true;
     }
@@ -253,7 +267,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             // A lane with nothing to do repeats a step that is never taken.
             h.put(
                 lane,
-                if idle { 1e-9 } else { control.propose(self.t[lane], until, self.options.max_step) },
+                if idle { IDLE_STEP } else { control.propose(self.t[lane], until, self.options.max_step) },
             );
         }
         h
@@ -371,22 +385,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 }
             }
             let t1 = if self.lanes[lane].last { until } else { t0 + h_lane };
-            let n = self.structure.n();
-            while output.due(lane) <= t0 {
-                output.sample(lane, t0, &self.y.as_flattened()[..n], &self.system);
-            }
-            if output.due(lane) < t1 {
-                self.step.prepare(&self.u);
-                let inverse_h = 1.0 / h_lane;
-                loop {
-                    let t = output.due(lane);
-                    if t >= t1 {
-                        break;
-                    }
-                    let theta = ((t - t0) * inverse_h).clamp(0.0, 1.0);
-                    output.sample(lane, t, &self.step.interpolate(theta)[..n], &self.system);
-                }
-            }
+            self.give_samples(lane, t0, h_lane, t1, output);
             for (y, y1) in self.y.as_flattened_mut().iter_mut().zip(self.step.y1.as_flattened()) {
                 y.put(lane, y1.get(lane));
             }
@@ -399,6 +398,28 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
         if any_accepted {
             self.fresh = false;
+        }
+    }
+
+    /// The samples of one lane that are due before `t1`, the end of the step of length `h` from `t0`.
+    #[inline(always)]
+    fn give_samples(&mut self, lane: usize, t0: f64, h: f64, t1: f64, output: &mut impl Output<R, Sys>) {
+        let n = self.structure.n();
+        while output.due(lane) <= t0 {
+            output.sample(lane, t0, &self.y.as_flattened()[..n], &self.system);
+        }
+        if output.due(lane) >= t1 {
+            return;
+        }
+        self.step.prepare(&self.u);
+        let inverse_h = 1.0 / h;
+        loop {
+            let t = output.due(lane);
+            if t >= t1 {
+                return;
+            }
+            let theta = ((t - t0) * inverse_h).clamp(0.0, 1.0);
+            output.sample(lane, t, &self.step.interpolate(theta)[..n], &self.system);
         }
     }
 
@@ -431,7 +452,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let t = self.t[lane];
         let control = &self.lanes[lane];
         let attempts = control.statistics.steps + control.statistics.rejected;
-        let too_small = control.wish < MIN_RELATIVE_STEP * t.abs().max(1e-3);
+        let too_small = control.wish < MIN_RELATIVE_STEP * t.abs().max(LEAST_TIME);
         if !too_small && attempts <= self.options.max_attempts {
             return;
         }
@@ -456,101 +477,5 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             if ratio.is_nan() { f64::INFINITY } else { ratio }
         };
         (0..errors.len()).max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)
-    }
-
-    /// Event functions of one lane at `t0 + theta h` of the present attempt, into `g_look`.
-    fn look(&mut self, lane: usize, t0: f64, h: f64, theta: f64) {
-        let n = self.structure.n();
-        let t = R::from_lanes(|l| if l == lane { t0 + theta * h } else { self.t[l] });
-        let y = if theta == 1.0 { self.step.y1.as_flattened() } else { self.step.interpolate(theta) };
-        self.system.events(t, &y[..n], &mut self.g_look, &mut self.work);
-    }
-
-    fn look_for_event(&mut self, lane: usize, t0: f64, h: f64) -> Found {
-        self.g1.copy_from_slice(&self.g0);
-        let mut before = 0.0;
-        for theta in LOOKOUTS {
-            self.look(lane, t0, h, theta);
-            let mut first: Option<(f64, usize)> = None;
-            for event in 0..self.g0.len() {
-                let tolerance = self.system.event_tolerance(event);
-                if self.g_look[event].get(lane) >= -tolerance {
-                    continue;
-                }
-                let shift = 0.5 * tolerance;
-                let (low, high) = (self.g1[event].get(lane) + shift, self.g_look[event].get(lane) + shift);
-                let at = if low <= 0.0 {
-                    before
-                } else {
-                    let saved = self.g_look.clone();
-                    let at = locate(before, low, theta, high, |middle| {
-                        self.look(lane, t0, h, middle);
-                        self.g_look[event].get(lane) + shift
-                    });
-                    self.g_look = saved;
-                    at
-                };
-                if first.is_none_or(|(earliest, _)| at < earliest) {
-                    first = Some((at, event));
-                }
-            }
-            if let Some((at, event)) = first {
-                return Found::Inside(at, event);
-            }
-            std::mem::swap(&mut self.g1, &mut self.g_look);
-            before = theta;
-        }
-        match (0..self.g1.len())
-            .find(|&event| self.g1[event].get(lane) <= 0.0 && self.g0[event].get(lane) > 0.0)
-        {
-            Some(event) => Found::AtEnd(event),
-            None => Found::Nothing,
-        }
-    }
-
-    fn switch(&mut self, lane: usize, event: usize, moved: bool) {
-        let n = self.structure.n();
-        self.system.switch(lane, event, &mut self.y.as_flattened_mut()[..n], &mut self.work);
-        self.lanes[lane].note_switch(self.t[lane], event, moved);
-    }
-}
-
-enum Found {
-    Nothing,
-    /// The step ends on the event.
-    AtEnd(usize),
-    /// The event lies at this fraction of the step.
-    Inside(f64, usize),
-}
-
-impl<R: Lane, Sys: System<R> + Clone> Clone for Stepper<R, Sys> {
-    fn clone(&self) -> Self {
-        Stepper {
-            system: self.system.clone(),
-            options: self.options,
-            structure: self.structure.clone(),
-            lanes: self.lanes.clone(),
-            t: self.t.clone(),
-            y: self.y.clone(),
-            f0: self.f0.clone(),
-            f_t: self.f_t.clone(),
-            linear: self.linear.clone(),
-            u: self.u.clone(),
-            stage: self.stage.clone(),
-            rhs: self.rhs.clone(),
-            step: self.step.clone(),
-            scale: self.scale.clone(),
-            g0: self.g0.clone(),
-            g1: self.g1.clone(),
-            g_look: self.g_look.clone(),
-            ahead: self.ahead.clone(),
-            seeded: self.seeded,
-            fresh: self.fresh,
-            started: self.started,
-            work: self.work.clone(),
-            dual_work: self.dual_work.clone(),
-            dual_y: self.dual_y.clone(),
-            dual_dy: self.dual_dy.clone(),
-        }
     }
 }
