@@ -93,16 +93,17 @@ def choose_model(
         law = "coulomb"
         lost = [s for s in lost if not s.parameter.startswith("breakaway_")]
         lost += [Undetermined(f"breakaway_{c}", reason, remedy) for c in (("a", "b") if pressure_dependence else ())]
-    viscous = levels >= 2 and len(data) >= 2
-    if not viscous:
-        lost.append(
-            Undetermined(
-                "viscous",
-                f"all rows lie at one speed ({speeds}); what is called coulomb here is all the friction at that speed",
-                "measure at a second speed, at least three times higher",
-            )
+    exponent = exponent if law == "stribeck" else 2.0
+    model = FrictionModel(law, exponent, chambers, levels >= 2 and len(data) >= 2)
+    if levels < 2 or len(data) < len(model.names):
+        reason = f"all rows lie at one speed ({speeds})"
+        if levels >= 2:
+            reason = f"the map has {len(data)} independent values, fewer than the law has parameters"
+        reason += "; what is called coulomb here is all the friction at " + (
+            "that speed" if levels < 2 else "its speeds"
         )
-    model = FrictionModel(law, exponent if law == "stribeck" else 2.0, chambers, viscous)
+        lost.append(Undetermined("viscous", reason, "measure at a second speed, at least three times higher"))
+        model = FrictionModel(law, exponent, chambers, viscous=False)
     if len(data) < len(model.names):
         raise FitError(
             "the friction map has fewer values than the law has parameters",

@@ -150,3 +150,13 @@ def test_four_good_speeds_are_enough(make_map, friction_of, truth):
 def test_what_is_not_determined_has_an_open_interval(make_map, name):
     fit = fit_friction(make_map([0.01], [12.0], 0.2))
     assert (fit.intervals[name] == (0.0, np.inf)) == (name != "coulomb")
+
+
+def test_two_pressures_give_the_slope_and_leave_the_viscous_part_out(make_map):
+    fit = fit_friction(
+        make_map([0.011, 0.009], [3.0, 5.0], 0.2, gauge_b=np.array([1e5, 5e5])), law="coulomb", pressure_dependence=True
+    )
+    assert fit.parameters["coulomb"] == pytest.approx(2.5, abs=0.01)
+    assert fit.parameters["coulomb_b"] == pytest.approx(0.5e-5, rel=0.01)
+    assert "2 independent values, fewer than the law has parameters" in lost(fit)["viscous"].reason
+    assert np.isfinite(fit.intervals["coulomb_b"]).all()
