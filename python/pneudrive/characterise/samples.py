@@ -80,8 +80,8 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
     position = recording.position_m
     for channel in CHANNELS:
         values = getattr(recording, channel)
-        if np.ptp(values) == 0:
-            continue  # a pressure that was not measured
+        if np.ptp(values) == 0 or recording.accuracy.get(channel) == 0.0:
+            continue  # a pressure that was not measured, an exact channel: no sensor that could spoil it
         masks["spike"] |= spikes(values)
         if channel in recording.limits:
             low, high = recording.limits[channel]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
-from pneudrive.characterise.recording import Recording
+from pneudrive.characterise.recording import CHANNELS, Recording
 from pneudrive.errors import RecordingError
 from pneudrive.trajectory import meaning
 
@@ -39,7 +39,7 @@ def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None 
         pressure_b_pa=columns["pressure_b_pa"],
         area_a_m2=0.0,
         area_b_m2=0.0,
-        accuracy={"force_n": 0.0, "pressure_a_pa": 0.0, "pressure_b_pa": 0.0, "area": 0.0, "alignment_rad": 0.0},
+        accuracy=dict.fromkeys((*CHANNELS, "area", "alignment_rad"), 0.0),
         source=source,
         sha256=digest,
         synthetic=True,

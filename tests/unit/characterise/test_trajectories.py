@@ -1,10 +1,13 @@
 """A trajectory is characterised like a recording: its friction, and the stick-slip in it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pneudrive.characterise import characterise_recordings, from_run
-from pneudrive.characterise.trajectories import COLUMNS, VARIABLES
+from pneudrive.characterise.samples import clean
+from pneudrive.characterise.trajectories import COLUMNS, VARIABLES, from_trajectory
 from pneudrive.errors import RecordingError
 
 PERIOD, STEP = 0.5, 0.005
@@ -45,6 +48,16 @@ def test_files_need_no_layout(columns, tmp_path, suffix):
     assert found.closures == ()
     (note,) = (n for n in found.notes if n.startswith("Stick-slip in run"))
     assert "period 0.5 s, step 5 mm" in note
+
+
+def test_an_exact_trajectory_has_no_bad_samples(columns):
+    # At rest at its end stop and at supply pressure for a third of the time: what a sensor would do when it is clipped.
+    at_rest = np.mod(columns["time_s"], PERIOD) < 0.3 * PERIOD
+    noise = np.random.default_rng(1).normal(0.0, 100.0, at_rest.size)
+    columns["pressure_a_pa"] = np.where(at_rest, 7e5, 6.9e5 + noise)
+    assert from_trajectory(columns, "run").flags == {}
+    assert clean(from_trajectory(columns, "run")).flags == {}
+    assert "saturated" in clean(replace(from_trajectory(columns, "run"), accuracy={})).flags
 
 
 def test_the_dataset_of_a_simulation(columns):
