@@ -1,0 +1,252 @@
+//! A circuit from its parts: adding them, joining them, and the state that they start from.
+
+use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId, Topology};
+use crate::part::cylinder::CHAMBERS;
+use crate::part::*;
+use math::{Deps, Real};
+use ode::{Structure, System};
+use physics::friction::AnyLaw;
+use physics::{IdealGas, STANDARD_GRAVITY};
+use std::sync::Arc;
+
+impl Circuit<f64> {
+    /// An empty circuit; the ambient pressure Pa acts on the outside of every piston.
+    pub fn new(gas: &IdealGas<f64>, ambient_pressure: f64, ambient_temperature: f64) -> Self {
+        Circuit {
+            topology: Arc::new(Topology {
+                names: Vec::new(),
+                n_states: 0,
+                channels: Vec::new(),
+                structure: Arc::new(Structure::of(&[], &[], false)),
+                sticking: Vec::new(),
+            }),
+            parts: Parts::default(),
+            common: Common { gas: *gas, ambient_pressure, ambient_temperature },
+            scale: Vec::new(),
+            open: Vec::new(),
+            gas_nodes: 0,
+            axis_nodes: 0,
+        }
+    }
+
+    fn next_gas(&mut self) -> usize {
+        self.gas_nodes += 1;
+        self.gas_nodes - 1
+    }
+
+    fn next_axis(&mut self) -> usize {
+        self.axis_nodes += 1;
+        self.axis_nodes - 1
+    }
+
+    /// Gas at constant pressure Pa and temperature K.
+    pub fn reservoir(&mut self, pressure: f64, temperature: f64) -> GasId {
+        let node = self.next_gas();
+        self.parts.reservoirs.push((Place::default(), Reservoir { pressure, temperature, node }));
+        GasId(node)
+    }
+
+    /// A volume that obeys `law`: a tank, or the dead volume of a chamber that faces enlarge.
+    pub fn volume(
+        &mut self,
+        law: ChamberLaw,
+        dead_volume: f64,
+        dead_wall: f64,
+        heat_transfer: f64,
+        wall_temperature: f64,
+    ) -> GasId {
+        let node = self.next_gas();
+        let mut part =
+            Volume { dead_volume, dead_wall, heat_transfer, wall_temperature, node, law, scales: [1.0; 2] };
+        part.set_scales(self.common.gas.heat_capacity_ratio, self.common.gas.gas_constant);
+        self.parts.volumes.push((Place::default(), part));
+        GasId(node)
+    }
+
+    fn is_reservoir(&self, id: GasId) -> bool {
+        self.parts.reservoirs.iter().any(|(_, part)| part.node == id.0)
+    }
+
+    /// A restriction between two gas nodes, closed at first.
+    pub fn restriction(&mut self, law: physics::flow::Iso6358<f64>, from: GasId, to: GasId) -> RestrictionId {
+        let part = Restriction {
+            law,
+            opening: 0.0,
+            from: from.0,
+            to: to.0,
+            from_boundary: self.is_reservoir(from),
+            to_boundary: self.is_reservoir(to),
+        };
+        self.parts.restrictions.push((Place::default(), part));
+        RestrictionId(self.parts.restrictions.len() - 1)
+    }
+
+    /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.
+    pub fn axis(
+        &mut self,
+        mass: f64,
+        incline: f64,
+        external_force: f64,
+        friction: Option<AnyLaw<f64>>,
+        seal_lips: Option<physics::friction::SealLips<f64>>,
+    ) -> AxisId {
+        let node = self.next_axis();
+        let weight = mass * STANDARD_GRAVITY * math::elementary::sin(incline);
+        let part = Axis {
+            mass,
+            inverse_mass: 1.0 / mass,
+            weight,
+            external_force,
+            friction,
+            seal_lips,
+            mode: 0.0,
+            node,
+        };
+        self.parts.axes.push((Place::default(), part));
+        AxisId(node)
+    }
+
+    /// A servo axis driven by its jerk.
+    pub fn carriage(&mut self) -> (AxisId, CarriageId) {
+        let node = self.next_axis();
+        self.parts.carriages.push((Place::default(), Carriage { jerk: 0.0, node }));
+        (AxisId(node), CarriageId(self.parts.carriages.len() - 1))
+    }
+
+    /// One side of a piston: `grows` where the chamber grows with x, else it ends at `stroke` m.
+    pub fn face(&mut self, gas: GasId, axis: AxisId, grows: bool, stroke: f64, side: PistonSide) {
+        let offset = if grows { 0.0 } else { stroke };
+        let PistonSide { area, perimeter, end_wall } = side;
+        let part = Face {
+            area,
+            perimeter,
+            end_wall,
+            offset,
+            gas: gas.0,
+            axis: axis.0,
+            grows,
+            held: self.is_reservoir(gas),
+        };
+        self.parts.faces.push((Place::default(), part));
+    }
+
+    pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<f64>, stroke: f64) {
+        self.parts.end_stops.push((Place::default(), EndStops { law, stroke, axis: axis.0 }));
+    }
+
+    pub fn spring(&mut self, axis: AxisId, stiffness: f64, rest_position: f64) {
+        self.parts.springs.push((Place::default(), Spring { stiffness, rest_position, axis: axis.0 }));
+    }
+
+    /// Spring and damper between two axes; returns its index among the links.
+    pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: f64, damping: f64) -> usize {
+        let driven = self.parts.carriages.iter().any(|(_, part)| part.node == from.0);
+        let part = Link { stiffness, damping, from: from.0, to: to.0, driven };
+        self.parts.links.push((Place::default(), part));
+        self.parts.links.len() - 1
+    }
+
+    /// Finishes the circuit; with `ledger`, its mass, energy and entropy accounts are integrated along
+    /// without touching a step or a bit of the states.
+    pub fn build(mut self, ledger: bool) -> Self {
+        self.join_cylinders();
+        let (states, channels) = self.parts.lay_out();
+        let n_states = states.len();
+        let (names, mut scale): (Vec<_>, Vec<_>) =
+            states.into_iter().map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale)).unzip();
+        let channels = if ledger { channels } else { Vec::new() };
+        scale.extend(channels.iter().map(|_| f64::INFINITY));
+        let sticking = self.movers().filter(|&mover| self.mover(mover).1.sticks()).collect();
+        let topology = |structure| Topology { names, n_states, channels, structure, sticking };
+        // The pattern is that of everything open: it holds for every input and mode.
+        self.open = (0..self.parts.restrictions.len()).collect();
+        self.topology = Arc::new(topology(Arc::new(Structure::of(&[], &[], false))));
+        self.scale = scale;
+        let n = self.scale.len();
+        let y: Vec<Deps> = (0..n).map(Deps::of).collect();
+        let mut dy = vec![Deps::c(0.0); n];
+        let mut net = self.work::<Deps>();
+        self.rhs(Deps::c(0.0), &y, &mut dy, &mut net);
+        let structure = Arc::new(Structure::of(&dy, &self.scale, false));
+        Arc::get_mut(&mut self.topology).expect("not shared yet").structure = structure;
+        self.open.clear();
+        self
+    }
+
+    /// Joins each axis that stands between two chambers of its own, with end stops, into one part: the
+    /// same equations, evaluated together.
+    fn join_cylinders(&mut self) {
+        let parts = &mut self.parts;
+        for (_, axis) in std::mem::take(&mut parts.axes) {
+            let own: Vec<usize> =
+                (0..parts.faces.len()).filter(|&i| parts.faces[i].1.axis == axis.node).collect();
+            let stops = parts.end_stops.iter().position(|(_, stops)| stops.axis == axis.node);
+            let chamber = |grows: bool| {
+                let mut faces = own.iter().filter(|&&i| parts.faces[i].1.grows == grows);
+                let face = *faces.next()?;
+                let gas = parts.faces[face].1.gas;
+                let alone = parts.faces.iter().filter(|(_, face)| face.gas == gas).count() == 1;
+                let volume = parts.volumes.iter().position(|(_, volume)| volume.node == gas)?;
+                (faces.next().is_none() && alone).then_some((face, volume))
+            };
+            let (Some((face_a, volume_a)), Some((face_b, volume_b)), Some(stops)) =
+                (chamber(true), chamber(false), stops)
+            else {
+                parts.axes.push((Place::default(), axis));
+                continue;
+            };
+            let cylinder = Cylinder {
+                axis,
+                volumes: [parts.volumes[volume_a].1.clone(), parts.volumes[volume_b].1.clone()],
+                faces: [parts.faces[face_a].1.clone(), parts.faces[face_b].1.clone()],
+                stops: parts.end_stops.remove(stops).1,
+            };
+            let (a, b) = (cylinder.volumes[0].node, cylinder.volumes[1].node);
+            parts.volumes.retain(|(_, volume)| volume.node != a && volume.node != b);
+            parts.faces.retain(|(_, face)| face.gas != a && face.gas != b);
+            parts.cylinders.push((Place::default(), cylinder));
+        }
+    }
+
+    /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
+    /// Sets the modes of friction to match.
+    pub fn initial(&mut self, gas: &[(GasId, f64, f64)], axes: &[(AxisId, f64, f64)]) -> Vec<f64> {
+        let mut y = vec![0.0; self.scale.len()];
+        for &(id, x, v) in axes {
+            let movers =
+                self.movers().map(|mover| self.mover(mover)).map(|(place, axis, _)| (place, axis.node));
+            let carriages = self.parts.carriages.iter().map(|(place, part)| (*place, part.node));
+            let found = movers.chain(carriages).find(|(_, node)| *node == id.0);
+            let place = found.expect("an axis of this circuit").0;
+            (y[place.first], y[place.first + 1]) = (x, v);
+        }
+        let mut net = self.work::<f64>();
+        self.parts.place(&y, &mut net, &self.common);
+        self.parts.shape(&mut net);
+        for &(id, p, t) in gas {
+            let tanks = self.parts.volumes.iter().map(|(place, volume)| (place.first, volume));
+            let chambers = self.parts.cylinders.iter().flat_map(|(place, cylinder)| {
+                CHAMBERS.iter().zip(&cylinder.volumes).map(|(offset, volume)| (place.first + offset, volume))
+            });
+            let (first, part) =
+                tanks.chain(chambers).find(|(_, part)| part.node == id.0).expect("a volume of this circuit");
+            let values = match part.law {
+                ChamberLaw::EnergyBalance => {
+                    physics::chamber::EnergyBalance::initial(&self.common.gas, p, t, net.gas[id.0].volume)
+                }
+                ChamberLaw::AsPrinted => [p, t],
+            };
+            y[first..first + 2].copy_from_slice(&values);
+        }
+        self.evaluate(&y, &mut net);
+        for &mover in &self.topology.clone().sticking {
+            let (place, axis) = self.mover_mut(mover);
+            let v = y[place.first + 1];
+            axis.mode = if v == 0.0 { 0.0 } else { v.signum() };
+            if v == 0.0 && axis.event(&net) < 0.0 {
+                axis.switch(0, &mut y[place.first + 1], &net);
+            }
+        }
+        y
+    }
+}
