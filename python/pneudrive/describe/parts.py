@@ -160,6 +160,12 @@ class _FlowCoefficient(Quantity):
                 raise WrongValueError(f'"{given}" is not a number') from None
         return super().read(given)
 
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe both forms."""
+        own = "Kv|m3/h" if self.written == "Kv" else "Cv"
+        number = super().__get_pydantic_json_schema__(schema, handler)
+        return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
+
 
 _FLOW_KEYS = ("conductance", "nominal_flow", "kv", "cv")
 
