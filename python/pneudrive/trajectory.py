@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     import numpy as np
+    import polars as pl
     import xarray as xr
 
 # column of a file -> (variable, units, long name)
@@ -152,16 +153,28 @@ def save_columns(table: Mapping[str, np.ndarray], provenance: Mapping[str, Any],
     import polars as pl
 
     target = check_target(path, (".parquet", ".csv"))
-    frame = pl.DataFrame(dict(table))
+    write_frame(pl.DataFrame(dict(table)), target, {"pneudrive": json.dumps(dict(provenance), default=str)})
+    return target
+
+
+def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | None = None) -> None:
+    """Write a table as Parquet or CSV, by the suffix of `target`; the metadata go into Parquet only.
+
+    Raises
+    ------
+    CommandError
+        The file cannot be written.
+    """
+    import polars as pl
+
     with whole(target) as temporary:
         try:
             if target.suffix.lower() == ".csv":
                 frame.write_csv(temporary)
             else:
-                frame.write_parquet(temporary, metadata={"pneudrive": json.dumps(dict(provenance), default=str)})
+                frame.write_parquet(temporary, metadata=metadata)
         except pl.exceptions.ComputeError as error:  # how polars reports a full disk
             raise OSError(str(error)) from None
-    return target
 
 
 def _flat(value: Any) -> Any:  # noqa: ANN401 - attributes are of any kind

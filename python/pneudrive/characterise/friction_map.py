@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.trajectory import check_target, write_frame
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,31 +84,16 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
 
     Raises
     ------
-    RecordingError
+    CommandError
         Another suffix, or a folder that cannot be written to.
     """
     import polars as pl
 
-    path = Path(path)
+    path = check_target(path, (".parquet", ".csv"))
     frame = pl.DataFrame(
         {name: pl.Series(name, friction_map[name].to_numpy().tolist(), dtype=_polars_type(name)) for name in COLUMNS}
     )
-    if path.suffix not in (".parquet", ".csv"):
-        raise RecordingError(
-            f"a friction map cannot be written as '{path.suffix}'", where=str(path), remedy="use .parquet or .csv"
-        )
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        if path.suffix == ".parquet":
-            frame.write_parquet(partial)
-        else:
-            frame.write_csv(partial)
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise RecordingError(
-            f"the friction map cannot be written: {error.strerror or error}", where=str(path)
-        ) from None
+    write_frame(frame, path)
     return path
 
 

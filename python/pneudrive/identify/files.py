@@ -12,6 +12,7 @@ from pneudrive.errors import FitError
 from pneudrive.identify.diagnose import Undetermined
 from pneudrive.identify.model import UNITS, FrictionModel
 from pneudrive.identify.result import FrictionFit
+from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,17 +25,11 @@ def write_fit(fit: FrictionFit, path: str | Path) -> None:
 
     Raises
     ------
-    FitError
+    CommandError
         If the file cannot be written.
     """
-    target = Path(path)
-    part = target.with_name(target.name + ".part")
-    try:
-        part.write_text(fit_toml(fit), encoding="utf-8")
-        part.replace(target)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise FitError("the fit cannot be written", where=str(target), value=error.strerror or str(error)) from error
+    with whole(Path(path)) as temporary:
+        temporary.write_text(fit_toml(fit), encoding="utf-8")
 
 
 def fit_toml(fit: FrictionFit) -> str:

@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from pneudrive.errors import FitError
+from pneudrive.errors import CommandError, FitError
 from pneudrive.identify import FrictionFit, fit_friction
 
 SPEED = np.geomspace(1e-3, 0.45, 16)
@@ -73,5 +73,5 @@ def test_files_that_are_no_fit(tmp_path, text, message):
 
 def test_place_that_cannot_be_written(make_map, tmp_path):
     fit = fit_friction(make_map([0.01, 0.02], [5.0, 6.0], 0.1))
-    with pytest.raises(FitError, match="cannot be written"):
+    with pytest.raises(CommandError, match="cannot be written"):
         fit.to_toml(tmp_path / "missing" / "fit.toml")
