@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import student
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-CONFIDENCE = 0.95
 TOGETHER = 0.05  # pressures change together when the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
 MINIMUM_RANGE_PA = 2e4  # pressures that differ by less are one: neither an area nor a slope is asked for
@@ -152,9 +153,7 @@ def _factors(
 def _estimate(value: float, stderr: float, dof: int) -> Estimate:
     if dof <= 0:
         return Estimate(float(value), float("nan"), float("-inf"), float("inf"))
-    from scipy.stats import t
-
-    half = float(t.ppf(0.5 + CONFIDENCE / 2, dof)) * float(stderr)
+    half = student(dof) * float(stderr)
     return Estimate(float(value), float(stderr), float(value) - half, float(value) + half)
 
 

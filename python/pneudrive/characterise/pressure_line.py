@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.closure import CONFIDENCE, MINIMUM_RANGE_PA
+from pneudrive.characterise.closure import MINIMUM_RANGE_PA
+from pneudrive.characterise.spread import student
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -166,8 +167,6 @@ def _speed_groups(seal: str, points: list[FrictionPoint]) -> list[tuple[str, lis
 
 
 def _fit(title: str, seal: str, points: list[FrictionPoint], spread: RunSpread | None) -> PressureLine:
-    from scipy.stats import t
-
     pressure = np.array([p.pressure_pa for p in points])
     friction = np.array([p.friction_n for p in points])
     scale = float(np.abs(pressure).max())
@@ -196,7 +195,7 @@ def _fit(title: str, seal: str, points: list[FrictionPoint], spread: RunSpread |
         if typical > own:
             freedom = float(spread.degrees_of_freedom + (dof if repeated else 0))
     leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
-    half = float(t.ppf(0.5 + CONFIDENCE / 2, freedom)) * np.sqrt(single + variance * leverage)
+    half = student(freedom) * np.sqrt(single + variance * leverage)
     unit = np.diag([1.0, 1.0 / scale])
     speeds = np.array([abs(p.speed_m_s) for p in points])
     together = float(np.corrcoef(speeds, pressure)[0, 1]) if np.ptp(speeds) > 0 else 0.0
@@ -228,10 +227,7 @@ def _statement(
     together: float,
     spread: RunSpread | None,
 ) -> str:
-    from scipy.stats import t
-
-    factor = float(t.ppf(0.5 + CONFIDENCE / 2, freedom))
-    half_n, half_n_pa = factor * np.sqrt(np.diag(covariance))
+    half_n, half_n_pa = student(freedom) * np.sqrt(np.diag(covariance))
     text = (
         f"{seal}: {intercept:.2f} N + {slope * 1e5:.2f} N/bar (95 %: +-{half_n:.2f} N, +-{half_n_pa * 1e5:.2f} N/bar); "
     )

@@ -16,6 +16,7 @@ from pneudrive.characterise.motion import straight_line
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+CONFIDENCE = 0.95  # of every interval
 TREND_LEVEL = 0.05
 MINIMUM_FOR_TREND = 5
 
@@ -41,6 +42,20 @@ class Spread:
     def has_trend(self) -> bool:
         """Whether the drift is beyond chance at 5 %."""
         return self.trend_p < TREND_LEVEL
+
+
+def student(dof: float) -> float:
+    """Two-sided 95 % quantile of Student's t; the normal one where nothing is left to estimate the scale from.
+
+    Examples
+    --------
+    >>> round(student(10), 3)
+    2.228
+    """
+    from scipy.special import ndtri, stdtrit
+
+    upper = 0.5 * (1.0 + CONFIDENCE)
+    return float(stdtrit(dof, upper)) if dof > 0 else float(ndtri(upper))
 
 
 def spread_of(stroke_means_n: NDArray[np.float64]) -> Spread:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.characterise.pressure_line import CONFOUNDED
+from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
 from pneudrive.identify.diagnose import Undetermined, choose_model, diagnose, without_support
 from pneudrive.identify.model import PRESSURE_NAMES, UNITS, FrictionModel, Observations
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 LAWS = ("coulomb", "stribeck")
-PROBABILITY = 0.95
 
 
 def fit_friction(
@@ -144,14 +144,6 @@ def _shrunk_to_the_data(model: FrictionModel, stated: Observations, robust: bool
         if smaller == model:
             return _Support(model, data, found, scatter, intervals, lost)
         model, lost = smaller, lost + statements
-
-
-def student(dof: int, probability: float = PROBABILITY) -> float:
-    """Two-sided Student quantile; the normal one where nothing is left to estimate the scale from."""
-    from scipy.special import ndtri, stdtrit
-
-    upper = 0.5 * (1.0 + probability)
-    return float(stdtrit(dof, upper)) if dof > 0 else float(ndtri(upper))
 
 
 def fingerprint(data: Observations) -> str:

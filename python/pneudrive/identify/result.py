@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
 from pneudrive.identify.model import PRESSURE_NAMES, UNITS, FrictionModel, Observations
 
@@ -131,8 +132,6 @@ class FrictionFit:
         -------
         Prediction
         """
-        from pneudrive.identify.fit import student
-
         speed, a, b = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
         flat = np.abs(speed).ravel()
         if not np.isfinite(flat).all() or (flat <= 0.0).any():
