@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.describe import toml
+from pneudrive.describe import friction_laws, toml
 from pneudrive.describe.geometry import piston_areas
 from pneudrive.errors import DescriptionError, nearest
 from pneudrive.rig.motion import Limits
@@ -20,18 +20,9 @@ if TYPE_CHECKING:
 DEFAULT = Path(__file__).with_name("default.toml")
 SCHEMA = 1
 #: table -> key -> SI unit as `pneudrive.units` writes it ("1": a pure number, "abs": an absolute pressure).
+#: The parameters of friction are those of the law, which the core knows.
 KEYS: dict[str, dict[str, str]] = {
     "cylinder": {"bore": "m", "stroke": "m", "moving_mass": "kg", "incline": "rad"},
-    "friction": {
-        "coulomb": "N",
-        "breakaway": "N",
-        "stribeck_velocity": "m/s",
-        "stribeck_exponent": "1",
-        "viscous": "N s/m",
-        "bristle_stiffness": "N/m",
-        "bristle_damping": "N s/m",
-        "damping_fade_velocity": "m/s",
-    },
     "ambient": {"pressure": "abs"},
     "servo": {"acceleration": "m/s^2", "jerk": "m/s^3", "margin": "m"},
     "sampling": {"samples_per_cycle": "1"},
@@ -49,7 +40,6 @@ KEYS: dict[str, dict[str, str]] = {
 }
 #: Share of its range that a gauge transducer still shows below zero before it saturates (assumed).
 BELOW_ZERO = 0.02
-OPTIONAL = {"friction": set(KEYS["friction"])}
 
 
 @dataclass(frozen=True)
@@ -137,6 +127,7 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
         raise DescriptionError("the rig file has another schema", where=where, rule=f"schema = {SCHEMA}")
     reader = _Reader(content, where)
     values = {table: reader.table(table) for table in KEYS}
+    values["friction"] = reader.friction()
     pressure = reader.pressure()
     reader.finish()
     return _build(str(content.get("name", Path(path).stem)), reader, values, pressure)
@@ -154,7 +145,7 @@ def _build(
         raise DescriptionError("servo.margin leaves no way to go", where=reader.where, rule="0 <= margin < stroke / 2")
     return RigDescription(
         name=name,
-        law=str(reader.law),
+        law=reader.law,
         parameters=values["friction"],
         pressure=pressure,
         bore_m=cylinder["bore"],
@@ -185,7 +176,10 @@ class _Reader:
         self.content = content
         self.where = where
         self.sources: dict[str, Source] = {}
-        self.law = content.get("friction", {}).pop("law", "stribeck")
+        self.law = str(content.get("friction", {}).pop("law", "stribeck"))
+        if self.law not in friction_laws():
+            what = f"friction.law = {self.law!r} is unknown"
+            raise DescriptionError(what, where=where, remedy=nearest(self.law, friction_laws()))
         self.clock = self._word("sampling.clock", content.get("sampling", {}).pop("clock", None), CLOCKS)
 
     def table(self, table: str) -> dict[str, float]:
@@ -193,10 +187,19 @@ class _Reader:
         out = {}
         for key, unit in KEYS[table].items():
             if key not in given:
-                if key in OPTIONAL.get(table, ()):
-                    continue
                 raise DescriptionError(f"{table}.{key} is missing", where=self.where, remedy="see the default rig file")
             out[key] = self._value(f"{table}.{key}", given.pop(key), unit)
+        return out
+
+    def friction(self) -> dict[str, float]:
+        given = self.content.get("friction", {})
+        out = {}
+        for parameter in friction_laws()[self.law]["parameters"]:
+            key, unit = parameter["key"], parameter["unit"]
+            if key in given:
+                out[key] = self._value(f"friction.{key}", given.pop(key), "1" if unit == "-" else unit)
+            elif parameter["default"] is None:
+                raise DescriptionError(f"friction.{key} is missing", where=self.where, rule=parameter["meaning"])
         return out
 
     def pressure(self) -> dict[str, float] | None:
@@ -220,12 +223,14 @@ class _Reader:
         for table, rest in self.content.items():
             if table in ("schema", "name"):
                 continue
-            if table not in KEYS:
-                raise DescriptionError(f"[{table}] is unknown", where=self.where, rule="tables: " + ", ".join(KEYS))
+            known = (
+                [p["key"] for p in friction_laws()[self.law]["parameters"]] if table == "friction" else KEYS.get(table)
+            )
+            if known is None:
+                tables = ", ".join((*KEYS, "friction"))
+                raise DescriptionError(f"[{table}] is unknown", where=self.where, rule=f"tables: {tables}")
             for key in rest:
-                raise DescriptionError(
-                    f"{table}.{key} is unknown", where=self.where, rule="keys: " + ", ".join(KEYS[table])
-                )
+                raise DescriptionError(f"{table}.{key} is unknown", where=self.where, rule=f"keys: {', '.join(known)}")
 
     def positive(self, table: str, key: str, value: float) -> None:
         if not (math.isfinite(value) and value > 0.0):
