@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import SourcePaper, characterise, characterise_recordings
+from pneudrive.characterise.levels import speed_levels
+from pneudrive.characterise.motion import Stroke
 from pneudrive.errors import RecordingError
 
 
@@ -117,6 +119,21 @@ def test_speed_levels_of_a_controlled_recording_are_separate_rows(make):
     curves = characterise(both)
     assert np.abs(curves.velocity_m_s.to_numpy()) == pytest.approx([0.01, 0.01, 0.04, 0.04], rel=0.01)
     assert curves.friction_n.to_numpy() == pytest.approx([5.0, 5.0, 7.0, 7.0], abs=0.05)
+
+
+def strokes_at(speeds):
+    return [Stroke(i, 1 - 2 * (i % 2), 0, 9, 0.0, 0.04, v * (1 - 2 * (i % 2)), 0.0) for i, v in enumerate(speeds)]
+
+
+def test_a_speed_that_drifts_or_scatters_is_one_level():
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        drifts = np.repeat(np.linspace(0.012, 0.009, 10), 2) * (1 + 0.01 * rng.standard_normal(20))
+        scatters = 0.05 * (1 + 0.06 * rng.standard_normal(20))
+        assert len(speed_levels(strokes_at(drifts))) == 1
+        assert len(speed_levels(strokes_at(scatters))) == 1
+        held = np.repeat(np.geomspace(1e-3, 0.45, 8), 6) * (1 + 0.003 * rng.standard_normal(48))
+        assert [len(level) for level in speed_levels(strokes_at(held))] == [6] * 8
 
 
 def test_identical_recordings_count_once(make):
