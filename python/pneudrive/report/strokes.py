@@ -159,11 +159,11 @@ def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figu
     friction = peak.direction * (result.balance_n[part] - (slope * r.position_m[part] + intercept))
     left.plot(r.time_s[part] - peak.time_s, friction, "o-", color=style.BLACK, ms=2.5, lw=0.7)
     left.axhline(peak.sliding_n, color=style.BLUE, linestyle="--", lw=0.9, label="sliding friction in the window")
-    left.axvline(0, color=style.ORANGE, linestyle=":", label=f"peak, {peak.rise_samples} samples after the turn")
+    left.axvline(0, color=style.ORANGE, linestyle=":", label=f"peak, {peak.rise_samples} samples on the rise")
     left.set_xlabel("time from the peak / s")
     left.set_ylabel("friction / N")
     left.set_title(f"{r.name}, stroke {peak.stroke}")
-    left.legend(fontsize=6.8, loc="lower right")
+    left.legend(fontsize=6.8, loc="best")
     good = [p for _, _, p in every if not p.flags]
     bad = [p for _, _, p in every if p.flags]
     for group, marker, face, label in ((bad, "x", style.GREY, "spoilt"), (good, "o", style.BLUE, "usable")):
