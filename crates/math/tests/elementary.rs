@@ -295,8 +295,8 @@ proptest! {
     }
 
     #[test]
-    fn pow_agrees_with_products_and_roots(bits in 0x1FF0_0000_0000_0000..0x5FE0_0000_0000_0000u64) {
-        let x = f64::from_bits(bits); // 1e-154 .. 1e154
+    fn pow_agrees_with_products_and_roots(bits in 0x2000_0000_0000_0000..0x5FE0_0000_0000_0000u64) {
+        let x = f64::from_bits(bits); // 2^-511 .. 2^511: the square is a normal number
         let close = |a: f64, b: f64| (a / b - 1.0).abs() <= 2.0 * f64::EPSILON;
         prop_assert_eq!(pow(x, 1.0).to_bits(), x.to_bits());
         prop_assert!(close(pow(x, 2.0), x * x));
