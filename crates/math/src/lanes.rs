@@ -1,7 +1,7 @@
 //! Several `f64` side by side in a plain array, which the compiler turns into vector instructions.
 
 use crate::elementary;
-use crate::real::{Lane, Mask, Real};
+use crate::real::{Lane, Real};
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -9,21 +9,6 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(32))]
 pub struct Lanes<const N: usize>(pub [f64; N]);
-
-impl<const N: usize> Mask for [bool; N] {
-    #[inline(always)]
-    fn and(self, other: Self) -> Self {
-        from_fn(|i| self[i] & other[i])
-    }
-    #[inline(always)]
-    fn or(self, other: Self) -> Self {
-        from_fn(|i| self[i] | other[i])
-    }
-    #[inline(always)]
-    fn not(self) -> Self {
-        from_fn(|i| !self[i])
-    }
-}
 
 macro_rules! lane_operator {
     ($($trait:ident $method:ident $assign_trait:ident $assign:ident $op:tt;)*) => {$(

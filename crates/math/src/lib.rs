@@ -12,4 +12,4 @@ mod real;
 pub use deps::Deps;
 pub use dual::Dual;
 pub use lanes::Lanes;
-pub use real::{Lane, Mask, Over, Real};
+pub use real::{Lane, Over, Real};

@@ -4,28 +4,6 @@ use crate::elementary;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The truth values of a comparison, one for each lane.
-pub trait Mask: Copy {
-    fn and(self, other: Self) -> Self;
-    fn or(self, other: Self) -> Self;
-    fn not(self) -> Self;
-}
-
-impl Mask for bool {
-    #[inline(always)]
-    fn and(self, other: bool) -> bool {
-        self & other
-    }
-    #[inline(always)]
-    fn or(self, other: bool) -> bool {
-        self | other
-    }
-    #[inline(always)]
-    fn not(self) -> bool {
-        !self
-    }
-}
-
 /// A number of a physical law: value, dual number, set of lanes, or set of dependencies.
 ///
 /// There is no `if` on a `Real`: [`Real::select`] takes both sides, which must be finite wherever
@@ -46,7 +24,8 @@ pub trait Real:
     + SubAssign
     + MulAssign
 {
-    type Mask: Mask;
+    /// The truth values of a comparison, one for each lane.
+    type Mask: Copy;
 
     /// The constant `x`.
     fn c(x: f64) -> Self;
@@ -71,10 +50,6 @@ pub trait Real:
     #[inline(always)]
     fn one() -> Self {
         Self::c(1.0)
-    }
-    #[inline(always)]
-    fn square(self) -> Self {
-        self * self
     }
     #[inline(always)]
     fn abs(self) -> Self {

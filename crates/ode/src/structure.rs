@@ -108,16 +108,6 @@ impl Structure {
     pub fn n(&self) -> usize {
         self.n
     }
-
-    /// Number of stored values of the factorised matrix (pattern and fill-in).
-    pub fn n_stored(&self) -> usize {
-        self.n_slots
-    }
-
-    /// How often the right-hand side runs on dual numbers for one Jacobian.
-    pub fn n_passes(&self) -> usize {
-        self.passes.len()
-    }
 }
 
 /// Markowitz order on the diagonal: the pivot with the least possible fill-in first.

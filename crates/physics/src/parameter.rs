@@ -46,8 +46,8 @@ pub struct Parameter {
     pub meaning: &'static str,
 }
 
-/// Declares a law's or part's parameters: a struct generic over the scalar, `PARAMETERS`, `values`
-/// (in the order of the list) and `gather` (one struct of lanes from a struct for each lane).
+/// Declares a law's or part's parameters: a struct generic over the scalar, `PARAMETERS`, and `gather`
+/// (one struct of lanes from a struct for each lane).
 /// Fields after `with` are choices: they select code, are the same in every lane, and are no numbers.
 #[macro_export]
 macro_rules! parameters {
@@ -72,11 +72,6 @@ macro_rules! parameters {
                     meaning: concat!($($meaning),+),
                 },)*
             ];
-
-            /// The values in the order of `PARAMETERS`.
-            pub fn values(&self) -> Vec<P> {
-                vec![$(self.$field),*]
-            }
         }
 
         impl<R: math::Lane> $name<R> {

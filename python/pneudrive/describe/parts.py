@@ -23,6 +23,7 @@ from pneudrive.describe.base import (
     StatedPressure,
     Stiffness,
     Temperature,
+    Velocity,
     WrongValueError,
     wrong,
 )
@@ -249,7 +250,7 @@ class Initial(Described):
 
     table: ClassVar[str] = "initial"
     position_m: Annotated[float | None, Quantity("m", "mm")] = Field(default=None, alias="position")
-    velocity_m_s: Annotated[float, Quantity("m/s", "mm/s")] = Field(default=0.0, alias="velocity")
+    velocity_m_s: Velocity = Field(default=0.0, alias="velocity")
     pressure_a: Annotated[units.Pressure | None, StatedPressure()] = None
     pressure_b: Annotated[units.Pressure | None, StatedPressure()] = None
     temperature_a_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(

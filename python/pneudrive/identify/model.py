@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Names as in the drive file, in the order in which a fit reports them.
-FORCES = ("coulomb", "breakaway", "viscous")
+#: Slopes over the gauge pressures of the chambers, in the order in which a fit reports them.
 PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
 UNITS = {
     "coulomb": "N",

@@ -67,13 +67,6 @@ class AnalogSensor:
         steps = np.rint((np.clip(seen, self.low, self.high) - self.low) / self.step)
         return self.low + self.step * steps
 
-    def standard_uncertainty(self, zero: float = 0.0, gain: float = 0.0, at: float = 0.0) -> float:
-        """Combine what all samples share, zero and gain (relative, at the value `at`), to a standard uncertainty.
-
-        Steps count with their width over sqrt(12).
-        """
-        return float(np.sqrt(zero**2 + (gain * at) ** 2 + self.step**2 / 12.0))
-
 
 @dataclass(frozen=True)
 class TimeClock:

@@ -47,12 +47,6 @@ def test_encoder_shows_the_last_full_count():
     np.testing.assert_allclose(seen, [0.0, 0.0, 1e-6, -1e-6], atol=1e-15)
 
 
-def test_uncertainty_counts_zero_gain_and_step():
-    sensor = AnalogSensor(-10.0, 10.0, 8, 0.0)
-    expected = np.sqrt(0.3**2 + (0.01 * 5.0) ** 2 + sensor.step**2 / 12.0)
-    assert sensor.standard_uncertainty(zero=0.3, gain=0.01, at=5.0) == pytest.approx(expected)
-
-
 @pytest.mark.parametrize(
     "make",
     [
