@@ -220,17 +220,15 @@ class _Reader:
         return out
 
     def finish(self) -> None:
+        keys = {**KEYS, "friction": [p["key"] for p in friction_laws()[self.law]["parameters"]]}
         for table, rest in self.content.items():
             if table in ("schema", "name"):
                 continue
-            known = (
-                [p["key"] for p in friction_laws()[self.law]["parameters"]] if table == "friction" else KEYS.get(table)
-            )
-            if known is None:
-                tables = ", ".join((*KEYS, "friction"))
-                raise DescriptionError(f"[{table}] is unknown", where=self.where, rule=f"tables: {tables}")
+            if table not in keys:
+                raise DescriptionError(f"[{table}] is unknown", where=self.where, rule=f"tables: {', '.join(keys)}")
             for key in rest:
-                raise DescriptionError(f"{table}.{key} is unknown", where=self.where, rule=f"keys: {', '.join(known)}")
+                rule = f"keys: {', '.join(keys[table])}"
+                raise DescriptionError(f"{table}.{key} is unknown", where=self.where, rule=rule)
 
     def positive(self, table: str, key: str, value: float) -> None:
         if not (math.isfinite(value) and value > 0.0):
