@@ -98,7 +98,10 @@ def fit_friction(
             "law does not hold); the weights and the intervals count it"
         )
     if len(data) == len(model.names):
-        notes.append("as many values as parameters: the intervals rest on the stated standard errors alone")
+        notes.append(
+            "as many values as parameters: the intervals rest on the stated standard errors alone, and a further run "
+            "may lie far outside them"
+        )
     provenance = {
         "version": __version__,
         "map_sha256": fingerprint(data),

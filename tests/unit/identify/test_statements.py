@@ -160,3 +160,4 @@ def test_two_pressures_give_the_slope_and_leave_the_viscous_part_out(make_map):
     assert fit.parameters["coulomb_b"] == pytest.approx(0.5e-5, rel=0.01)
     assert "2 independent values, fewer than the law has parameters" in lost(fit)["viscous"].reason
     assert np.isfinite(fit.intervals["coulomb_b"]).all()
+    assert any("a further run may lie far outside" in note for note in fit.notes)
