@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Spring as Spring
     from pneudrive.describe import Supply as Supply
     from pneudrive.describe import Valve as Valve
+    from pneudrive.errors import PneudriveError as PneudriveError
     from pneudrive.identify import fit_friction as fit_friction
     from pneudrive.simulate import citations as citations
     from pneudrive.simulate import simulate as simulate
@@ -48,6 +49,7 @@ _HOME = {
     "save": "pneudrive.trajectory",
     "characterise": "pneudrive.characterise",
     "fit_friction": "pneudrive.identify",
+    "PneudriveError": "pneudrive.errors",
 }
 _SUBMODULES = ("report", "rig", "identify", "errors", "units")
 

@@ -114,6 +114,7 @@ def run(
 
     Arguments and errors are those of `simulate`.
     """
+    _require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     steps = commands.steps(command)
     seconds = _positive(duration, "s", "duration")
     rate = _positive(sample_rate, "1/s", "sample_rate")
@@ -127,6 +128,8 @@ def run(
         raise CommandError(f"rtol = {rtol} is out of bounds", rule="1e-13 <= rtol <= 0.1")
     if isinstance(initial, str):
         initial = commands.initial(initial)
+    elif initial is not None:
+        _require(initial, "position_m", "initial", 'pn.Initial(position="50 mm")')
     start = drive.core_initial(initial)
     result = _solve(compiled(drive.core_json()), steps, seconds, rate, start, rtol)
     for message in result["warnings"]:
@@ -184,6 +187,12 @@ def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str
 def _label(column: str) -> tuple[str, tuple[tuple[str, str], ...]]:
     name, unit, long_name = meaning(column)
     return name, (("units", unit), ("long_name", long_name), ("column", column))
+
+
+def _require(given: object, has: str, what: str, instead: str) -> None:
+    """Refuse a path or a dict where the described object is needed; that it is one is told without importing it."""
+    if not hasattr(given, has):
+        raise DescriptionError(f"{what} is a {type(given).__name__}", remedy=f"Write {instead}.")
 
 
 def _positive(given: str | float, si_unit: str, what: str) -> float:

@@ -169,3 +169,17 @@ def test_the_function_outranks_the_module_of_its_name(first):
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
         == "True"
     )
+
+
+@pytest.mark.parametrize(
+    ("drive", "initial", "words"),
+    [
+        ("drive.toml", None, "drive is a str"),
+        (None, None, "drive is a NoneType"),
+        ("catalogue", {"position": "1 mm"}, "initial is a dict"),
+    ],
+)
+def test_what_is_no_description_is_refused(drive, initial, words):
+    given = pn.Drive.load("catalogue:reference") if drive == "catalogue" else drive
+    with pytest.raises(pn.PneudriveError, match=words):
+        pn.simulate(given, "0 s: 0", "1 ms", initial=initial)
