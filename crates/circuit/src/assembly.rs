@@ -43,8 +43,8 @@ pub fn friction_law(spec: &specification::Friction) -> Result<(AnyLaw<f64>, Opti
             }
             Some(value) if !parameter.bounds.contain(value) => {
                 return refuse(format!(
-                    "friction.{} = {value} {} is out of bounds",
-                    parameter.key, parameter.unit
+                    "friction.{} = {value} {} is out of bounds: it must be {}",
+                    parameter.key, parameter.unit, parameter.bounds
                 ));
             }
             Some(_) => {}

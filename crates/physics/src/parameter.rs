@@ -16,6 +16,17 @@ impl Bounds {
     }
 }
 
+impl std::fmt::Display for Bounds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match (self.open, self.lower.is_finite(), self.upper.is_finite()) {
+            (true, true, true) => write!(f, "between {} and {}", self.lower, self.upper),
+            (true, true, false) => write!(f, "greater than {}", self.lower),
+            (false, true, _) => write!(f, "not less than {}", self.lower),
+            _ => write!(f, "finite"),
+        }
+    }
+}
+
 /// Greater than `lower`.
 pub const fn above(lower: f64) -> Bounds {
     Bounds { lower, upper: f64::INFINITY, open: true }

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 # Defaults that no datasheet backs: a result that rests on one says so.
-_ASSUMED = {"cylinder": ("heat_transfer", "end_stop"), "valve": ("subsonic_index",)}
+_ASSUMED = {"cylinder": ("heat_transfer", "end_stop"), "valve": ("subsonic_index", "linear_above")}
 
 
 class Drive(Described):
