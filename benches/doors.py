@@ -12,37 +12,6 @@ from pathlib import Path
 from benches.problem import CASE_A
 from benches.sweep import once
 
-DRIVE = """
-schema = 1
-name = "Reference rodless drive"
-ambient = { pressure = "1.013 bar abs", temperature = "293.15 K" }
-supply = { pressure = "7 bar abs", temperature = "293.15 K" }
-[cylinder]
-kind = "rodless"
-bore = "25 mm"
-stroke = "500 mm"
-dead_volume = { a = "10 cm3", b = "10 cm3" }
-moving_mass = "2 kg"
-incline = "0 deg"
-heat_transfer = "30 W/(m2 K)"
-wall_temperature = "293.15 K"
-end_stop = { stiffness = "1e6 N/m", damping = "2000 N s/m", damping_depth = "0.1 mm" }
-[valve]
-kind = "proportional-5/3"
-conductance = "2 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-subsonic_index = 0.5
-linear_above = 0.999
-[friction]
-law = "lugre"
-coulomb = "30 N"
-breakaway = "45 N"
-stribeck_velocity = "20 mm/s"
-stribeck_exponent = 2
-viscous = "40 N s/m"
-bristle_stiffness = "1e5 N/m"
-bristle_damping = "300 N s/m"
-"""
 COMMAND = "0 s: 0.6, 1 s: -0.6"
 INITIAL = "position = 50 mm, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
 ROUNDS = 5
@@ -65,7 +34,7 @@ def measure() -> list[tuple[str, float, float]]:
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "drive.toml"
-        path.write_text(DRIVE)
+        path.write_text(pn.Drive.load("catalogue:reference").to_toml())
         drive = pn.Drive.load(path)
         commands = [tuple(entry) for entry in CASE_A["commands"]]
         initial = pn.Initial(position="50 mm", pressure_a="3 bar abs", pressure_b="3 bar abs")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive import _core
+from oracle.cramer_rao import half_widths
 from pneudrive.rig import SimulatedRig, sweep
 
 RUNS = 200
@@ -36,20 +36,6 @@ def noise_of_one_sample():
     return float(np.sqrt(force**2 + 2.0 * pressure**2))
 
 
-def cramer_rao(samples):
-    """Half-widths from finite differences of the core's friction; `samples` in both directions together."""
-    sigma = noise_of_one_sample() / np.sqrt(samples)
-    true = truth()
-    columns = []
-    for name in NAMES:
-        h = 1e-5 * true[name]
-        up = _core.steady_friction("stribeck", true | {name: true[name] + h}, SPEED, 0.0, 0.0)
-        down = _core.steady_friction("stribeck", true | {name: true[name] - h}, SPEED, 0.0, 0.0)
-        columns.append((up - down) / (2.0 * h * sigma))
-    jac = np.column_stack(columns)
-    return 1.96 * np.sqrt(np.diag(np.linalg.inv(jac.T @ jac)))
-
-
 def test_truth_lies_in_the_interval_as_often_as_stated():
     traces = [RIG.drag(speed, GAUGE_PA, count=CYCLES) for speed in SPEED]
     true = truth()
@@ -64,7 +50,7 @@ def test_truth_lies_in_the_interval_as_often_as_stated():
             inside[name] += low <= true[name] <= high
             half_width[name].append(0.5 * (high - low))
     samples = curves["samples"].to_numpy().reshape(-1, 2).sum(axis=1)
-    bound = cramer_rao(samples)
+    bound = half_widths(NAMES, truth(), SPEED, noise_of_one_sample() / np.sqrt(samples))
     ratio = {name: float(np.median(half_width[name]) / b) for name, b in zip(NAMES, bound, strict=True)}
     print("inside", inside, "half-width over bound", ratio)  # noqa: T201 - shown where it fails
     for name in NAMES:

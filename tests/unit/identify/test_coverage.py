@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from oracle.cramer_rao import half_widths
 from pneudrive import _core
 from pneudrive.identify import fit_friction
 
@@ -22,17 +23,6 @@ CASES = {
     },
     "few levels": {"levels": 10, "sigma": lambda v: 0.3 + 0.0 * v, "strokes": None},
 }
-
-
-def cramer_rao(truth, speed, sigma):
-    columns = []
-    for name in NAMES:
-        h = 1e-5 * truth[name]
-        up = _core.steady_friction("stribeck", truth | {name: truth[name] + h}, speed, 0.0, 0.0)
-        down = _core.steady_friction("stribeck", truth | {name: truth[name] - h}, speed, 0.0, 0.0)
-        columns.append((up - down) / (2.0 * h * sigma))
-    jac = np.column_stack(columns)
-    return 1.96 * np.sqrt(np.diag(np.linalg.inv(jac.T @ jac)))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c.replace(" ", "-"))
@@ -53,7 +43,7 @@ def test_intervals_hold_the_truth_as_often_as_stated(make_map, truth, case):
             low, high = fit.intervals[name]
             inside[name] += low <= truth[name] <= high
             half_width[name].append(0.5 * (high - low))
-    bound = cramer_rao(truth, speed, sigma)
+    bound = half_widths(NAMES, truth, speed, sigma)
     for name, least in zip(NAMES, bound, strict=True):
         assert 180 <= inside[name] <= 198, (name, inside)
         assert np.median(half_width[name]) <= 1.5 * least, name
