@@ -13,7 +13,8 @@ def layout(
     file: Annotated[Path, typer.Argument(help="A recording in any supported format.", metavar="FILE")],
     out: Annotated[Path | None, typer.Option(help="Layout file to write; default: standard output.")] = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Picture of what was understood; default: beside the layout, or FILE.layout.png here.")
+        Path | None,
+        typer.Option(help="Picture of what was understood; default: beside the layout, or FILE.layout.png here."),
     ] = None,
 ) -> None:
     """Propose how to read a foreign recording, with a picture of what was understood."""
