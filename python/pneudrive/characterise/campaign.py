@@ -120,7 +120,12 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
 
     said = layout.for_file(path)
     if said.format != "parquet":
-        raise RecordingError("cycles are read from Parquet only", where=str(path), value=f'format = "{said.format}"')
+        raise RecordingError(
+            "cycles are read from Parquet only",
+            where=str(path),
+            value=f'format = "{said.format}"',
+            remedy="write the campaign as one Parquet file, or each cycle as a file without columns.cycle",
+        )
     try:
         names = list(pl.read_parquet_schema(path))
         column = names[column_number(said.cycle or 0, names, len(names), path)]

@@ -141,12 +141,16 @@ def read_columns(form: str, path: Path, wanted: list[int | str]) -> Table:
         column = np.asarray(values[name])
         if column.ndim != 1 or not np.issubdtype(column.dtype, np.number):
             raise RecordingError(
-                f"column '{name}' is not a row of numbers", where=str(path), value=f"{column.dtype}, {column.shape}"
+                f"column '{name}' is not a row of numbers",
+                where=str(path),
+                value=f"{column.dtype}, {column.shape}",
+                remedy="name another column in the layout",
             )
         columns.append(measurable(column.astype(np.float64)))
     if len({column.size for column in columns}) > 1:
         sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))
-        raise RecordingError("the columns differ in length", where=str(path), value=sizes)
+        rule = "all channels are sampled together; channels of other rates are brought to one before"
+        raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
     return Table(names=[str(w) for w in wanted], columns=columns)
 
 

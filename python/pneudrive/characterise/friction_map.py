@@ -115,7 +115,8 @@ def read_map(path: str | Path) -> xr.Dataset:
         raise RecordingError(f"not a friction map: {str(error).splitlines()[0]}", where=str(path)) from None
     missing = [name for name in COLUMNS if name not in frame.columns]
     if missing:
-        raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path))
+        remedy = "take the map that pneudrive characterise writes"
+        raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path), remedy=remedy)
     return columns_to_dataset(
         {name: [v or "" for v in frame[name]] if name in _TEXT else frame[name].to_list() for name in COLUMNS}
     )

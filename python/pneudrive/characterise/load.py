@@ -113,6 +113,7 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
             "no sample is left",
             where=str(path),
             value=f"{table.columns[0].size} rows, skip_samples = {said.skip_samples}",
+            remedy="lower skip_samples in the layout",
         )
     return to_recording(name or stem(path), path, said, raw, table.flags, hashlib.sha256(data).hexdigest())
 

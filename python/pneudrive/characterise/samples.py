@@ -52,7 +52,10 @@ def clean(recording: Recording) -> Recording:
     _count(counts, "non_finite", int((~finite).sum()))
     if not finite.any():
         raise RecordingError(
-            "no sample is finite in all channels", where=recording.name, value=f"{len(recording)} rows"
+            "no sample is finite in all channels",
+            where=recording.name,
+            value=f"{len(recording)} rows",
+            remedy="check which columns the layout names, and their units",
         )
     recording = _take(recording, finite)
     fresh = np.concatenate(([True], np.diff(recording.time_s) > 0))

@@ -143,7 +143,12 @@ def read_text(path: Path, data: bytes, form: TextForm, wanted: list[int | str]) 
             start += 1  # a row of units
     first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
     if first is None:
-        raise RecordingError("there are no rows of numbers", where=str(path), value=f"{len(lines)} lines")
+        raise RecordingError(
+            "there are no rows of numbers",
+            where=str(path),
+            value=f"{len(lines)} lines",
+            remedy="check header, skip_lines and comment in the layout",
+        )
     width = len(split_row(first, form.delimiter))
     use = [column_number(column, names, width, path) for column in wanted]
     table = _parse_fast(lines, start, form, use)
