@@ -183,3 +183,14 @@ def test_what_is_no_description_is_refused(drive, initial, words):
     given = pn.Drive.load("catalogue:reference") if drive == "catalogue" else drive
     with pytest.raises(pn.PneudriveError, match=words):
         pn.simulate(given, "0 s: 0", "1 ms", initial=initial)
+
+
+def test_seals_that_let_breakaway_fall_below_sliding_are_told(tmp_path):
+    """Only the Coulomb force grows with pressure here: at 6 bar it exceeds the breakaway force."""
+    text = pn.Drive.load("catalogue:reference").to_toml()
+    text += '\n[friction.pressure]\ncoulomb = { a = "5 N/bar", b = "0 N/bar" }\n'
+    path = tmp_path / "drive.toml"
+    path.write_text(text)
+    drive = pn.Drive.load(path)
+    with pytest.warns(PneudriveWarning, match="breakaway force falls below"):
+        pn.simulate(drive, command=[(0.0, 0.6)], duration="0.01 s")

@@ -7,7 +7,7 @@ use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use ode::{Options, Output, Statistics, Stepper, System};
 use physics::IdealGas;
 use physics::flow::Iso6358;
-use physics::friction::{AnyLaw, At, SealLips};
+use physics::friction::{AnyLaw, At, Levels, SealLips};
 use physics::mechanics::EndStop;
 use std::f64::consts::PI;
 
@@ -32,8 +32,8 @@ fn side(bore: f64, rod: f64) -> PistonSide {
     PistonSide { area, perimeter: PI * (bore + rod), end_wall: 2.0 * area }
 }
 
-/// The law's own warning for its levels without pressure, or under supply pressure in either chamber.
-fn law_warning(law: &AnyLaw<f64>, lips: Option<&SealLips<f64>>, gauge: f64) -> Option<String> {
+/// What to know of the law with its levels without pressure, and under supply pressure in either chamber.
+fn friction_warnings(law: &AnyLaw<f64>, lips: Option<&SealLips<f64>>, gauge: f64) -> Vec<String> {
     let base = law.levels();
     let pressed = lips.into_iter().flat_map(|lips| {
         [(gauge, 0.0), (0.0, gauge), (gauge, gauge)].map(|(gauge_a, gauge_b)| {
@@ -41,7 +41,19 @@ fn law_warning(law: &AnyLaw<f64>, lips: Option<&SealLips<f64>>, gauge: f64) -> O
             lips.apply(&base, &at)
         })
     });
-    std::iter::once(base).chain(pressed).find_map(|levels| law.warning(&levels))
+    let stated = law.meta().parameters.iter().any(|parameter| parameter.key == "breakaway");
+    let inverted = |levels: &Levels<f64>| {
+        (stated && levels.breakaway < levels.coulomb).then(|| {
+            format!(
+                "under supply pressure the breakaway force falls below the Coulomb force ({:.3} N, {:.3} N): \
+                 friction.pressure.breakaway is usually not below friction.pressure.coulomb",
+                levels.breakaway, levels.coulomb
+            )
+        })
+    };
+    let all: Vec<Levels<f64>> = std::iter::once(base).chain(pressed).collect();
+    let of_law = all.iter().find_map(|levels| law.warning(levels));
+    of_law.into_iter().chain(all.iter().find_map(inverted)).collect()
 }
 
 /// A stop so soft that supply pressure pushes the piston through the dead volume before it.
@@ -90,7 +102,7 @@ impl Drive {
             ));
         }
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
-        let mut warnings: Vec<String> = law_warning(&law, lips.as_ref(), gauge).into_iter().collect();
+        let mut warnings: Vec<String> = friction_warnings(&law, lips.as_ref(), gauge);
         warnings.extend(stop_warning(cylinder, &sides, gauge));
         if chamber_law == ChamberLaw::AsPrinted {
             warnings.push(
