@@ -56,6 +56,7 @@ def simulate(
     initial: Initial | str | None = None,
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
+    ledger: bool = False,
 ) -> xr.Dataset:
     """Simulate a drive.
 
@@ -74,6 +75,10 @@ def simulate(
         ``"1 kHz"``, or a number of samples a second.
     rtol : float
         Relative tolerance of the solver.
+    ledger : bool
+        Integrate the accounts of mass, energy and entropy along, without changing a bit of the states;
+        ``attrs["ledger"]`` then says how well they close. Not for the chamber law ``as-printed``, which does not
+        conserve energy.
 
     Returns
     -------
@@ -98,7 +103,7 @@ def simulate(
     >>> run.sizes["time"], run.pressure_a.attrs["units"]
     (11, 'Pa')
     """
-    return run(drive, command, duration, initial=initial, sample_rate=sample_rate, rtol=rtol).dataset()
+    return run(drive, command, duration, initial=initial, sample_rate=sample_rate, rtol=rtol, ledger=ledger).dataset()
 
 
 def run(
@@ -109,6 +114,7 @@ def run(
     initial: Initial | str | None = None,
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
+    ledger: bool = False,
 ) -> Run:
     """Simulate without labelling the result, which would import xarray.
 
@@ -131,7 +137,7 @@ def run(
     elif initial is not None:
         _require(initial, "position_m", "initial", 'pn.Initial(position="50 mm")')
     start = drive.core_initial(initial)
-    result = _solve(compiled(drive.core_json()), steps, seconds, rate, start, rtol)
+    result = _solve(compiled(drive.core_json()), steps, seconds, rate, start, rtol, ledger)
     for message in result["warnings"]:
         warnings.warn(message, PneudriveWarning, stacklevel=3)
     return Run(result["columns"], _provenance(drive, result, rtol))
@@ -161,14 +167,16 @@ def _solve(
     rate: float,
     start: dict[str, float],
     rtol: float,
+    ledger: bool,
 ) -> SimulationResult:
     try:
-        return core.simulate(*steps, seconds, rate, start, rtol)
+        return core.simulate(*steps, seconds, rate, start, rtol, ledger)
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None
 
 
 def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str, Any]:
+    ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
     return {
         "title": drive.name,
         "description_hash": drive.description_hash,
@@ -180,6 +188,7 @@ def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str
         "citations": result["citations"],
         "assumed": drive.assumed(),
         "labels": dict(drive.labels),
+        **ledger,
     }
 
 

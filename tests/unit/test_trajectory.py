@@ -194,3 +194,19 @@ def test_seals_that_let_breakaway_fall_below_sliding_are_told(tmp_path):
     drive = pn.Drive.load(path)
     with pytest.warns(PneudriveWarning, match="breakaway force falls below"):
         pn.simulate(drive, command=[(0.0, 0.6)], duration="0.01 s")
+
+
+def test_the_ledger_closes_and_changes_no_bit(tmp_path):
+    """Accounts on demand: the books close, the motion is the same, and they survive a file."""
+    drive = pn.Drive.load("catalogue:reference")
+    plain, booked = (
+        pn.simulate(drive, command=[(0.0, 0.6)], duration="0.3 s", rtol=1e-9, ledger=ledger) for ledger in (False, True)
+    )
+    assert "ledger" not in plain.attrs
+    assert (plain.position == booked.position).all()
+    books = booked.attrs["ledger"]
+    assert abs(books["mass_error"]) < 1e-12
+    assert abs(books["energy_error"]) < 1e-6
+    assert books["energy_turnover_j"] > 100.0
+    pn.save(booked, tmp_path / "run.nc")
+    assert "energy_turnover_j" in str(xr.load_dataset(tmp_path / "run.nc").attrs["ledger"])

@@ -116,6 +116,9 @@ impl Drive {
         if chamber_law == ChamberLaw::AsPrinted {
             citations.push("bracha");
         }
+        if cylinder.incline_rad != 0.0 {
+            citations.push("bipm2019");
+        }
 
         let mut circuit = Circuit::new(&gas, spec.ambient.pressure_pa, spec.ambient.temperature_k);
         let supply = circuit.reservoir(spec.supply.pressure_pa, spec.supply.temperature_k);
