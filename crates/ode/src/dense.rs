@@ -5,13 +5,13 @@ use math::Lane;
 
 /// One step of all lanes, for dense output, as a polynomial in theta = (t - t0)/h:
 ///
-///   y = y0 + theta (c1 + theta (c2 + theta (c3 + theta c4)))
-///   c1 = y1 - y0 + K_1,  c2 = K_2 - K_1,  c3 = K_3 - K_2,  c4 = -K_3,  K_l = sum_j h_lj U_j
+///   y = c0 + theta (c1 + theta (c2 + theta (c3 + theta c4)))
+///   c0 = y0,  c1 = y1 - y0 + K_1,  c2 = K_2 - K_1,  c3 = K_3 - K_2,  c4 = -K_3,  K_l = sum_j h_lj U_j
 #[derive(Clone, Debug)]
 pub(crate) struct Step<R> {
     pub y0: Vec<Block<R>>,
     pub y1: Vec<Block<R>>,
-    c: Vec<[Block<R>; 4]>,
+    c: Vec<[Block<R>; 5]>,
     at: Vec<Block<R>>,
     /// `c` belongs to the present attempt.
     ready: bool,
@@ -19,7 +19,7 @@ pub(crate) struct Step<R> {
 
 impl<R: Lane> Step<R> {
     pub fn new(blocks: usize) -> Self {
-        let c = vec![[[R::zero(); BLOCK]; 4]; blocks];
+        let c = vec![[[R::zero(); BLOCK]; 5]; blocks];
         Step { y0: zeros(blocks), y1: zeros(blocks), c, at: zeros(blocks), ready: false }
     }
 
@@ -37,12 +37,13 @@ impl<R: Lane> Step<R> {
         let blocks = self.c.len();
         for (b, c) in self.c.iter_mut().enumerate() {
             let k = METHOD.dense.map(|coefficients| sum_of_stages(b, blocks, &coefficients, u));
+            c[0] = self.y0[b];
             for l in 0..BLOCK {
                 let rise = self.y1[b][l] - self.y0[b][l];
-                c[0][l] = rise + k[0][l];
-                c[1][l] = k[1][l] - k[0][l];
-                c[2][l] = k[2][l] - k[1][l];
-                c[3][l] = -k[2][l];
+                c[1][l] = rise + k[0][l];
+                c[2][l] = k[1][l] - k[0][l];
+                c[3][l] = k[2][l] - k[1][l];
+                c[4][l] = -k[2][l];
             }
         }
         self.ready = true;
@@ -52,11 +53,15 @@ impl<R: Lane> Step<R> {
     /// does not change keeps its bits.
     pub fn interpolate(&mut self, theta: f64) -> &[R] {
         let th = R::c(theta);
-        for ((at, y0), c) in self.at.iter_mut().zip(&self.y0).zip(&self.c) {
-            for l in 0..BLOCK {
-                let slope = c[3][l].fma(th, c[2][l]).fma(th, c[1][l]).fma(th, c[0][l]);
-                at[l] = slope.fma(th, y0[l]);
+        for (at, c) in self.at.iter_mut().zip(&self.c) {
+            // One coefficient of a whole block at a time: vector code.
+            let mut sum = c[4];
+            for coefficient in [&c[3], &c[2], &c[1], &c[0]] {
+                for l in 0..BLOCK {
+                    sum[l] = sum[l].fma(th, coefficient[l]);
+                }
             }
+            *at = sum;
         }
         self.at.as_flattened()
     }
