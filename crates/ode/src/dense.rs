@@ -36,14 +36,22 @@ impl<R: Lane> Step<R> {
         }
         let blocks = self.c.len();
         for (b, c) in self.c.iter_mut().enumerate() {
-            let k = METHOD.dense.map(|coefficients| sum_of_stages(b, blocks, &coefficients, u));
-            c[0] = self.y0[b];
+            let k0 = sum_of_stages(b, blocks, &METHOD.dense[0], u);
+            let k1 = sum_of_stages(b, blocks, &METHOD.dense[1], u);
+            let k2 = sum_of_stages(b, blocks, &METHOD.dense[2], u);
+            let (y0, y1) = (self.y0[b], self.y1[b]);
+            c[0] = y0;
             for l in 0..BLOCK {
-                let rise = self.y1[b][l] - self.y0[b][l];
-                c[1][l] = rise + k[0][l];
-                c[2][l] = k[1][l] - k[0][l];
-                c[3][l] = k[2][l] - k[1][l];
-                c[4][l] = -k[2][l];
+                c[1][l] = (y1[l] - y0[l]) + k0[l];
+            }
+            for l in 0..BLOCK {
+                c[2][l] = k1[l] - k0[l];
+            }
+            for l in 0..BLOCK {
+                c[3][l] = k2[l] - k1[l];
+            }
+            for l in 0..BLOCK {
+                c[4][l] = -k2[l];
             }
         }
         self.ready = true;

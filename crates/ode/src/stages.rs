@@ -50,9 +50,10 @@ pub(crate) fn sum_of_stages<R: Lane>(
     u: &[Block<R>],
 ) -> Block<R> {
     let mut sum = [R::zero(); BLOCK];
-    for (j, c) in coefficients.iter().enumerate() {
-        for (sum, u) in sum.iter_mut().zip(u[j * blocks + b]) {
-            *sum = u.fma(R::c(*c), *sum);
+    for j in 0..S {
+        let (row, c) = (&u[j * blocks + b], R::c(coefficients[j]));
+        for l in 0..BLOCK {
+            sum[l] = row[l].fma(c, sum[l]);
         }
     }
     sum

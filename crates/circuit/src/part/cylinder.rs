@@ -72,14 +72,7 @@ impl<P: Real> Part<P> for Cylinder<P> {
             volume.reset(node);
             face.enlarge(axis, node);
             volume.fill(states, node, common);
-        }
-    }
-
-    #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
-        let axis = &mut net.axis[self.axis.node];
-        for (volume, face) in self.sides() {
-            face.push(&net.gas[volume.node], axis, common);
+            face.push(node, axis, common);
         }
         self.stops.push(axis);
     }
