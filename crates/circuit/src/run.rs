@@ -90,13 +90,12 @@ pub struct States {
 impl States {
     /// For states of length `n`.
     pub fn new(times: Vec<f64>, n: usize) -> Self {
-        States { next: 0, n, rows: vec![0.0; times.len() * n], times }
+        States { next: 0, n, rows: Vec::with_capacity(times.len() * n), times }
     }
 
     #[inline]
     fn keep(&mut self, y: &[f64]) {
-        let n = self.n;
-        self.rows[self.next * n..][..n].copy_from_slice(&y[..n]);
+        self.rows.extend_from_slice(&y[..self.n]);
         self.next += 1;
     }
 
