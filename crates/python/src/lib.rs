@@ -270,7 +270,6 @@ fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         law.set_item("name", meta.key)?;
         law.set_item("title", meta.title)?;
         law.set_item("source", meta.source)?;
-        law.set_item("modes", i32::from(meta.sticks))?;
         law.set_item("states", meta.states.iter().map(|state| state.name).collect::<Vec<_>>())?;
         let parameters = PyList::empty(py);
         for p in meta.parameters {

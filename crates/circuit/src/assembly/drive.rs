@@ -188,7 +188,7 @@ impl Drive {
     /// The drive's equations, and their state at `initial` with the command `u`.
     pub fn start(&self, initial: &Initial, u: f64) -> (Circuit<f64>, Vec<f64>) {
         let mut circuit = self.circuit.clone();
-        set_command(&mut circuit, &self.edges, 0, u);
+        self.set_command(&mut circuit, 0, u);
         let y = circuit.initial(
             &[
                 (self.a, initial.pressure_a_pa, initial.temperature_a_k),
@@ -201,7 +201,10 @@ impl Drive {
 
     /// Opens the valve of one lane: u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
     pub fn set_command<R: math::Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: f64) {
-        set_command(circuit, &self.edges, lane, u);
+        let (extend, retract) = (u.max(0.0), (-u).max(0.0));
+        for (edge, opening) in self.edges.iter().zip([extend, retract, retract, extend]) {
+            circuit.set_opening(*edge, lane, opening);
+        }
     }
 
     /// Simulates a command that is constant from each of `times` to the next (the first at 0).
@@ -264,7 +267,7 @@ impl Drive {
             }
             note(u);
             if i > 0 {
-                set_command(stepper.system_mut(), &self.edges, 0, u);
+                self.set_command(stepper.system_mut(), 0, u);
             }
             let until = times.get(i + 1).map_or(duration, |&t| t.min(duration));
             advance(stepper, until, output, interrupted)?;
@@ -301,7 +304,7 @@ impl Drive {
         for pair in times.windows(2) {
             let u = servo.command(pair[0], stepper.state()[0], stepper.state()[1]);
             commands.push(u);
-            set_command(stepper.system_mut(), &self.edges, 0, u);
+            self.set_command(stepper.system_mut(), 0, u);
             advance(&mut stepper, pair[1], &mut recorder, interrupted)?;
         }
         commands.extend(commands.last().copied());
@@ -347,13 +350,6 @@ const COLUMNS: [&str; 13] = [
     "mass_flow_a_kg_s",
     "mass_flow_b_kg_s",
 ];
-
-fn set_command<R: math::Lane>(circuit: &mut Circuit<R>, edges: &[RestrictionId; 4], lane: usize, u: f64) {
-    let (extend, retract) = (u.max(0.0), (-u).max(0.0));
-    for (edge, opening) in edges.iter().zip([extend, retract, retract, extend]) {
-        circuit.set_opening(*edge, lane, opening);
-    }
-}
 
 /// Proportional-derivative position control of a sine, u clipped to [-1, 1].
 #[derive(Clone, Copy, Debug)]
