@@ -94,6 +94,18 @@ class FitError(PneudriveError):
     """Parameters could not be estimated from the data."""
 
 
+class ProtocolError(PneudriveError):
+    """A campaign protocol is not valid, or asks of a rig what it must not do."""
+
+
+class RigError(PneudriveError):
+    """A rig cannot do what it was asked to do: a fault, a limit, a lost connection."""
+
+
+class CampaignError(PneudriveError):
+    """A campaign folder cannot be used: locked, read-only, full, not a campaign, files that do not fit together."""
+
+
 class PneudriveWarning(UserWarning):
     """A result is there, but something about it should be known: a friction law that is not passive, for instance."""
 

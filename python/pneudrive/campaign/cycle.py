@@ -1,0 +1,85 @@
+"""A cycle: the unit that a campaign plans, runs, keeps and can repeat."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from pneudrive.errors import CampaignError
+from pneudrive.rig.interface import Hold, Move, Sampling, Step
+
+#: What a cycle is for. Only the first three are points of a characteristic; the others prepare and watch.
+KINDS = {
+    "sweep": "out and back at one speed",
+    "stop": "a stop in the middle of a move, after preconditioning strokes",
+    "sentinel": "the reference speed, repeated to see drift",
+    "warm-up": "strokes that bring rig and seal to a steady state",
+    "tare": "standing, force released: the zero of the force sensor",
+    "blank": "a slow stroke before a block, to compare with the one after it",
+    "leak": "standing under pressure, supply shut: the fall of pressure",
+    "weight": "standing under a known weight: the gain of the force sensor",
+    "operator": "a change by hand (mounting, seal, drive) and its confirmation",
+}
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One cycle as planned, and the head of its file as run. SI, absolute pressures.
+
+    Parameters
+    ----------
+    key : str
+        Names the cycle within its campaign, for good: file name, seed and resume depend on it.
+    kind : str
+        One of `KINDS`.
+    steps : tuple of Move and Hold
+        What the axis does, in order.
+    sampling : Sampling
+    pressure_a_pa, pressure_b_pa : float
+        Set before the cycle, and held.
+    block, repeat : int
+        Counted from 1.
+    speed_m_s : float or None
+        The speed that the cycle is for: of a sweep, of the restart after a stop.
+    stop_s : float or None
+        Duration of the stop that the cycle is for.
+    released : bool
+        Whether the force is released during that stop.
+    levels : dict
+        Hard-to-change factors of the block: mounting, seal, drive.
+    text : str
+        What the operator is asked to do.
+    """
+
+    key: str
+    kind: str
+    steps: tuple[Step, ...]
+    sampling: Sampling
+    pressure_a_pa: float
+    pressure_b_pa: float
+    block: int = 1
+    repeat: int = 1
+    speed_m_s: float | None = None
+    stop_s: float | None = None
+    released: bool = False
+    levels: dict[str, str] = field(default_factory=dict)
+    text: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give plain data that JSON can hold; a step is told by its keys."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Cycle:
+        """Take back what `to_dict` gave.
+
+        Raises
+        ------
+        CampaignError
+            If a key is missing or unknown.
+        """
+        try:
+            steps = tuple(Move(**step) if "to_m" in step else Hold(**step) for step in data["steps"])
+            return cls(**{**data, "steps": steps, "sampling": Sampling(**data["sampling"])})
+        except (KeyError, TypeError) as error:
+            raise CampaignError("the head of a cycle is not one", value=str(error), rule="see Cycle") from None
