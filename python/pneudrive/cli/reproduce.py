@@ -14,9 +14,9 @@ def reproduce(
 ) -> None:
     """Reproduce figures 1-3, 5, 6 and 8 of the source paper from a simulated rig and drive, with a report."""
     from pneudrive.cli.output import writable_folder
+    from pneudrive.paper import NOT_REPRODUCED
     from pneudrive.report import reproduce as run
     from pneudrive.report import write_report
-    from pneudrive.rig.paper import NOT_REPRODUCED
 
     folder = writable_folder(out)
     made = run(seed=seed)

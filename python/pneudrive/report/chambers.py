@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pneudrive.paper.chamber_laws import AS_PRINTED, ENERGY_BALANCE
 from pneudrive.report import style
 from pneudrive.report.page import Picture, Section, Table, Text
-from pneudrive.rig.chamber_laws import AS_PRINTED, ENERGY_BALANCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pneudrive.rig.chamber_laws import ChamberComparison
+    from pneudrive.paper.chamber_laws import ChamberComparison
 
 LINES = {ENERGY_BALANCE: ("-", style.BLACK, "energy balance"), AS_PRINTED: ("--", style.ORANGE, "as printed")}
 

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.paper import NOT_REPRODUCED
+from pneudrive.paper.friction_curves import RAMP_M
 from pneudrive.report import style
 from pneudrive.report.page import Picture, Section, Table, Text
 from pneudrive.report.words import plural, sentence
-from pneudrive.rig.friction_curves import RAMP_M
-from pneudrive.rig.paper import NOT_REPRODUCED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.figure import Figure
 
-    from pneudrive.rig import PaperFigure
+    from pneudrive.paper import PaperFigure
 
 
 def section(figures: Mapping[int, PaperFigure]) -> Section:

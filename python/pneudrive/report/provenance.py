@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive import __version__
+from pneudrive.paper.chamber_laws import FULL_STROKE
+from pneudrive.paper.stick_slip import SLOW_DRIVE
 from pneudrive.references import entries
 from pneudrive.report.page import Items, Section, Table, Text
-from pneudrive.rig.chamber_laws import FULL_STROKE
-from pneudrive.rig.stick_slip import SLOW_DRIVE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation, StickSlip
     from pneudrive.characterise.extract import Level, RecordingResult
-    from pneudrive.rig import PaperFigure
+    from pneudrive.paper import PaperFigure
 
 PAPER_FIGURES = {1: "LuGre, read by sensors", 2: "LuGre", 3: "Coulomb and Stribeck"}
 SHOWN_S = 10.0

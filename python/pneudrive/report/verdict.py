@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.pressure_line import CONFOUNDED
+from pneudrive.paper import NOT_REPRODUCED
 from pneudrive.report.recovered import recovered
 from pneudrive.report.speed import richest
 from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s, with_u
-from pneudrive.rig.paper import NOT_REPRODUCED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

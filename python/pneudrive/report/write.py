@@ -30,9 +30,10 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation
     from pneudrive.identify import FrictionFit
+    from pneudrive.paper import PaperFigure
+    from pneudrive.paper.chamber_laws import ChamberComparison
     from pneudrive.report.page import Section
-    from pneudrive.rig import PaperFigure, SimulatedRig
-    from pneudrive.rig.chamber_laws import ChamberComparison
+    from pneudrive.rig import SimulatedRig
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 
@@ -87,9 +88,9 @@ def reproduce(rig: SimulatedRig | None = None, seed: int = 0) -> Reproduction:
 
     from pneudrive.characterise import characterise_recordings
     from pneudrive.identify.seals import fit_characterisation
+    from pneudrive.paper import paper_figures
+    from pneudrive.paper.chamber_laws import compare_chamber_laws
     from pneudrive.rig import SimulatedRig, sweep
-    from pneudrive.rig.chamber_laws import compare_chamber_laws
-    from pneudrive.rig.paper import paper_figures
 
     rig = rig or SimulatedRig.default()
     recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=seed)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pneudrive.rig.figure import PaperFigure
 from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, uniform_in_position
 from pneudrive.rig.sensors import AnalogSensor, Encoder, EncoderClock, TimeClock
 from pneudrive.rig.simulated import SimulatedRig, Trace, sweep
@@ -13,7 +12,6 @@ __all__ = [
     "EncoderClock",
     "Limits",
     "Motion",
-    "PaperFigure",
     "SimulatedRig",
     "TimeClock",
     "Trace",

@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.characterise import SourcePaper, characterise, characterise_recordings
 from pneudrive.characterise.budget import COVERAGE_FACTOR
 from pneudrive.characterise.settling import moving_average
-from pneudrive.rig.figure import PaperFigure
+from pneudrive.paper.figure import PaperFigure
 from pneudrive.rig.motion import Limits
 from pneudrive.rig.simulated import SimulatedRig, sweep
 

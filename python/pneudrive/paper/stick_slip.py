@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.characterise.motion import local_slope
 from pneudrive.characterise.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip
 from pneudrive.describe import Drive
-from pneudrive.rig.figure import PaperFigure
+from pneudrive.paper.figure import PaperFigure
 from pneudrive.rig.sensors import AnalogSensor, Encoder
 from pneudrive.simulate import simulate
 

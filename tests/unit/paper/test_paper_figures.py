@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pneudrive.paper import figure_1, figure_2, figure_3, figure_5, figure_6, figure_8, paper_figures
+from pneudrive.paper import stick_slip as ss
 from pneudrive.rig import SimulatedRig
-from pneudrive.rig import stick_slip as ss
-from pneudrive.rig.paper import figure_1, figure_2, figure_3, figure_5, figure_6, figure_8, paper_figures
 
 RIG = SimulatedRig.default()
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.rig.friction_curves import figure_5, figure_6, figure_8
-from pneudrive.rig.stick_slip import figure_1, figure_2, figure_3
+from pneudrive.paper.figure import PaperFigure
+from pneudrive.paper.friction_curves import figure_5, figure_6, figure_8
+from pneudrive.paper.stick_slip import figure_1, figure_2, figure_3
 
 if TYPE_CHECKING:
-    from pneudrive.rig.figure import PaperFigure
     from pneudrive.rig.simulated import SimulatedRig
 
 #: Figures of the paper that are not made here, and why.
@@ -17,7 +17,17 @@ NOT_REPRODUCED = {
     "9": "friction after stops of 15 s: needs a law of dwell, which the friction laws do not have yet",
 }
 
-__all__ = ["NOT_REPRODUCED", "figure_1", "figure_2", "figure_3", "figure_5", "figure_6", "figure_8", "paper_figures"]
+__all__ = [
+    "NOT_REPRODUCED",
+    "PaperFigure",
+    "figure_1",
+    "figure_2",
+    "figure_3",
+    "figure_5",
+    "figure_6",
+    "figure_8",
+    "paper_figures",
+]
 
 
 def paper_figures(rig: SimulatedRig | None = None, seed: int = 0) -> dict[int, PaperFigure]:
