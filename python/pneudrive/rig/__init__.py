@@ -1,23 +1,71 @@
-"""Recordings from a simulated rig whose truth is known."""
+"""Rigs: what a campaign drives. Simulated ones know their truth.
+
+A campaign knows a rig by the protocols of `pneudrive.rig.interface` alone: `Rig` (eight verbs); `Reproducible`
+(begin_cycle, memory, restore, truth) and `Changeable` (levels, change: mounting, seal, drive) where the rig is
+simulated. Times of samples are those of `pneudrive.rig.sampling.schedule`.
+
+    rig = load_rig("default", seed=7)              # name, TOML file, folder, address, or a class as "module:Name"
+    rig = load_rig("my_rig.toml", pace=1.0)        # in real time, for a live display or behind a server
+    rig.set_pressure(1.5e5, 1.5e5)
+    rig.begin_cycle("0001")
+    for samples in rig.acquire([Move(0.2, 0.05), Hold(15.0), Move(0.1, 0.05)], Sampling()):
+        ...
+
+A further kind of rig is a function (source, seed, pace) -> Rig and one line in `pneudrive.rig.loading.LOADERS`; the
+kind is the scheme of an address, ``kind = "..."`` in a TOML file, or ``folder``.
+
+Without a campaign, `SimulatedRig` is a stateless object: `drag` gives the true signals of cycles at one speed, `record`
+reads them by the sensors, `measure` does both, `sweep` over speeds and pressures; `session` makes the stateful
+`RigSession` that `load_rig` returns.
+"""
 
 from __future__ import annotations
 
+from pneudrive.rig.interface import (
+    Changeable,
+    Envelope,
+    Hold,
+    Identity,
+    Move,
+    Reproducible,
+    Rig,
+    RigState,
+    Samples,
+    Sampling,
+)
+from pneudrive.rig.loading import load_rig, shipped_rigs
 from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, uniform_in_position
+from pneudrive.rig.sampling import schedule
 from pneudrive.rig.sensors import AnalogSensor, Encoder, EncoderClock, TimeClock
+from pneudrive.rig.session import RigSession
 from pneudrive.rig.simulated import SimulatedRig, Trace, sweep
 
 __all__ = [
     "AnalogSensor",
+    "Changeable",
     "Encoder",
     "EncoderClock",
+    "Envelope",
+    "Hold",
+    "Identity",
     "Limits",
     "Motion",
+    "Move",
+    "Reproducible",
+    "Rig",
+    "RigSession",
+    "RigState",
+    "Samples",
+    "Sampling",
     "SimulatedRig",
     "TimeClock",
     "Trace",
     "cycles",
     "dwell",
+    "load_rig",
     "move",
+    "schedule",
+    "shipped_rigs",
     "sweep",
     "uniform_in_position",
 ]

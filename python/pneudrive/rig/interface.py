@@ -49,10 +49,16 @@ class Hold:
     released : bool
         The axis gives way until the force sensor shows no force; otherwise it keeps its position, and the seal its
         deflection.
+    shut : bool
+        The supply is shut off meanwhile: a leak shows as a fall of pressure.
+    weight_n : float
+        Known force in +x that acts on the piston meanwhile, hung on by the operator; 0: none.
     """
 
     duration_s: float
     released: bool = False
+    shut: bool = False
+    weight_n: float = 0.0
 
 
 Step = Move | Hold
@@ -67,11 +73,15 @@ class Sampling:
     samples_per_stroke : int
         Even in time over each move.
     burst_rate_hz : float
-        Least rate around each reversal and restart; 0: no bursts.
+        Least rate around each reversal, stop and restart: at both ends of every step; 0: no bursts.
     burst_before_s, burst_after_s : float
-        How long the burst lasts before a move ends and after a move begins.
+        How long the burst lasts before a step ends and after one begins.
     hold_rate_hz : float
         Rate while the axis stands (outside the bursts).
+
+    See Also
+    --------
+    pneudrive.rig.sampling.schedule : the times themselves, and so their number.
     """
 
     samples_per_stroke: int = 5000
@@ -295,4 +305,17 @@ class Reproducible(Protocol):
 
     def truth(self) -> dict[str, Any]:
         """Give what was true of the last cycle, as plain data; kept beside the recording, never read by results."""
+        ...
+
+
+@runtime_checkable
+class Changeable(Protocol):
+    """A rig that can be told what the operator has changed by hand: a simulated rig."""
+
+    def levels(self) -> dict[str, tuple[str, ...]]:
+        """Give the factors that can be changed and the levels that each can take."""
+        ...
+
+    def change(self, levels: dict[str, str]) -> None:
+        """Take what has been mounted: factor -> level, as in `Cycle.levels`; factors left out stay as they are."""
         ...

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.rig.sensors import EncoderClock, TimeClock
+    from pneudrive.rig.session import RigSession
 
     Array = NDArray[np.float64]
 
@@ -80,6 +81,12 @@ class SimulatedRig:
     def load(cls, path: str | Path) -> SimulatedRig:
         """Return the rig described by a TOML file of the form of the default one."""
         return cls(read_description(path))
+
+    def session(self, seed: int = 0, pace: float | None = None) -> RigSession:
+        """Start using the rig as a campaign does: see `RigSession`."""
+        from pneudrive.rig.session import RigSession
+
+        return RigSession(self, seed, pace)
 
     def with_friction(self, law: str | None = None, **parameters: float) -> SimulatedRig:
         """Return a rig with another friction law or other parameters (SI, names as in the drive file)."""

@@ -1,0 +1,92 @@
+"""When samples are taken: even over each step, denser at its ends."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.rig.interface import Sampling
+
+    Array = NDArray[np.float64]
+
+
+def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
+    """Space the samples of one step, from its beginning; the end of the step belongs to what comes after.
+
+    Parameters
+    ----------
+    duration_s : float
+        Of the step; no samples where it is zero.
+    moving : bool
+        A move: evenly spread samples; otherwise a hold at its own rate.
+    sampling : Sampling
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Ascending, s, the first one zero.
+
+    Examples
+    --------
+    >>> from pneudrive.rig.interface import Sampling
+    >>> step_times(1.0, True, Sampling(samples_per_stroke=4, burst_rate_hz=0.0)).tolist()
+    [0.0, 0.25, 0.5, 0.75]
+    """
+    if duration_s <= 0.0:
+        return np.zeros(0)
+    rate = sampling.samples_per_stroke / duration_s if moving else sampling.hold_rate_hz
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise CommandError(
+            f"a step of {duration_s:g} s cannot be sampled at {rate} Hz",
+            rule="samples_per_stroke and hold_rate_hz are positive",
+        )
+    spans = [(0.0, duration_s, rate)]
+    if sampling.burst_rate_hz > rate:
+        after = min(sampling.burst_after_s, duration_s)
+        before = max(duration_s - sampling.burst_before_s, after)
+        dense = sampling.burst_rate_hz
+        spans = [(0.0, after, dense), (after, before, rate), (before, duration_s, dense)]
+    parts = []
+    for begin, end, wanted in spans:
+        n = math.ceil((end - begin) * wanted * (1.0 - 1e-12))
+        parts.append(begin + (end - begin) * np.arange(n) / max(n, 1))
+    return np.concatenate(parts)
+
+
+def schedule(
+    durations_s: Sequence[float], moving: Sequence[bool], sampling: Sampling
+) -> tuple[Array, NDArray[np.int64]]:
+    """Space all samples of a cycle, with one at its very end, and the step to which each belongs.
+
+    Parameters
+    ----------
+    durations_s : sequence of float
+        Of the steps.
+    moving : sequence of bool
+        Whether a step is a move.
+    sampling : Sampling
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Strictly ascending, s.
+    ndarray of int64, shape (n,)
+        Index of the step.
+    """
+    each = [step_times(duration, move, sampling) for duration, move in zip(durations_s, moving, strict=True)]
+    borders = np.concatenate([[0.0], np.cumsum(durations_s)])
+    last = max((i for i, part in enumerate(each) if part.size), default=-1)
+    if last < 0:
+        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    each[last] = np.append(each[last], durations_s[last])
+    times = np.concatenate([border + part for border, part in zip(borders, each, strict=False)])
+    return times, np.repeat(np.arange(len(each), dtype=np.int64), [part.size for part in each])
