@@ -49,6 +49,10 @@ class Cycle:
         Hard-to-change factors of the block: mounting, seal, drive.
     text : str
         What the operator is asked to do.
+    start_m : float or None
+        Where the axis stands before the first step; brought there without recording.
+    weight_kg : float or None
+        The known weight that is applied.
     """
 
     key: str
@@ -64,6 +68,8 @@ class Cycle:
     released: bool = False
     levels: dict[str, str] = field(default_factory=dict)
     text: str = ""
+    start_m: float | None = None
+    weight_kg: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Give plain data that JSON can hold; a step is told by its keys."""

@@ -1,0 +1,256 @@
+"""The plan of a campaign: every cycle in order, how long it takes and how much it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from pneudrive.campaign.order import ordered_blocks, ordered_cells
+from pneudrive.campaign.points import Builder, Cell, Pair, Way, cycle_samples, cycle_time_s, pairs
+from pneudrive.campaign.protocol_values import AMBIENT
+from pneudrive.errors import ProtocolError, nearest
+
+if TYPE_CHECKING:
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.protocol import Protocol
+    from pneudrive.rig.interface import Envelope, Identity
+
+#: Bytes that a sample takes in a cycle's file: measured on cycles of the simulated default rig as `write_cycle` writes
+#: them (seven columns, zstd); `test_plan` holds it against a file.
+BYTES_PER_SAMPLE = 33.0
+#: Bytes of a cycle's file beside its samples: Parquet's own and the head, measured likewise.
+BYTES_PER_CYCLE = 6000.0
+VENTED = Pair(AMBIENT, AMBIENT)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A cycle of a plan.
+
+    Attributes
+    ----------
+    cycle : Cycle
+    axis_s : float
+        What its moves and holds take, to the last digit that the axis' limits allow.
+    wait_s : float
+        Before it: settling after a change of pressure, or the operator's work. Assumed, as the protocol says.
+    samples : int
+    cell : Cell or None
+        What it measures; None where it prepares or watches.
+    """
+
+    cycle: Cycle
+    axis_s: float
+    wait_s: float
+    samples: int
+    cell: Cell | None = None
+
+    @property
+    def time_s(self) -> float:
+        """All of it, s."""
+        return self.axis_s + self.wait_s
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What would be run on a rig.
+
+    Attributes
+    ----------
+    protocol, identity, envelope
+    planned : tuple of Planned
+        In the order in which they are run.
+    notes : tuple of str
+        What should be known before it is run.
+    """
+
+    protocol: Protocol
+    identity: Identity
+    envelope: Envelope
+    planned: tuple[Planned, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def cycles(self) -> tuple[Cycle, ...]:
+        """All cycles, in order."""
+        return tuple(one.cycle for one in self.planned)
+
+    @property
+    def time_s(self) -> float:
+        """Total time, s; homing and changes of pressure themselves come on top."""
+        return sum(one.time_s for one in self.planned)
+
+    @property
+    def samples(self) -> int:
+        """Total number of samples."""
+        return sum(one.samples for one in self.planned)
+
+    @property
+    def strokes(self) -> int:
+        """Total number of moves."""
+        return sum(hasattr(step, "to_m") for cycle in self.cycles for step in cycle.steps)
+
+    @property
+    def bytes(self) -> float:
+        """Size on disk, estimated by `BYTES_PER_SAMPLE`."""
+        recorded = sum(bool(cycle.steps) for cycle in self.cycles)
+        return BYTES_PER_SAMPLE * self.samples + BYTES_PER_CYCLE * recorded
+
+    def remaining_s(self, done: set[str]) -> float:
+        """Return the time that the cycles without those of these keys take, s."""
+        return sum(one.time_s for one in self.planned if one.cycle.key not in done)
+
+
+def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
+    """Lay a protocol out on a rig, and hold it against what the rig may be asked to do.
+
+    The same arguments give the same plan, on every machine; keys of cycles do not depend on what else is in the plan.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    identity : Identity
+        Ambient pressure, areas and masses; of a campaign that is resumed, the ones in its folder.
+    envelope : Envelope
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    ProtocolError
+        The rig must not be asked to do that: which cycle, value, limit and remedy.
+    """
+    from pneudrive.campaign.preflight import check
+
+    plan = draft(protocol, identity, envelope)
+    return Plan(protocol, identity, envelope, plan.planned, check(plan))
+
+
+def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
+    """Lay a protocol out without holding it against the rig's envelope; `lay_out` does both."""
+    from pneudrive.campaign.preflight import check_range
+
+    check_range(protocol, envelope)
+    layout = _Layout(protocol, Builder(protocol, identity, envelope))
+    planned = layout.run()
+    seen: set[str] = set()
+    for one in planned:
+        if one.cycle.key in seen:
+            raise ProtocolError(
+                f"two cycles have the key {one.cycle.key}",
+                where=protocol.origin,
+                rule="levels differ within 6 significant digits",
+            )
+        seen.add(one.cycle.key)
+    return Plan(protocol, identity, envelope, tuple(planned))
+
+
+def cell_name(levels: dict[str, str], cell: Cell) -> str:
+    """Name a cell over all blocks: ``mounting = foot: stop/t15/...``; without hard factors its own name."""
+    hard = ", ".join(f"{name} = {level}" for name, level in levels.items())
+    return f"{hard}: {cell.name}" if hard else cell.name
+
+
+class _Layout:
+    """Collects the cycles block by block."""
+
+    def __init__(self, protocol: Protocol, builder: Builder) -> None:
+        self.protocol, self.make = protocol, builder
+        self.way: Way = builder.way
+        self.planned: list[Planned] = []
+        self.at = VENTED.absolute_pa(builder.ambient_pa)
+        highest = [
+            max(side, key=lambda p: p.absolute_pa(builder.ambient_pa))
+            for side in zip(*protocol.pressure.levels, strict=True)
+        ]
+        self.highest = Pair(*highest)
+
+    def run(self) -> list[Planned]:
+        chosen = self._fraction()
+        before: dict[str, str] = {}
+        number = 0
+        for index, levels in enumerate(ordered_blocks(self.protocol), start=1):
+            cells = [
+                (cell, repeat)
+                for cell, repeat in ordered_cells(self.protocol, index)
+                if chosen is None or cell_name(levels, cell) in chosen
+            ]
+            if cells:
+                number += 1
+                self._block(number, levels, before, cells)
+                before = levels
+        return self.planned
+
+    def _fraction(self) -> set[str] | None:
+        fraction = self.protocol.fraction
+        if fraction is None:
+            return None
+        cells = [cell for cell, repeat in ordered_cells(self.protocol, 1) if repeat == 1]
+        known = {cell_name(levels, cell) for levels in ordered_blocks(self.protocol) for cell in cells}
+        for name in fraction.cells:
+            if name not in known:
+                remedy = nearest(name, known) if len(known) < 20 else nearest(name, known).partition(" Known")[0]
+                raise self.protocol.fail(
+                    "fraction.cells",
+                    f"fraction.cells: there is no cell {name!r}",
+                    rule="cells are made of the levels of the protocol",
+                    remedy=remedy if remedy.startswith("Did") else "`pneudrive campaign plan --fraction` writes them.",
+                )
+        return set(fraction.cells)
+
+    def _block(self, block: int, levels: dict[str, str], before: dict[str, str], cells: list[tuple[Cell, int]]) -> None:
+        p, make = self.protocol, self.make
+        for name, factor in p.hard.items():
+            if before.get(name) != levels[name] or (block > 1 and before == levels):
+                ask = factor.ask or f"{name}: {{level}}. Confirm when it is in place."
+                text = ask.replace("{level}", levels[name])
+                self._add(make.operator(name, text, VENTED, block, levels), wait_s=factor.time_s)
+        self._prepare(block, levels, before)
+        if p.before_block.blank_stroke_m_s is not None:
+            self._add(make.blank("before", p.before_block.blank_stroke_m_s, VENTED, block, levels))
+        every = p.sentinel.every if p.sentinel is not None else 0
+        sentinels = 0
+        for index, (cell, repeat) in enumerate(cells):
+            if every and index % every == 0:
+                sentinels += 1
+                self._add(make.sentinel(sentinels, block, levels))
+            self._add(make.point(cell, block, repeat, levels), cell=cell)
+        if every:
+            self._add(make.sentinel(sentinels + 1, block, levels))
+        if p.before_block.blank_stroke_m_s is not None:
+            self._add(make.blank("after", p.before_block.blank_stroke_m_s, VENTED, block, levels))
+
+    def _prepare(self, block: int, levels: dict[str, str], before: dict[str, str]) -> None:
+        """Run in what is new, warm up, then check the sensors: their zero is that of the warm rig."""
+        p, make, checks = self.protocol, self.make, self.protocol.before_block
+        new = any(before.get(name) != levels.get(name) for name in ("seal", "drive")) or block == 1
+        if p.warm_up is not None:
+            if new and p.warm_up.run_in_cycles:
+                self._add(make.warm_up("run-in", p.warm_up.run_in_cycles, p.warm_up.speed_m_s, block, levels))
+            if p.warm_up.cycles:
+                self._add(make.warm_up("warm-up", p.warm_up.cycles, p.warm_up.speed_m_s, block, levels))
+        if checks.tare_s is not None:
+            self._add(make.standing("tare", checks.tare_s, VENTED, block, levels, released=True))
+        weight = checks.known_weight
+        if weight is not None:
+            mass = f"{weight.mass_kg:g} kg"
+            on, off = f"Apply the known weight of {mass} in +x.", f"Take the weight of {mass} off."
+            self._add(make.operator("weight-on", on, VENTED, block, levels), wait_s=weight.change_s)
+            self._add(make.standing("weight", weight.time_s, VENTED, block, levels, weight_kg=weight.mass_kg))
+            self._add(make.operator("weight-off", off, VENTED, block, levels), wait_s=weight.change_s)
+        if checks.leak_check_s is not None:
+            self._add(make.standing("leak", checks.leak_check_s, self.highest, block, levels))
+
+    def _add(self, cycle: Cycle, *, wait_s: float = 0.0, cell: Cell | None = None) -> None:
+        now = (cycle.pressure_a_pa, cycle.pressure_b_pa)
+        if now != self.at:
+            wait_s += self.protocol.pressure.settling_s
+            self.at = now
+        limits = self.way.limits
+        self.planned.append(Planned(cycle, cycle_time_s(cycle, limits), wait_s, cycle_samples(cycle, limits), cell))
+
+
+__all__ = ["Plan", "Planned", "cell_name", "draft", "lay_out", "pairs"]

@@ -1,0 +1,266 @@
+"""The pre-flight check: every cycle of a plan against what the rig may be asked to do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pneudrive.campaign.cautions import cautions
+from pneudrive.campaign.points import Way
+from pneudrive.errors import ProtocolError, nearest
+from pneudrive.rig.interface import Changeable, Hold, Move
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.plan import Plan
+    from pneudrive.campaign.protocol import Protocol
+    from pneudrive.rig.interface import Envelope, Identity, Rig
+    from pneudrive.rig.motion import Limits
+
+GRAVITY_M_S2 = 9.80665  # standard gravity [bipm2019]
+#: What lies within rounding of a limit keeps it.
+ROUNDING = 1e-9
+#: Chambers on a common manifold have the same pressure: to what the keys of cycles tell apart.
+SAME_PRESSURE_PA = 0.1
+#: So many violations are shown; all are counted.
+SHOWN = 5
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One limit that a cycle would break.
+
+    Attributes
+    ----------
+    item : str
+        ``speed``, ``ramp``, ``acceleration``, ``stroke``, ``force``, ``pressure`` or ``manifold``.
+    key : str
+        Of the cycle.
+    value, limit, remedy : str
+        In words, with units.
+    """
+
+    item: str
+    key: str
+    value: str
+    limit: str
+    remedy: str
+
+
+def check(plan: Plan) -> tuple[str, ...]:
+    """Hold every cycle against the envelope and return what should be known, though it is allowed.
+
+    Raises
+    ------
+    ProtocolError
+        Naming the first cycle that breaks each limit, with value, limit and remedy, and how many do.
+    """
+    _check_temperature(plan.protocol, plan.envelope)
+    found = [v for cycle in plan.cycles for v in violations(cycle, plan.protocol, plan.identity, plan.envelope)]
+    if found:
+        raise _refusal(plan, found)
+    return cautions(plan)
+
+
+def check_range(protocol: Protocol, envelope: Envelope) -> None:
+    """Refuse a range of positions that leaves the rig's, or leaves nothing to move along."""
+    way = Way.on(protocol, envelope)
+    low, high = envelope.position_m
+    if way.length_m <= 0.0 or way.low_m < low - ROUNDING or way.high_m > high + ROUNDING:
+        raise protocol.fail(
+            "position",
+            f"the campaign would move from {_mm(way.low_m)} to {_mm(way.high_m)}",
+            rule=f"the axis may move from {_mm(low)} to {_mm(high)}",
+            remedy="Change [position] range or margin.",
+        )
+
+
+def check_levels(protocol: Protocol, rig: Rig) -> None:
+    """Refuse a level of mounting, seal or drive that a rig does not have; only a simulated one knows which it has."""
+    if not isinstance(rig, Changeable):
+        return
+    known = rig.levels()
+    for name, factor in protocol.hard.items():
+        for level in factor.levels:
+            if level not in known.get(name, ()):
+                raise protocol.fail(
+                    f"{name}.levels",
+                    f"{name}.levels: the rig has no {name} '{level}'",
+                    remedy=nearest(level, known.get(name, ())) if known.get(name) else f"It has one {name} only.",
+                )
+
+
+def violations(cycle: Cycle, protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator[Violation]:
+    """Yield what is wrong with one cycle: of each limit the first violation."""
+    limits = Way.on(protocol, envelope).limits
+    seen: set[str] = set()
+    for violation in (
+        *_motion(cycle, protocol, envelope, limits),
+        *_pressures(cycle, protocol, identity, envelope),
+        *_force(cycle, protocol, identity, envelope, limits),
+    ):
+        if violation.item not in seen:
+            seen.add(violation.item)
+            yield violation
+
+
+def expected_force_n(cycle: Cycle, identity: Identity, envelope: Envelope, limits: Limits) -> dict[str, float]:
+    """Return the contributions to the largest force that the sensor will see in a cycle, N, all not negative."""
+    net_a = (cycle.pressure_a_pa - identity.ambient_pressure_pa) * identity.area_a_m2
+    net_b = (cycle.pressure_b_pa - identity.ambient_pressure_pa) * identity.area_b_m2
+    peak = max((_peak_acceleration(d, s.speed_m_s, limits) for d, s in _moves(cycle)), default=0.0)
+    mass = identity.mass_beyond_sensor_kg
+    return {
+        "friction": envelope.expected_friction_n,
+        "difference of the pressure forces": abs(net_a - net_b),
+        "inertia": mass * peak,
+        "weight of the moving parts": mass * GRAVITY_M_S2 * abs(math.sin(identity.incline_rad)),
+        "known weight": (cycle.weight_kg or 0.0) * GRAVITY_M_S2,
+    }
+
+
+def _motion(cycle: Cycle, protocol: Protocol, envelope: Envelope, limits: Limits) -> Iterator[Violation]:
+    low, high = envelope.position_m
+    top = min(envelope.speed_m_s, protocol.limits.speed_m_s or math.inf)
+    top_acceleration = min(envelope.acceleration_m_s2, protocol.limits.acceleration_m_s2 or math.inf)
+    for distance, step in _moves(cycle):
+        speed, key = step.speed_m_s, cycle.key
+        if not low - ROUNDING <= step.to_m <= high + ROUNDING:
+            remedy = "Change [stop] position, approach or recovery." if cycle.kind == "stop" else "Change [position]."
+            yield Violation("stroke", key, _mm(step.to_m), f"from {_mm(low)} to {_mm(high)}", remedy)
+        if speed > top * (1.0 + ROUNDING):
+            yield Violation("speed", key, _mm_s(speed), f"at most {_mm_s(top)}", "Lower the speed.")
+        peak = _peak_acceleration(distance, speed, limits)
+        if peak > top_acceleration * (1.0 + ROUNDING):
+            yield Violation(
+                "acceleration",
+                key,
+                f"{peak:.4g} m/s2",
+                f"at most {top_acceleration:.4g} m/s2",
+                "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change.",
+            )
+    for distance, step in _measuring(cycle):
+        reached, ramps = limits.top_speed_m_s(distance), 2.0 * limits.ramp_distance_m(step.speed_m_s)
+        if step.speed_m_s > reached * (1.0 + ROUNDING):
+            yield Violation(
+                "ramp",
+                cycle.key,
+                f"{_mm_s(step.speed_m_s)} within {_mm(distance)}",
+                f"at most {_mm_s(reached)}, as starting and stopping take {_mm(ramps)}",
+                "Lower the speed, or use more of the stroke.",
+            )
+
+
+def _pressures(cycle: Cycle, protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator[Violation]:
+    low, high = envelope.pressure_pa
+    tighter = protocol.limits.pressure
+    if tighter is not None:
+        high = min(high, tighter.absolute_pa(identity.ambient_pressure_pa))
+    for chamber, value in (("a", cycle.pressure_a_pa), ("b", cycle.pressure_b_pa)):
+        if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
+            limit = f"{_bar(low)} to {_bar(high)}"
+            yield Violation("pressure", cycle.key, f"{_bar(value)} in chamber {chamber}", limit, "Change [pressure].")
+    difference = abs(cycle.pressure_a_pa - cycle.pressure_b_pa)
+    if not envelope.separate_pressures and difference > SAME_PRESSURE_PA:
+        yield Violation(
+            "manifold",
+            cycle.key,
+            f"{_bar(cycle.pressure_a_pa)} and {_bar(cycle.pressure_b_pa)}",
+            "the same pressure in both chambers, which hang on a common manifold",
+            "Give the pressures as [pressure] both, or take a rig with a regulator each.",
+        )
+
+
+def _force(
+    cycle: Cycle, protocol: Protocol, identity: Identity, envelope: Envelope, limits: Limits
+) -> Iterator[Violation]:
+    parts = expected_force_n(cycle, identity, envelope, limits)
+    total = sum(parts.values())
+    limit = min(envelope.force_n, protocol.limits.force_n or math.inf)
+    if total > limit * (1.0 + ROUNDING):
+        largest = max(parts, key=lambda name: parts[name])
+        shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)
+        remedy = {
+            "difference of the pressure forces": "Bring the pressures of the chambers closer together.",
+            "inertia": "Lower the speed.",
+            "known weight": "Take a smaller weight.",
+        }.get(largest, "Take a rig with a force sensor of greater range.")
+        yield Violation("force", cycle.key, f"{total:.4g} N ({shown})", f"at most {limit:.4g} N", remedy)
+
+
+def _check_temperature(protocol: Protocol, envelope: Envelope) -> None:
+    asked = protocol.conditions.temperature_k
+    low, high = envelope.temperature_k
+    if asked is not None and not max(asked[0], low) < min(asked[1], high):
+        raise protocol.fail(
+            "conditions.temperature",
+            f"measuring at {_celsius(asked)} is asked for",
+            rule=f"the rig measures at {_celsius((low, high))}",
+            remedy="Change [conditions] temperature.",
+        )
+
+
+def _refusal(plan: Plan, found: list[Violation]) -> ProtocolError:
+    """Show of each limit the first cycle that breaks it, and how many do."""
+    counts: dict[str, int] = {}
+    for one in found:
+        counts[one.item] = counts.get(one.item, 0) + 1
+    first = [next(one for one in found if one.item == item) for item in counts]
+    lines = [f"{v.item}: cycle {v.key}: {v.value}; {v.limit} ({_cycles(counts[v.item])})" for v in first[:SHOWN]]
+    broken = len({one.key for one in found})
+    return ProtocolError(
+        f'the rig "{plan.identity.name}" must not be asked to run this protocol: '
+        f"{broken} of {_cycles(len(plan.cycles))} {'breaks' if broken == 1 else 'break'} its limits",
+        where=plan.protocol.origin,
+        value="\n    ".join(lines),
+        rule="the rig's envelope, tightened by [limits]",
+        remedy=" ".join(dict.fromkeys(v.remedy for v in first[:SHOWN])),
+    )
+
+
+def _moves(cycle: Cycle) -> Iterator[tuple[float, Move]]:
+    """Yield every move with its length, m."""
+    at = cycle.start_m if cycle.start_m is not None else math.nan
+    for step in cycle.steps:
+        if isinstance(step, Move):
+            yield abs(step.to_m - at), step
+            at = step.to_m
+
+
+def _measuring(cycle: Cycle) -> Iterator[tuple[float, Move]]:
+    """Yield the moves whose speed is what the cycle is for: a way back may stay below its own."""
+    if cycle.kind in {"sweep", "stop", "sentinel", "blank"}:
+        before_hold = {i for i, step in enumerate(cycle.steps[1:]) if isinstance(step, Hold)}
+        moves = [i for i, step in enumerate(cycle.steps) if isinstance(step, Move)]
+        for index, (distance, step) in zip(moves, _moves(cycle), strict=True):
+            if step.speed_m_s == cycle.speed_m_s or index in before_hold:
+                yield distance, step
+
+
+def _peak_acceleration(distance_m: float, speed_m_s: float, limits: Limits) -> float:
+    """Return the largest acceleration of a move, m/s2: below the axis' limit where the jerk ends the ramp before."""
+    speed = min(speed_m_s, limits.top_speed_m_s(distance_m))
+    return min(limits.acceleration_m_s2, math.sqrt(speed * limits.jerk_m_s3))
+
+
+def _cycles(count: int) -> str:
+    return f"{count} cycle{'' if count == 1 else 's'}"
+
+
+def _mm(value_m: float) -> str:
+    return f"{1e3 * value_m:.5g} mm"
+
+
+def _mm_s(value_m_s: float) -> str:
+    return f"{1e3 * value_m_s:.4g} mm/s"
+
+
+def _bar(value_pa: float) -> str:
+    return f"{value_pa / 1e5:.4g} bar abs"
+
+
+def _celsius(span_k: tuple[float, float]) -> str:
+    return f"{span_k[0] - 273.15:.4g} to {span_k[1] - 273.15:.4g} degC"

@@ -1,0 +1,422 @@
+"""The tables of a campaign protocol, one class each: SI inside, defaults assumed unless a source is named."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from pneudrive import units
+from pneudrive.campaign.protocol_values import (
+    AMBIENT,
+    Between,
+    BetweenPlaces,
+    Levels,
+    MovingAverage,
+    Percent,
+    Place,
+    Places,
+    PressureLevels,
+    PressurePairs,
+    Whole,
+    spaced,
+)
+from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
+
+POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
+SPEED, TIME, LENGTH, FORCE, RATE = ("m/s", "mm/s"), ("s", "s"), ("m", "mm"), ("N", "N"), ("1/s", "Hz")
+SPEED_MARK = Quantity(*SPEED, POSITIVE)
+
+Speed = Annotated[float, SPEED_MARK]
+Time = Annotated[float, Quantity(*TIME, POSITIVE)]
+Distance = Annotated[float, Quantity(*LENGTH, POSITIVE)]
+Rate = Annotated[float, Quantity(*RATE, NOT_NEGATIVE)]
+Count = Annotated[int, Whole()]
+CountOrNone = Annotated[int, Whole(at_least=0)]
+MaybeSpeed = Annotated[float | None, SPEED_MARK]
+MaybeTime = Annotated[float | None, Quantity(*TIME, POSITIVE)]
+MaybeDistance = Annotated[float | None, Quantity(*LENGTH, POSITIVE)]
+MaybeForce = Annotated[float | None, Quantity(*FORCE, POSITIVE)]
+MaybePressure = Annotated[units.Pressure | None, StatedPressure()]
+
+Axis = Literal["held", "released"]
+Pair = tuple[units.Pressure, units.Pressure]
+
+
+class Speeds(Described):
+    """Speeds of the sweep: out and back at each."""
+
+    table: ClassVar[str] = "speed"
+    list_m_s: Annotated[tuple[float, ...] | None, Levels(*SPEED, POSITIVE)] = Field(
+        default=None, alias="list", description="one speed or a list; instead of from, to and count"
+    )
+    from_m_s: MaybeSpeed = Field(default=None, alias="from", description="lowest speed")
+    to_m_s: MaybeSpeed = Field(default=None, alias="to", description="highest speed")
+    count: Annotated[int | None, Whole(at_least=2)] = Field(
+        default=None, description="number of speeds, both ends included"
+    )
+    spacing: Literal["log", "linear"] = Field(
+        default="log", description="speeds between the ends, rounded to 4 significant digits"
+    )
+    order: Literal["ascending", "descending", "up-and-down"] = Field(
+        default="ascending", description="order of the speeds; up-and-down measures each one twice"
+    )
+    settled_time_s: Annotated[float, Quantity(*TIME, NOT_NEGATIVE)] = Field(
+        default=1.0,
+        alias="settled_time",
+        description="out and back again until constant speed has lasted this long in each direction; 0 s: once",
+    )
+    most_strokes: Count = Field(default=20, description="but not more often than this")
+    return_speed_m_s: Speed = Field(
+        default=0.1, alias="return_speed", description="speed of the way back where only one direction is measured"
+    )
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Speeds:
+        ends = {"from": self.from_m_s, "to": self.to_m_s, "count": self.count}
+        given = [name for name, value in ends.items() if value is not None]
+        if self.list_m_s is not None:
+            if given:
+                raise wrong(f"speed.{given[0]}", f"speed.list and speed.{given[0]} exclude each other")
+            return self
+        missing = [name for name in ends if name not in given]
+        if missing:
+            raise wrong(
+                f"speed.{missing[0]}",
+                f"speed.{missing[0]} is missing",
+                rule="either list, or from, to and count",
+                remedy='Write list = ["1 mm/s", ...], or from = "1 mm/s", to = "450 mm/s", count = 20.',
+            )
+        self._spaced()
+        return self
+
+    def _spaced(self) -> tuple[float, ...]:
+        assert self.from_m_s is not None
+        assert self.to_m_s is not None
+        assert self.count is not None
+        try:
+            return spaced(self.from_m_s, self.to_m_s, self.count, self.spacing, SPEED_MARK)
+        except WrongValueError as error:
+            raise wrong("speed.to", f"speed: {error.what}", rule=error.rule, remedy=error.remedy) from None
+
+    @property
+    def levels_m_s(self) -> tuple[float, ...]:
+        """All speeds, ascending."""
+        return self._spaced() if self.list_m_s is None else self.list_m_s
+
+
+class Pressures(Described):
+    """Pressures in the chambers; both open to ambient where nothing is said. Given in exactly one of three ways."""
+
+    table: ClassVar[str] = "pressure"
+    both: Annotated[tuple[units.Pressure, ...] | None, PressureLevels()] = Field(
+        default=None, description="the same pressure in both chambers"
+    )
+    a: Annotated[tuple[units.Pressure, ...] | None, PressureLevels()] = Field(
+        default=None, description="chamber a; with b: every combination"
+    )
+    b: Annotated[tuple[units.Pressure, ...] | None, PressureLevels()] = Field(default=None, description="chamber b")
+    pairs: Annotated[tuple[Pair, ...] | None, PressurePairs()] = Field(
+        default=None, description="`[{ a = ..., b = ... }, ...]`"
+    )
+    settling_s: Annotated[float, Quantity(*TIME, NOT_NEGATIVE)] = Field(
+        default=5.0,
+        alias="settling",
+        description="waited after each change of pressure, beyond what the rig needs to set it",
+    )
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Pressures:
+        grid = self.a is not None or self.b is not None
+        if (self.both is not None) + grid + (self.pairs is not None) > 1:
+            raise wrong("pressure", "pressure.both, a with b, and pairs exclude each other")
+        for given, other, name in ((self.a, self.b, "b"), (self.b, self.a, "a")):
+            if given is not None and other is None:
+                raise wrong(
+                    "pressure", f"pressure.{name} is missing", remedy=f'Add {name} = "0 bar gauge" for ambient.'
+                )
+        return self
+
+    @property
+    def levels(self) -> tuple[Pair, ...]:
+        """All pairs (a, b), in the order given; chamber a outermost."""
+        if self.pairs is not None:
+            return self.pairs
+        if self.both is not None:
+            return tuple((p, p) for p in self.both)
+        if self.a is not None and self.b is not None:
+            return tuple((a, b) for a in self.a for b in self.b)
+        return ((AMBIENT, AMBIENT),)
+
+
+class Preconditioning(Described):
+    """What brings the contact to the same state before every stop."""
+
+    table: ClassVar[str] = "stop.preconditioning"
+    strokes: CountOrNone = Field(default=3, description="full strokes out and back")
+    speed_m_s: Speed = Field(default=0.1, alias="speed", description="their speed, and that of every way back")
+
+
+class Stops(Described):
+    """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, the interrupted one."""
+
+    table: ClassVar[str] = "stop"
+    durations_s: Annotated[tuple[float, ...], Levels(*TIME, NOT_NEGATIVE)] = Field(
+        alias="durations", description="one, a list or { from, to, count, spacing }; 0 s: not interrupted"
+    )
+    axis: Literal["held", "released", "both"] = Field(
+        default="held",
+        description="held: the axis keeps its position; released: it gives way until no force is left; both: a factor",
+    )
+    restart_speed_m_s: Annotated[tuple[float, ...], Levels(*SPEED, POSITIVE)] = Field(
+        default=(0.01,), alias="restart_speed", description="speed after the stop; one or a list"
+    )
+    approach_speed_m_s: MaybeSpeed = Field(
+        default=None, alias="approach_speed", description="speed before the stop; absent: the restart speed"
+    )
+    position: Annotated[tuple[Place, ...], Places()] = Field(
+        default=(Place(0.5, share=True),), description='where, one or a list: "50 %" of the range, or "120 mm"'
+    )
+    approach_m: MaybeDistance = Field(
+        default=None,
+        alias="approach",
+        description="length of the move before the stop; absent: from the end of the range",
+    )
+    recovery_m: MaybeDistance = Field(
+        default=None, alias="recovery", description="length of the move after the stop; absent: to the end of the range"
+    )
+    preconditioning: Preconditioning = Field(default=Preconditioning(), description="see below")
+    reference_strokes: CountOrNone = Field(
+        default=1, description="uninterrupted strokes over the same way and at the restart speed, before the stop"
+    )
+
+    @property
+    def released(self) -> tuple[bool, ...]:
+        """Whether the force is released: one or both levels."""
+        return {"held": (False,), "released": (True,), "both": (False, True)}[self.axis]
+
+
+class HardFactor(Described):
+    """A factor that is changed by hand, between blocks."""
+
+    levels: Annotated[list[str], Field(min_length=1)] = Field(description="names of the levels")
+    ask: str = Field(default="", description="what the operator is asked to do; {level} stands for the level")
+    time_s: Time = Field(default=1200.0, alias="time", description="what a change takes")
+
+    @model_validator(mode="after")
+    def _distinct(self) -> HardFactor:
+        for index, level in enumerate(self.levels):
+            if not level.strip() or level in self.levels[:index]:
+                raise wrong(
+                    f"{self.table}.levels",
+                    f"{self.table}.levels: {level!r} is empty or comes twice",
+                    rule="levels differ",
+                )
+        return self
+
+
+class Mounting(HardFactor):
+    """How the drive is fixed to the rig."""
+
+    table: ClassVar[str] = "mounting"
+
+
+class Seal(HardFactor):
+    """Which seals are in the drive; a change is followed by the run-in."""
+
+    table: ClassVar[str] = "seal"
+
+
+class TestedDrive(HardFactor):
+    """Which drive is on the rig; a change is followed by the run-in."""
+
+    table: ClassVar[str] = "drive"
+
+
+class Order(Described):
+    """In which order the points are run."""
+
+    table: ClassVar[str] = "order"
+    kind: Literal["as-given", "randomised", "interleaved"] = Field(
+        default="as-given",
+        description="as-given: pressure, repeat, speed; randomised: each repeat shuffled by the seed; "
+        "interleaved: levels taken in turn from the lower and the upper half",
+    )
+    replicates: Count = Field(
+        default=1,
+        description="how often all blocks are run, each time set up anew; 2 or more separate a level from its block",
+    )
+
+
+class WarmUp(Described):
+    """Strokes before the points of each block."""
+
+    table: ClassVar[str] = "warm_up"
+    cycles: CountOrNone = Field(default=10, description="strokes out and back before each block")
+    speed_m_s: Speed = Field(default=0.1, alias="speed", description="their speed")
+    run_in_cycles: CountOrNone = Field(
+        default=0, description="more of them where a seal or drive is new: first block, and after a change"
+    )
+
+
+class SamplingTable(Described):
+    """How samples are spaced; all are kept, none is filtered."""
+
+    table: ClassVar[str] = "sampling"
+    samples_per_stroke: Annotated[int, Whole(at_least=2)] = Field(
+        default=5000, description="even in time over each move [bracha]: about 5000 a cycle"
+    )
+    burst_rate_hz: Rate = Field(
+        default=5000.0, alias="burst_rate", description="least rate around each reversal and restart; 0 Hz: no bursts"
+    )
+    burst_before_s: Annotated[float, Quantity(*TIME, NOT_NEGATIVE)] = Field(
+        default=0.05, alias="burst_before", description="how long before a move ends"
+    )
+    burst_after_s: Annotated[float, Quantity(*TIME, NOT_NEGATIVE)] = Field(
+        default=0.2, alias="burst_after", description="how long after a move begins"
+    )
+    hold_rate_hz: Annotated[float, Quantity(*RATE, POSITIVE)] = Field(
+        default=20.0, alias="hold_rate", description="rate while the axis stands"
+    )
+
+
+class KnownWeight(Described):
+    """A weight that the operator applies, to check the gain of the force sensor."""
+
+    table: ClassVar[str] = "before_block.known_weight"
+    mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(
+        alias="mass", description="its mass; the force is m g"
+    )
+    time_s: Time = Field(default=10.0, alias="time", description="how long it is recorded")
+    change_s: Time = Field(default=120.0, alias="change", description="what applying it takes, and taking it off")
+
+
+class BeforeBlock(Described):
+    """Checks before the points of a block; what is absent is not done."""
+
+    table: ClassVar[str] = "before_block"
+    tare_s: MaybeTime = Field(
+        default=None, alias="tare", description="zero of the force sensor: standing, force released, vented"
+    )
+    known_weight: KnownWeight | None = Field(default=None, description="see below")
+    leak_check_s: MaybeTime = Field(
+        default=None, alias="leak_check", description="standing under the highest pressures of the protocol"
+    )
+    blank_stroke_m_s: MaybeSpeed = Field(
+        default=None,
+        alias="blank_stroke",
+        description="speed of a stroke out and back, vented, before and after the block",
+    )
+
+
+class Sentinel(Described):
+    """A reference speed, repeated to see drift: at both ends of a block and between."""
+
+    table: ClassVar[str] = "sentinel"
+    speed_m_s: Speed = Field(alias="speed", description="out and back at this speed")
+    every: Count = Field(default=10, description="points between two of them")
+    pressure: MaybePressure = Field(default=None, description="in both chambers; absent: the protocol's first pair")
+
+
+class Filter(Described):
+    """What the analysis applies; never applied at the source, every raw sample is kept."""
+
+    table: ClassVar[str] = "filter"
+    average: Annotated[int, MovingAverage()] = Field(
+        default=1, description='moving average over so many samples, or "none"'
+    )
+    ignore_initial: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=50.0))] = Field(
+        default=0.05, description="share of the samples at the beginning of each stroke that is ignored [bracha]"
+    )
+
+
+class Adaptive(Described):
+    """What is decided after each cycle; a rule that is absent is not applied."""
+
+    table: ClassVar[str] = "adaptive"
+    settled_time_s: MaybeTime = Field(
+        default=None,
+        alias="settled_time",
+        description="a cycle is repeated whose settled part is shorter, in either direction",
+    )
+    noise_n: MaybeForce = Field(
+        default=None, alias="noise", description="a cycle is repeated whose mean force has a greater standard error"
+    )
+    repeats: CountOrNone = Field(default=2, description="at most so many further cycles at one point")
+    interval_n: MaybeForce = Field(
+        default=None,
+        alias="interval",
+        description="no more repeats at a point whose 95 % interval is within plus and minus this",
+    )
+    least_repeats: Annotated[int, Whole(at_least=2)] = Field(default=3, description="but not before so many")
+    added_speeds: CountOrNone = Field(
+        default=0, description="at most so many further speeds at each pair of pressures, where the curve bends most"
+    )
+
+
+class Conditions(Described):
+    """Conditions under which measuring goes on; out of them the campaign waits."""
+
+    table: ClassVar[str] = "conditions"
+    supply_pressure: MaybePressure = Field(default=None, description="least supply pressure")
+    temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = Field(
+        default=None, alias="temperature", description='range, "15 degC .. 30 degC"'
+    )
+    force_share: Annotated[float, Percent(bounds=Bounds(above=0.0, at_most=100.0))] = Field(
+        default=0.9, description="of the range of the force sensor"
+    )
+
+
+class Tightened(Described):
+    """Limits within those of the rig; the tighter one holds."""
+
+    table: ClassVar[str] = "limits"
+    speed_m_s: MaybeSpeed = Field(default=None, alias="speed", description="highest speed")
+    acceleration_m_s2: Annotated[float | None, Quantity("m/s^2", "m/s2", POSITIVE)] = Field(
+        default=None, alias="acceleration", description="highest acceleration that a move may reach"
+    )
+    force_n: MaybeForce = Field(default=None, alias="force", description="highest force, either sign")
+    pressure: MaybePressure = Field(default=None, description="highest pressure in either chamber")
+    time_s: Time = Field(
+        default=28800.0, alias="time", description="beyond this a fraction of the campaign is proposed"
+    )
+
+
+class Range(Described):
+    """Part of the stroke that is used."""
+
+    table: ClassVar[str] = "position"
+    range: Annotated[tuple[Place, Place] | None, BetweenPlaces()] = Field(
+        default=None,
+        description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: all of it but the margin',
+    )
+    margin_m: Annotated[float, Quantity(*LENGTH, NOT_NEGATIVE)] = Field(
+        default=1e-3, alias="margin", description="kept from the ends of the rig's range where `range` is absent"
+    )
+
+
+class Design(Described):
+    """What a fraction of the campaign must still be able to tell."""
+
+    table: ClassVar[str] = "design"
+    interaction: Annotated[list[str], Field(min_length=2, max_length=2)] | None = Field(
+        default=None,
+        description='two factors, ["stop", "pressure"]: whether the effect of the first depends on the second; '
+        "absent: these, or speed and pressure",
+    )
+
+
+class Fraction(Described):
+    """The part of the cells that is run; `pneudrive campaign plan --fraction` writes it."""
+
+    table: ClassVar[str] = "fraction"
+    cells: Annotated[list[str], Field(min_length=1)] = Field(description="names of the cells")
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Fraction:
+        seen: set[str] = set()
+        for cell in self.cells:
+            if cell in seen:
+                raise wrong("fraction.cells", f"fraction.cells: {cell!r} comes twice")
+            seen.add(cell)
+        return self

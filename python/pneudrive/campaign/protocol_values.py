@@ -1,0 +1,363 @@
+"""Values of a protocol that a drive file does not have: lists of levels, ranges, shares, places along the stroke."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from pneudrive import units
+from pneudrive.describe.base import Quantity, StatedPressure, WrongValueError
+from pneudrive.errors import DescriptionError, nearest
+
+#: Significant digits of the levels between the ends of a range, so that a level is what its name says.
+DIGITS = 4
+SPACINGS = ("log", "linear")
+AMBIENT = units.Pressure(0.0, gauge=True)
+
+
+@dataclass(frozen=True)
+class Whole(Quantity):
+    """Annotation of a field that takes a whole number."""
+
+    si_unit: str = ""
+    at_least: int = 1
+
+    def read(self, given: object) -> int:
+        """Check."""
+        if isinstance(given, bool) or not isinstance(given, int):
+            raise WrongValueError(f"{given!r} is not a whole number")
+        if given < self.at_least:
+            raise WrongValueError(f"{given} is out of bounds", rule=f"at least {self.at_least}")
+        return given
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"type": "integer", "minimum": self.at_least}
+
+
+@dataclass(frozen=True)
+class Percent(Quantity):
+    """Annotation of a field that takes a share as ``"5 %"`` and stores 0.05; `below` 100 % and not negative."""
+
+    si_unit: str = "%"
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        share = share_of(given)
+        if share is None:
+            raise WrongValueError(f"{given!r} is not a share", remedy='Write "5 %".')
+        rule = self.bounds.broken(100.0 * share)
+        if rule:
+            raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} %")
+        return share
+
+    def show(self, value: float) -> str:
+        """Write it as users would."""
+        return show_share(value)
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"type": "string", "pattern": "^.+ %$", "x-unit": "%"}
+
+
+@dataclass(frozen=True)
+class MovingAverage(Quantity):
+    """Annotation of a field that takes a number of samples, or ``"none"`` for 1."""
+
+    si_unit: str = ""
+
+    def read(self, given: object) -> int:
+        """Check."""
+        if given == "none":
+            return 1
+        if isinstance(given, bool) or not isinstance(given, int) or given < 1:
+            raise WrongValueError(f"{given!r} is no number of samples", remedy='Write 5, or "none".')
+        return given
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"anyOf": [{"type": "integer", "minimum": 1}, {"const": "none"}]}
+
+
+@dataclass(frozen=True)
+class Levels(Quantity):
+    """Annotation of a field that takes one quantity, a list or a range with a count; stores ascending SI values.
+
+    Parameters
+    ----------
+    spacing : str
+        Of a range that does not say: ``log`` or ``linear``.
+    """
+
+    spacing: str = "log"
+
+    def read(self, given: object) -> tuple[float, ...]:  # type: ignore[override]
+        """Convert, check and sort."""
+        if isinstance(given, dict):
+            low, high, count, spacing = spacing_of(given, self.spacing)
+            return spaced(super().read(low), super().read(high), count, spacing, self)
+        values = [super(Levels, self).read(one) for one in listed(given)]
+        return distinct(sorted(values), [self.show_one(value) for value in sorted(values)])
+
+    def show_one(self, value: float) -> str:
+        """Write one level."""
+        return units.write(value, self.si_unit, self.written)
+
+    def show(self, value: tuple[float, ...]) -> list[str]:  # type: ignore[override]
+        """Write all."""
+        return [self.show_one(one) for one in value]
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the forms in which users write it."""
+        one = {"type": "string", "x-unit": self.si_unit}
+        return {
+            "anyOf": [one, {"type": "array", "items": one, "minItems": 1}, range_schema(one)],
+            "x-unit": self.si_unit,
+        }
+
+
+@dataclass(frozen=True)
+class PressureLevels(StatedPressure):
+    """Annotation of a field that takes one pressure, a list or a range with a count; each says abs or gauge."""
+
+    def read(self, given: object) -> tuple[units.Pressure, ...]:  # type: ignore[override]
+        """Convert and check; the order is kept."""
+        if isinstance(given, dict):
+            low, high, count, spacing = spacing_of(given, "linear")
+            ends = super().read(low), super().read(high)
+            if ends[0].gauge != ends[1].gauge:
+                raise WrongValueError(f"the range {low!r} to {high!r} mixes abs and gauge")
+            values = spaced(ends[0].value_pa, ends[1].value_pa, count, spacing, Quantity("Pa", "bar"))
+            return tuple(units.Pressure(value, ends[0].gauge) for value in values)
+        pressures = [super(PressureLevels, self).read(one) for one in listed(given)]
+        return distinct(pressures, [super(PressureLevels, self).show(one) for one in pressures])
+
+    def show(self, value: tuple[units.Pressure, ...]) -> list[str]:  # type: ignore[override]
+        """Write all."""
+        return [super(PressureLevels, self).show(one) for one in value]
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the forms in which users write it."""
+        one = super().__get_pydantic_json_schema__(schema, handler)
+        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}, range_schema(one)], "x-unit": "Pa"}
+
+
+@dataclass(frozen=True)
+class PressurePairs(StatedPressure):
+    """Annotation of a field that takes a list of ``{ a = ..., b = ... }``."""
+
+    def read(self, given: object) -> tuple[tuple[units.Pressure, units.Pressure], ...]:  # type: ignore[override]
+        """Convert and check; the order is kept."""
+        if not isinstance(given, list) or not given:
+            raise WrongValueError(f"{given!r} is no list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
+        pairs = [self._pair(one) for one in given]
+        return distinct(pairs, [str(self.show((pair,))[0]) for pair in pairs])
+
+    def _pair(self, given: object) -> tuple[units.Pressure, units.Pressure]:
+        if not isinstance(given, dict) or set(given) != {"a", "b"}:
+            raise WrongValueError(f"{given!r} is no pair of pressures", remedy="Write { a = ..., b = ... }.")
+        return super().read(given["a"]), super().read(given["b"])
+
+    def show(self, value: tuple[tuple[units.Pressure, units.Pressure], ...]) -> list[dict[str, str]]:  # type: ignore[override]
+        """Write all."""
+        one = super().show
+        return [{"a": one(a), "b": one(b)} for a, b in value]
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        one = super().__get_pydantic_json_schema__(schema, handler)
+        both = {"type": "object", "properties": {"a": one, "b": one}, "required": ["a", "b"]}
+        return {"type": "array", "items": {**both, "additionalProperties": False}, "minItems": 1, "x-unit": "Pa"}
+
+
+@dataclass(frozen=True, order=True)
+class Place:
+    """A position: absolute, m, or as a share of the range that the campaign uses."""
+
+    value: float
+    share: bool
+
+    def at(self, low_m: float, high_m: float) -> float:
+        """Return the position within a range, m."""
+        return low_m + self.value * (high_m - low_m) if self.share else self.value
+
+    def __str__(self) -> str:
+        """Write it as users would."""
+        return show_share(self.value) if self.share else units.write(self.value, "m", "mm")
+
+    @property
+    def name(self) -> str:
+        """As part of a key: ``x50pc`` or ``x120mm``."""
+        return "x" + str(self).replace(" %", "pc").replace(" ", "")
+
+
+@dataclass(frozen=True)
+class Places(Quantity):
+    """Annotation of a field that takes one position or a list, each a length or a share: ``"50 %"``, ``"120 mm"``."""
+
+    si_unit: str = "m"
+
+    def read(self, given: object) -> tuple[Place, ...]:  # type: ignore[override]
+        """Convert, check and sort."""
+        places = sorted(place(one) for one in listed(given))
+        return distinct(places, [str(one) for one in places])
+
+    def show(self, value: tuple[Place, ...]) -> list[str]:  # type: ignore[override]
+        """Write all."""
+        return [str(one) for one in value]
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the forms in which users write it."""
+        one = {"type": "string", "x-unit": "m or %"}
+        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}], "x-unit": "m or %"}
+
+
+@dataclass(frozen=True)
+class Between(Quantity):
+    """Annotation of a field that takes a range, ``"15 degC .. 30 degC"``; stores (low, high)."""
+
+    def read(self, given: object) -> tuple[float, float]:  # type: ignore[override]
+        """Convert and check."""
+        if not isinstance(given, str):
+            raise WrongValueError(f"{given!r} is no range", rule=units.needed(self.si_unit))
+        try:
+            return units.parse_range(given, self.si_unit)
+        except DescriptionError as error:
+            remedy = error.remedy and f'Write "{self.show((288.15, 303.15))}".'
+            raise WrongValueError(error.what, error.rule, remedy) from None
+
+    def show(self, value: tuple[float, float]) -> str:  # type: ignore[override]
+        """Write it as users would."""
+        return " .. ".join(units.write(end, self.si_unit, self.written) for end in value)
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": self.si_unit}
+
+
+@dataclass(frozen=True)
+class BetweenPlaces(Quantity):
+    """Annotation of a field that takes a range of positions, ``"10 mm .. 290 mm"`` or ``"5 % .. 95 %"``."""
+
+    si_unit: str = "m"
+
+    def read(self, given: object) -> tuple[Place, Place]:  # type: ignore[override]
+        """Convert and check."""
+        ends = given.split("..") if isinstance(given, str) else []
+        if len(ends) != 2:
+            raise WrongValueError(f"{given!r} is no range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
+        low, high = place(ends[0].strip()), place(ends[1].strip())
+        if low.share == high.share and not low.value < high.value:
+            raise WrongValueError(f'range "{given}" is empty', rule="the first end lies below the second")
+        return low, high
+
+    def show(self, value: tuple[Place, Place]) -> str:  # type: ignore[override]
+        """Write it as users would."""
+        return f"{value[0]} .. {value[1]}"
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": "m or %"}
+
+
+def listed(given: object) -> list[object]:
+    """Return what was given as a list; one value is a list of one."""
+    if isinstance(given, list):
+        if not given:
+            raise WrongValueError("the list is empty")
+        return given
+    return [given]
+
+
+def distinct(values: Any, shown: list[str]) -> Any:  # noqa: ANN401 - any sequence
+    """Return the values as a tuple, or say which one comes twice."""
+    for index, one in enumerate(values):
+        if one in values[:index]:
+            raise WrongValueError(f"{shown[index]} comes twice", remedy="Repetitions are asked for by `repeats`.")
+    return tuple(values)
+
+
+def spacing_of(given: dict[str, Any], spacing: str) -> tuple[object, object, int, str]:
+    """Take ``{ from, to, count, spacing }`` apart."""
+    for key in given:
+        if key not in {"from", "to", "count", "spacing"}:
+            raise WrongValueError(f"'{key}' is not known here", remedy=nearest(key, ["from", "to", "count", "spacing"]))
+    for key in ("from", "to", "count"):
+        if key not in given:
+            raise WrongValueError(f"'{key}' is missing", remedy="Write { from = ..., to = ..., count = ... }.")
+    kind = given.get("spacing", spacing)
+    if kind not in SPACINGS:
+        raise WrongValueError(f"spacing = {kind!r} is not known", remedy=nearest(str(kind), SPACINGS))
+    return given["from"], given["to"], Whole(at_least=2).read(given["count"]), kind
+
+
+def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) -> tuple[float, ...]:
+    """Space `count` levels between two ends, which are kept exactly; those between have `DIGITS` significant digits.
+
+    Examples
+    --------
+    >>> spaced(1e-3, 0.1, 3, "log", Quantity("m/s", "mm/s"))
+    (0.001, 0.01, 0.1)
+    """
+    if not low < high:
+        raise WrongValueError("the range is empty", rule="`from` lies below `to`")
+    if spacing == "log" and not low > 0.0:
+        raise WrongValueError("a logarithmic range starts above zero", remedy='Write spacing = "linear".')
+    unit = mark.written or mark.si_unit
+    factor, offset = units.converter(unit, mark.si_unit)
+    inner = []
+    for index in range(1, count - 1):
+        share = index / (count - 1)
+        value = math.exp((1.0 - share) * math.log(low) + share * math.log(high)) if spacing == "log" else None
+        value = (1.0 - share) * low + share * high if value is None else value
+        inner.append(units.parse(f"{(value - offset) / factor:.{DIGITS}g} {unit}", mark.si_unit))
+    out = (low, *inner, high)
+    if any(not a < b for a, b in pairwise(out)):
+        raise WrongValueError(
+            f"{count} levels lie closer than {DIGITS} significant digits tell apart", remedy="Lower the count."
+        )
+    return out
+
+
+def range_schema(one: dict[str, Any]) -> dict[str, Any]:
+    """Describe ``{ from, to, count, spacing }``."""
+    count = {"type": "integer", "minimum": 2}
+    keys = {"from": one, "to": one, "count": count, "spacing": {"enum": list(SPACINGS)}}
+    return {"type": "object", "properties": keys, "required": ["from", "to", "count"], "additionalProperties": False}
+
+
+def share_of(given: object) -> float | None:
+    """Read ``"5 %"``; None where it is none."""
+    if not isinstance(given, str) or not given.rstrip().endswith("%"):
+        return None
+    try:
+        value = float(given.rstrip()[:-1])
+    except ValueError:
+        return None
+    return value / 100.0 if math.isfinite(value) else None
+
+
+def show_share(value: float) -> str:
+    """Write a share in per cent, so that it reads back the same."""
+    for digits in (6, 12, 17):
+        text = f"{100.0 * value:.{digits}g}"
+        if float(text) / 100.0 == value:
+            break
+    return f"{text} %"
+
+
+def place(given: object) -> Place:
+    """Read one position."""
+    share = share_of(given)
+    if share is not None:
+        if not 0.0 <= share <= 1.0:
+            raise WrongValueError(f'"{given}" lies outside the range', rule="0 % to 100 %")
+        return Place(share, share=True)
+    if not isinstance(given, str):
+        raise WrongValueError(f"{given!r} has no unit", remedy='Write "50 %" or "120 mm".')
+    try:
+        return Place(units.parse(given, "m"), share=False)
+    except DescriptionError as error:
+        raise WrongValueError(error.what, error.rule, 'Write "50 %" or "120 mm".') from None
