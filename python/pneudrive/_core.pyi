@@ -64,17 +64,24 @@ class Drive:
     ) -> ServoResult: ...
     def chambers(self, states: NDArray[float64]) -> NDArray[float64]: ...
 
+@type_check_only
+class RigResult(Result):
+    final: list[float]
+    commanded_position_m: float
+
 @final
 class Rig:
-    def __new__(cls, json: str) -> Rig: ...
+    def __new__(cls, json: str, ledger: bool = False) -> Rig: ...
     def run(
         self,
         durations: Sequence[float] | NDArray[float64],
         jerks: Sequence[float] | NDArray[float64],
         sample_times: Sequence[float] | NDArray[float64],
-        initial_position: float,
+        initial: float | Sequence[float],
         rtol: float,
-    ) -> Result: ...
+        released: bool = False,
+        shut: bool = False,
+    ) -> RigResult: ...
 
 def flow_ratio(pressure_ratio: float, critical_pressure_ratio: float, subsonic_index: float) -> float: ...
 def choked_flow_factor(heat_capacity_ratio: float) -> float: ...

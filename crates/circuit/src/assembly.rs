@@ -4,7 +4,7 @@ mod drive;
 mod rig;
 
 pub use drive::{Drive, Servo};
-pub use rig::Rig;
+pub use rig::{End, Motion, Rig, Start};
 
 use crate::run::Error;
 use crate::specification;

@@ -116,6 +116,25 @@ impl<R: Lane> Circuit<R> {
         self.parts.carriages[id.0].1.jerk.put(lane, jerk);
     }
 
+    /// Lets a carriage give way to the force on it in one lane, or keeps it on its command.
+    pub fn set_giving_way(&mut self, id: CarriageId, lane: usize, giving_way: bool) {
+        self.parts.carriages[id.0].1.giving_way.put(lane, f64::from(giving_way));
+    }
+
+    /// The commanded position of a carriage at state `y`, m.
+    pub fn commanded(&self, id: CarriageId, y: &[R]) -> R {
+        y[self.parts.carriages[id.0].0.first]
+    }
+
+    /// Begins a new command of a carriage: at rest where it stands.
+    pub fn take_over(&self, id: CarriageId, y: &mut [R]) {
+        let (place, part) = &self.parts.carriages[id.0];
+        let at = place.first + part.follower();
+        y[place.first] = y[at];
+        y[at + 1] = R::zero();
+        y[place.first + 1..place.first + 3].fill(R::zero());
+    }
+
     /// The name and unit of each state.
     pub fn state_names(&self) -> &[String] {
         &self.topology.names

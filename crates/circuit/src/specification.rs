@@ -131,7 +131,77 @@ pub struct Drive {
     pub load: Load,
 }
 
-/// A friction rig: a servo drags the piston through a force sensor, both chambers at held pressure.
+/// A flow path by ISO 6358.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Orifice {
+    pub conductance_m3_s_pa: f64,
+    pub critical_pressure_ratio: f64,
+}
+
+/// A rigid volume between regulator and lines.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifold {
+    pub volume_m3: f64,
+    pub wall_m2: f64,
+}
+
+/// Where the air in a rig's chambers comes from and goes to.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum AirSupply {
+    /// Each chamber breathes through its port.
+    Open { ports: [Orifice; 2] },
+    /// One regulator feeds a manifold, from which a line goes to each chamber.
+    Common { regulator: Orifice, manifold: Manifold, lines: [Orifice; 2] },
+    /// Each chamber has a regulator, the volume of a hose, and a line of its own.
+    Separate { regulator: Orifice, manifold: Manifold, lines: [Orifice; 2] },
+}
+
+/// One chamber of a rig.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chamber {
+    pub dead_volume_m3: f64,
+    /// Wetted perimeter of barrel and rod.
+    pub perimeter_m: f64,
+    /// Leakage to the outside.
+    #[serde(default)]
+    pub leakage_m3_s_pa: f64,
+}
+
+/// Chambers that hold air.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chambers {
+    pub supply: AirSupply,
+    pub a: Chamber,
+    pub b: Chamber,
+    pub heat_transfer_w_m2_k: f64,
+    /// Leakage past the piston.
+    #[serde(default)]
+    pub piston_leakage_m3_s_pa: f64,
+}
+
+/// How the carriage of a rig follows its command.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ServoAxis {
+    /// Natural frequency of the position loop.
+    pub bandwidth_hz: f64,
+    pub damping_ratio: f64,
+}
+
+/// Velocity ripple of a carriage: relative amplitude, once every `pitch_m`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ripple {
+    pub velocity: f64,
+    pub pitch_m: f64,
+}
+
+/// A friction rig: a servo drags the piston through a force sensor.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {
@@ -140,6 +210,7 @@ pub struct Rig {
     pub area_b_m2: f64,
     pub moving_mass_kg: f64,
     pub ambient_pressure_pa: f64,
+    /// Pressures at which the chambers are held, or to which the regulators are set.
     pub pressure_a_pa: f64,
     pub pressure_b_pa: f64,
     pub stroke_m: f64,
@@ -147,6 +218,23 @@ pub struct Rig {
     pub incline_rad: f64,
     pub sensor_stiffness_n_m: f64,
     pub sensor_damping_n_s_m: f64,
+    /// Of ambient, supply and walls; 20 degC where absent.
+    #[serde(default)]
+    pub temperature_k: Option<f64>,
+    /// Absent: chambers at held pressure.
+    #[serde(default)]
+    pub chambers: Option<Chambers>,
+    /// Absent: the carriage is its command.
+    #[serde(default)]
+    pub servo: Option<ServoAxis>,
+    #[serde(default)]
+    pub ripple: Option<Ripple>,
+    /// Time constant with which the axis gives way during a released hold, s; 20 ms where absent.
+    #[serde(default)]
+    pub release_time_s: Option<f64>,
+    /// A known force on the piston in +x.
+    #[serde(default)]
+    pub external_force_n: f64,
 }
 
 /// Where a drive starts.

@@ -1,6 +1,6 @@
 //! The seam to Python: conversion and error mapping, nothing else.
 
-use circuit::{Balance, Drive, Error, Kind, Rig, Run, Servo, friction_law, specification};
+use circuit::{Balance, Drive, Error, Kind, Motion, Rig, Run, Servo, Start, friction_law, specification};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::{Options, Statistics};
 use physics::IdealGas;
@@ -236,28 +236,48 @@ struct PyRig {
     rig: Rig,
 }
 
+/// Where a run of a rig begins: a position, or the final state of an earlier run.
+#[derive(FromPyObject)]
+enum From {
+    Position(f64),
+    State(Vec<f64>),
+}
+
 #[pymethods]
 impl PyRig {
     #[new]
-    fn new(json: &str) -> PyResult<Self> {
+    #[pyo3(signature = (json, ledger=false))]
+    fn new(json: &str, ledger: bool) -> PyResult<Self> {
         let spec: specification::Rig = parse(json)?;
-        Ok(PyRig { rig: Rig::assemble(&spec).map_err(to_python)? })
+        Ok(PyRig { rig: Rig::assemble(&spec, ledger).map_err(to_python)? })
     }
 
     /// Runs a motion of piecewise constant jerk.
+    #[pyo3(signature = (durations, jerks, sample_times, initial, rtol, released=false, shut=false))]
+    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn run<'py>(
         &self,
         py: Python<'py>,
         durations: Vec<f64>,
         jerks: Vec<f64>,
         sample_times: Vec<f64>,
-        initial_position: f64,
+        initial: From,
         rtol: f64,
+        released: bool,
+        shut: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let run = detached(py, |interrupted| {
-            self.rig.run(&durations, &jerks, &sample_times, initial_position, options(rtol), interrupted)
+        let motion = Motion { durations: &durations, jerks: &jerks, released, shut };
+        let from = match &initial {
+            From::Position(position) => Start::Rest(*position),
+            From::State(state) => Start::State(state),
+        };
+        let (run, end) = detached(py, |interrupted| {
+            self.rig.run(&motion, &sample_times, from, options(rtol), interrupted)
         })?;
-        run_to_dict(py, self.rig.columns(), run)
+        let out = run_to_dict(py, self.rig.columns(), run)?;
+        out.set_item("final", end.state)?;
+        out.set_item("commanded_position_m", end.commanded)?;
+        Ok(out)
     }
 }
 

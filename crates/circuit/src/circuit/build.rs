@@ -106,10 +106,15 @@ impl Circuit<f64> {
         AxisId(node)
     }
 
-    /// A servo axis driven by its jerk.
+    /// A servo axis driven by its jerk: rigid, and never giving way.
     pub fn carriage(&mut self) -> (AxisId, CarriageId) {
+        self.servo(Carriage::rigid())
+    }
+
+    /// A servo axis driven by its jerk.
+    pub fn servo(&mut self, carriage: Carriage<f64>) -> (AxisId, CarriageId) {
         let node = self.next_axis();
-        self.parts.carriages.push((Place::default(), Carriage { jerk: 0.0, node }));
+        self.parts.carriages.push((Place::default(), Carriage { node, ..carriage }));
         (AxisId(node), CarriageId(self.parts.carriages.len() - 1))
     }
 
@@ -219,6 +224,11 @@ impl Circuit<f64> {
             let found = movers.chain(carriages).find(|(_, node)| *node == id.0);
             let place = found.expect("an axis of this circuit").0;
             (y[place.first], y[place.first + 1]) = (x, v);
+            let follower = self.parts.carriages.iter().find(|(_, part)| part.node == id.0 && part.follows);
+            if let Some((place, part)) = follower {
+                let at = place.first + part.follower();
+                (y[at], y[at + 1]) = (x, v);
+            }
         }
         let mut net = self.work::<f64>();
         self.parts.place(&y, &mut net, &self.common);
@@ -238,7 +248,15 @@ impl Circuit<f64> {
             };
             y[first..first + 2].copy_from_slice(&values);
         }
-        self.evaluate(&y, &mut net);
+        self.find_modes(&mut y);
+        y
+    }
+
+    /// Sets the modes of friction to match state `y`: stuck where the velocity is zero and the force
+    /// too small.
+    pub fn find_modes(&mut self, y: &mut [f64]) {
+        let mut net = self.work::<f64>();
+        self.evaluate(y, &mut net);
         for &mover in &self.topology.clone().sticking {
             let (place, axis) = self.mover_mut(mover);
             let v = y[place.first + 1];
@@ -247,6 +265,5 @@ impl Circuit<f64> {
                 axis.switch(0, &mut y[place.first + 1], &net);
             }
         }
-        y
     }
 }

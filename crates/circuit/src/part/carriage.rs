@@ -3,33 +3,172 @@ use crate::net::Net;
 use math::{Over, Real};
 
 physics::parameters! {
-    /// A servo axis whose motion is prescribed by a piecewise constant jerk: position, velocity and
-    /// acceleration are states, so that the motion is exact and the equations stay free of time.
+    /// A servo axis: a commanded motion of piecewise constant jerk, and the carriage that follows it.
+    ///
+    ///   commanded   dx/dt = v,  dv/dt = a,  da/dt = jerk
+    ///   following   dv_f/dt = w^2 (x - x_f) + 2 zeta w (v - v_f),  dx_f/dt = v_f
+    ///   carriage    x_f + r/kappa sin(kappa x_f),  so its velocity is v_f [1 + r cos(kappa x_f)]
+    ///   giving way  m dv_f/dt = F - c v_f
+    ///
+    /// A position loop of natural frequency w with the velocity fed forward: no lag at constant speed.
+    /// The ripple is that of a ball screw or of cogging, once every 2 pi/kappa. The axis is infinitely
+    /// strong: no force bends its motion, but while it gives way (admittance control: a virtual mass m
+    /// and damper c let the force F on the carriage move it until there is none). Position, velocity
+    /// and acceleration are states, so that the commanded motion is exact and the equations stay free
+    /// of time. A carriage that does not follow is its command: x_f = x, v_f = v.
     pub struct Carriage {
         /// Jerk: an input
         jerk: "m/s3", physics::any(), default 0.0;
-    } with { node: usize }
+        /// Natural frequency w of the position loop
+        frequency: "rad/s", physics::above(0.0), default 1.0;
+        /// Damping ratio zeta of the position loop
+        damping_ratio: "-", physics::at_least(0.0), default 1.0;
+        /// Relative velocity ripple r
+        ripple: "-", physics::at_least(0.0), default 0.0;
+        /// Wave number kappa of the ripple
+        wave_number: "1/m", physics::above(0.0), default 1.0;
+        /// Virtual mass m while it gives way
+        virtual_mass: "kg", physics::above(0.0), default 1.0;
+        /// Virtual damping c while it gives way
+        virtual_damping: "N s/m", physics::at_least(0.0), default 0.0;
+        /// 1 while it gives way, else 0: an input
+        giving_way: "-", physics::at_least(0.0), default 0.0;
+    } with {
+        node: usize,
+        follows: bool,
+        ripples: bool,
+        can_give_way: bool,
+    }
+}
+
+/// Offset of x_f, v_f within the states of a carriage that follows.
+pub(crate) const FOLLOWER: usize = 3;
+
+impl Carriage<f64> {
+    /// An axis that is its command, and never gives way.
+    pub fn rigid() -> Self {
+        Carriage {
+            jerk: 0.0,
+            frequency: 1.0,
+            damping_ratio: 1.0,
+            ripple: 0.0,
+            wave_number: 1.0,
+            virtual_mass: 1.0,
+            virtual_damping: 0.0,
+            giving_way: 0.0,
+            node: 0,
+            follows: false,
+            ripples: false,
+            can_give_way: false,
+        }
+    }
+
+    /// One that follows with a natural frequency in rad/s and a damping ratio.
+    pub fn following(self, frequency: f64, damping_ratio: f64) -> Self {
+        Carriage { frequency, damping_ratio, follows: true, ..self }
+    }
+
+    /// One whose velocity ripples by this share, once every `pitch` m.
+    pub fn rippling(self, ripple: f64, pitch: f64) -> Self {
+        Carriage { ripple, wave_number: std::f64::consts::TAU / pitch, ripples: true, ..self }
+    }
+
+    /// One that can give way: to a spring of `stiffness` N/m critically damped, with this time constant, s.
+    pub fn yielding(self, stiffness: f64, time: f64) -> Self {
+        Carriage {
+            virtual_mass: stiffness * time * time,
+            virtual_damping: 2.0 * stiffness * time,
+            can_give_way: true,
+            ..self
+        }
+    }
+}
+
+impl<P: Real> Carriage<P> {
+    /// Where x_f, v_f lie within the own states.
+    pub(crate) fn follower(&self) -> usize {
+        if self.follows { FOLLOWER } else { 0 }
+    }
+
+    /// x_f and v_f.
+    #[inline(always)]
+    fn followed<S: Over<P>>(&self, y: Own<S>) -> [S; 2] {
+        if self.follows {
+            let [.., x, v] = y.first::<5>();
+            [x, v]
+        } else {
+            y.first()
+        }
+    }
+
+    /// What becomes of an acceleration once the carriage gives way to the force on it.
+    #[inline(always)]
+    fn yielded<S: Over<P>>(&self, a: S, v: S, net: &Net<S>) -> S {
+        if !self.can_give_way {
+            return a;
+        }
+        let force = net.axis[self.node].force - S::from(self.virtual_damping) * v;
+        a + S::from(self.giving_way) * (force / S::from(self.virtual_mass) - a)
+    }
 }
 
 impl<P: Real> Part<P> for Carriage<P> {
     fn states(&self) -> Vec<State> {
-        vec![
+        let mut states = vec![
             State { name: "carriage position", unit: "m", scale: 0.1 },
             State { name: "carriage velocity", unit: "m/s", scale: 0.1 },
             State { name: "carriage acceleration", unit: "m/s2", scale: 1.0 },
-        ]
+        ];
+        if self.follows {
+            for (state, name) in
+                states.iter_mut().zip(["commanded position", "commanded velocity", "commanded acceleration"])
+            {
+                state.name = name;
+            }
+            states.extend([
+                State { name: "carriage position", unit: "m", scale: 0.1 },
+                State { name: "carriage velocity", unit: "m/s", scale: 0.1 },
+            ]);
+        }
+        states
     }
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        let [x, v] = self.followed(y);
         let node = &mut net.axis[self.node];
-        [node.x, node.v, node.a] = y.first();
+        (node.x, node.v) = (x, v);
+        if self.ripples {
+            let (kappa, ripple) = (S::from(self.wave_number), S::from(self.ripple));
+            let angle = kappa * x;
+            node.x = (ripple / kappa).fma(angle.sin(), x);
+            node.v = (ripple * v).fma(angle.cos(), v);
+        }
         node.force = S::zero();
     }
 
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnRates<S>, _net: &mut Net<S>, _common: &Common<P>) {
-        let [_, v, a] = y.first();
-        dy.set([v, a, S::from(self.jerk)]);
+    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnRates<S>, net: &mut Net<S>, _common: &Common<P>) {
+        let [x, v, a] = y.first();
+        let jerk = S::from(self.jerk);
+        let [x_f, v_f] = self.followed(y);
+        let a_f = if self.follows {
+            let w = S::from(self.frequency);
+            let track = w * (w * (x - x_f) + S::from(self.damping_ratio) * S::c(2.0) * (v - v_f));
+            let a_f = self.yielded(track, v_f, net);
+            dy.set([v, a, jerk, v_f, a_f]);
+            a_f
+        } else {
+            let a_f = self.yielded(a, v, net);
+            dy.set([v, a_f, jerk]);
+            a_f
+        };
+        net.axis[self.node].a = if self.ripples {
+            let (kappa, ripple) = (S::from(self.wave_number), S::from(self.ripple));
+            let angle = kappa * x_f;
+            a_f + ripple * (a_f * angle.cos() - kappa * v_f * v_f * angle.sin())
+        } else {
+            a_f
+        };
     }
 }
