@@ -102,6 +102,13 @@ class RigError(PneudriveError):
     """A rig cannot do what it was asked to do: a fault, a limit, a lost connection."""
 
 
+class ConnectionLostError(RigError):
+    """The connection to a rig was lost and is back: the rig stands still without pressure, its memory may be gone.
+
+    What ran is lost. Whoever runs cycles sets the rig's memory (`Reproducible.restore`) and runs the cycle again.
+    """
+
+
 class CampaignError(PneudriveError):
     """A campaign folder cannot be used: locked, read-only, full, not a campaign, files that do not fit together."""
 
