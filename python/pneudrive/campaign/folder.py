@@ -5,56 +5,77 @@
 - ``rig.json``: the rig's identity and calibration (`pneudrive.rig.interface.Identity`)
 - ``cycles/00001-KEY.parquet``: raw samples; the head of the cycle is JSON under the key "pneudrive" of its metadata
 - ``truth/00001-KEY.json``: simulated rigs only: what was true; for tests, never read by results
+
+The format, key by key, stands in docs/reference/campaign-folder.md.
 """
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import io
 import json
 import os
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.campaign.cycle import Cycle
+from pneudrive.campaign.head import SCHEMA, Head, plain, read_identity
+from pneudrive.campaign.head import read_head as parse_head
+from pneudrive.campaign.motion import steps_from_motion
+from pneudrive.campaign.storage import (
+    BLANK,
+    PART,
+    SEAL,
+    clear_errors,
+    damage,
+    has_seal,
+    make_folder,
+    sealed,
+    write_whole,
+)
 from pneudrive.errors import CampaignError
 from pneudrive.rig.interface import CHANNELS, Identity, Samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-SCHEMA = 1
+    import polars as pl
+    from numpy.typing import NDArray
+
 HEAD = "pneudrive"
 COLUMNS = (*CHANNELS, "step")
+REQUIRED_COLUMNS = ("time_s", "position_m", "force_n")
+CYCLES, TRUTH = "cycles", "truth"
+PROTOCOL, ABOUT, RIG, LOG = "campaign.toml", "campaign.json", "rig.json", "campaign.log"
+#: Ending of a cycle's file that was found damaged and put aside; its cycle is run again.
+ASIDE = ".damaged"
 
 
 @dataclass(frozen=True)
-class Head:
-    """What a cycle's file says beside its samples.
+class Problem:
+    """Something about a campaign folder that its reader should know.
 
     Attributes
     ----------
-    index : int
-        Place in the order in which the cycles were run, from 1.
-    cycle : Cycle
-    began_s : float
-        The rig's own clock at time zero of the cycle, so that drift can be told.
-    started : str
-        Date and time of the computer, ISO 8601 with zone.
-    flags : dict
-        Counts of what was found in the samples on arrival.
-    memory : dict
-        What a simulated rig needs to go on from here.
+    where : str
+        File, within the folder.
+    what : str
+        In words.
+    lost : bool
+        Whether the cycle cannot be used; otherwise this is a note.
     """
 
-    index: int
-    cycle: Cycle
-    began_s: float = 0.0
-    started: str = ""
-    flags: dict[str, int] = field(default_factory=dict)
-    memory: dict[str, Any] = field(default_factory=dict)
+    where: str
+    what: str
+    lost: bool = True
+
+    def __str__(self) -> str:
+        """Say it in one line."""
+        return f"{self.where}: {self.what}"
 
 
 @dataclass(frozen=True)
@@ -64,62 +85,202 @@ class CycleFile:
     path: Path
     head: Head
 
+    @property
+    def name(self) -> str:
+        """Name of the file without its ending: index and key."""
+        return self.path.stem
+
     def samples(self) -> Samples:
         """Read the raw samples.
+
+        Returns
+        -------
+        Samples
+            As they came. A pressure that the file does not have is the cycle's own; a temperature that it does not
+            have is NaN; steps that it does not have are derived from the motion.
 
         Raises
         ------
         CampaignError
             If the file is damaged or lacks a column.
         """
-        import polars as pl
-
-        try:
-            frame = pl.read_parquet(self.path)
-            channels = {name: frame[name].to_numpy().astype(np.float64) for name in CHANNELS}
-            step = frame["step"].to_numpy().astype(np.int64)
-        except (OSError, pl.exceptions.PolarsError) as error:
-            raise CampaignError("a cycle cannot be read", where=str(self.path), value=str(error)) from None
+        frame, _ = _read(self.path, with_samples=True)
+        assert frame is not None
+        where = str(self.path)
+        channels = {name: _numbers(frame, name, where) for name in CHANNELS if name in frame.columns}
+        step = _whole(frame, where) if "step" in frame.columns else None
+        found = digest(channels, step)
+        if self.head.sha256 and self.head.sha256 != found:
+            raise CampaignError("the samples are damaged: they do not have the SHA-256 of their head", where=where)
+        missing = [name for name in REQUIRED_COLUMNS if name not in channels]
+        if missing:
+            raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="SI units in the name")
+        for name in ("pressure_a_pa", "pressure_b_pa"):
+            channels.setdefault(name, np.full(frame.height, getattr(self.head.cycle, name)))
+        channels.setdefault("temperature_k", np.full(frame.height, np.nan))
+        if step is None:
+            step = steps_from_motion(channels["time_s"], channels["position_m"], self.head.cycle.stop_s)
         return Samples(**channels, step=step)
 
 
-def write_cycle(folder: Path, head: Head, samples: Samples) -> Path:
-    """Write one cycle: to a temporary name, flushed, then renamed, so that it is there whole or not at all."""
+def digest(channels: dict[str, NDArray[np.float64]], step: NDArray[np.int64] | None) -> str:
+    """Give the SHA-256 of the columns: little-endian bytes, in the order of `COLUMNS`, those that are there."""
+    total = hashlib.sha256()
+    for name in CHANNELS:
+        if name in channels:
+            total.update(np.ascontiguousarray(channels[name], dtype="<f8").tobytes())
+    if step is not None:
+        total.update(np.ascontiguousarray(step, dtype="<i8").tobytes())
+    return total.hexdigest()
+
+
+def file_name(index: int, key: str) -> str:
+    """Give the name of a cycle's file without its ending."""
+    return f"{index:05d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', key)[:150]}"
+
+
+_NOTHING = Samples(**dict.fromkeys(CHANNELS, np.zeros(0)), step=np.zeros(0, dtype=np.int64))
+
+
+def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
+    """Write one cycle: to a temporary name, flushed, then renamed, so that it is there whole or not at all.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the campaign.
+    head : Head
+        Its ``sha256`` is filled in.
+    samples : Samples or None
+        None where nothing was measured: an operator's step.
+
+    Raises
+    ------
+    CampaignError
+        If the cycle is there already, or cannot be written.
+    """
     import polars as pl
 
-    name = f"{head.index:05d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', head.cycle.key)}.parquet"
-    target = folder / "cycles" / name
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = target.with_suffix(".part")
-    text = json.dumps({**vars(head), "schema": SCHEMA, "cycle": head.cycle.to_dict()})
-    with temporary.open("wb") as file:
-        frame = pl.DataFrame({name: getattr(samples, name) for name in COLUMNS})
-        frame.write_parquet(file, metadata={HEAD: text})
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.rename(target)
+    target = folder / CYCLES / f"{file_name(head.index, head.cycle.key)}.parquet"
+    if target.exists():
+        raise CampaignError("a cycle is there already and is not written again", where=str(target))
+    make_folder(target.parent)
+    given = samples if samples is not None else _NOTHING
+    channels = {name: np.asarray(getattr(given, name), dtype=np.float64) for name in CHANNELS}
+    step = np.asarray(given.step, dtype=np.int64)
+    head = replace(head, sha256=digest(channels, step))
+    with io.BytesIO() as memory:
+        pl.DataFrame({**channels, "step": step}).write_parquet(memory, metadata={HEAD: head.to_json(), SEAL: BLANK})
+        data = sealed(memory.getvalue())
+    write_whole(target, data)
+    return target
+
+
+def write_truth(folder: Path, head: Head, truth: dict[str, Any]) -> Path:
+    """Write what was true of a cycle of a simulated rig beside it."""
+    target = folder / TRUTH / f"{file_name(head.index, head.cycle.key)}.json"
+    make_folder(target.parent)
+    write_whole(target, json.dumps(truth, default=plain).encode())
     return target
 
 
 def read_head(path: Path) -> Head:
-    """Read the head of a cycle's file without its samples."""
+    """Read the head of a cycle's file; the whole file is checked against its seal.
+
+    Raises
+    ------
+    CampaignError
+        If it cannot be read or has no meaning.
+    """
+    return read_noted_head(path)[0]
+
+
+def read_noted_head(path: Path) -> tuple[Head, list[str]]:
+    """Read the head and notes on what in it was not understood; see `read_head`."""
+    _, text = _read(path, with_samples=False)
+    number, _, key = path.stem.partition("-")
+    return parse_head(text, str(path), index=int(number) if number.isdigit() else None, key=key)
+
+
+def _read(path: Path, *, with_samples: bool) -> tuple[pl.DataFrame | None, str]:
+    """Read a cycle's file: its columns and the text of its head."""
     import polars as pl
 
+    where = str(path)
     try:
-        data = json.loads(pl.read_parquet_metadata(path)[HEAD])
-        data.pop("schema")
-        return Head(**{**data, "cycle": Cycle.from_dict(data["cycle"])})
-    except (OSError, KeyError, TypeError, ValueError, pl.exceptions.PolarsError) as error:
-        raise CampaignError("a cycle cannot be read", where=str(path), value=str(error)) from None
+        data = path.read_bytes()
+    except OSError as error:
+        raise CampaignError("a cycle cannot be read", where=where, value=error.strerror) from None
+    wrong = damage(data)
+    if wrong:
+        raise CampaignError(wrong, where=where)
+    try:
+        with contextlib.nullcontext() if has_seal(data) else _without_stderr():
+            metadata = pl.read_parquet_metadata(io.BytesIO(data))
+            frame = pl.read_parquet(io.BytesIO(data)) if with_samples else None
+    except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        first = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise CampaignError("the file is damaged", where=where, value=first) from None
+    if HEAD not in metadata:
+        raise CampaignError(
+            f'the file has no head: "{HEAD}" in its Parquet metadata',
+            where=where,
+            remedy="See docs/reference/campaign-folder.md.",
+        )
+    return frame, metadata[HEAD]
+
+
+def _numbers(frame: pl.DataFrame, name: str, where: str) -> NDArray[np.float64]:
+    column = frame[name]
+    if not column.dtype.is_numeric():
+        raise CampaignError(f"column {name} holds {column.dtype}", where=where, rule="numbers in SI units")
+    return np.array(column.to_numpy(), dtype=np.float64)
+
+
+def _whole(frame: pl.DataFrame, where: str) -> NDArray[np.int64]:
+    column = frame["step"]
+    if not column.dtype.is_integer() or column.null_count():
+        raise CampaignError(f"column step holds {column.dtype}", where=where, rule="whole numbers, none missing")
+    return np.array(column.to_numpy(), dtype=np.int64)
+
+
+@contextlib.contextmanager
+def _without_stderr() -> Iterator[None]:
+    """Hide what the Parquet reader prints of its own troubles with a damaged file before it raises them."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no stderr
+        yield
+        return
+    void = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(void, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(void)
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign folder, opened for reading."""
+    """A campaign folder, opened for reading.
+
+    Attributes
+    ----------
+    path : Path
+    identity : Identity
+        The rig.
+    about : dict
+        ``campaign.json``.
+    notes : tuple of str
+        Keys of ``rig.json`` that are ignored.
+    """
 
     path: Path
     identity: Identity
     about: dict[str, Any]
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, path: str | Path) -> Campaign:
@@ -132,13 +293,152 @@ class Campaign:
         """
         folder = Path(path)
         try:
-            identity = Identity(**json.loads((folder / "rig.json").read_text(encoding="utf-8")))
-            about = json.loads((folder / "campaign.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError, TypeError) as error:
-            raise CampaignError("this is not a campaign folder", where=str(folder), value=str(error)) from None
-        return cls(folder, identity, about)
+            rig = (folder / RIG).read_text(encoding="utf-8")
+            about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            value = f"{error.strerror}: {error.filename}" if isinstance(error, OSError) else str(error)
+            raise CampaignError(
+                "this is not a campaign folder",
+                where=str(folder),
+                value=value,
+                rule=f"it has {RIG}, {ABOUT} and {CYCLES}/",
+            ) from None
+        if not isinstance(about, dict):
+            raise CampaignError("this is not a JSON object", where=str(folder / ABOUT))
+        if not isinstance(about.get("schema", SCHEMA), int) or about.get("schema", SCHEMA) > SCHEMA:
+            raise CampaignError(
+                f"schema = {about['schema']} is not known", where=str(folder / ABOUT), remedy="Update pneudrive."
+            )
+        identity, notes = read_identity(rig, str(folder / RIG))
+        return cls(folder, identity, about, tuple(notes))
+
+    @property
+    def protocol(self) -> str:
+        """Text of the protocol as run; empty where the folder has none."""
+        with contextlib.suppress(OSError):
+            return (self.path / PROTOCOL).read_text(encoding="utf-8")
+        return ""
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the rig was a simulated one."""
+        return bool(self.about.get("synthetic", False)) or self.identity.synthetic
+
+    def files(self) -> list[Path]:
+        """Give the files of finished cycles by name, damaged ones too."""
+        return sorted((self.path / CYCLES).glob("*.parquet"))
+
+    def scan(self) -> tuple[list[CycleFile], list[Problem]]:
+        """Read all heads.
+
+        Returns
+        -------
+        list of CycleFile, list of Problem
+            The usable cycles in the order in which they were run, and what is wrong with others: a file that is
+            damaged, cut off, foreign, or tells of a cycle that an earlier file has.
+        """
+        found: list[CycleFile] = []
+        problems = [Problem(RIG, note, lost=False) for note in self.notes]
+        for path in self.files():
+            where = f"{CYCLES}/{path.name}"
+            try:
+                head, notes = read_noted_head(path)
+            except CampaignError as error:
+                problems.append(Problem(where, _one_line(error)))
+                continue
+            problems += [Problem(where, note, lost=False) for note in notes]
+            found.append(CycleFile(path, head))
+        found.sort(key=lambda file: (file.head.index, file.path.name))
+        unique: list[CycleFile] = []
+        keys: dict[str, str] = {}
+        for file in found:
+            key = file.head.cycle.key
+            if key in keys:
+                problems.append(Problem(f"{CYCLES}/{file.path.name}", f"cycle {key!r} is in {keys[key]} already"))
+            else:
+                keys[key] = file.path.name
+                unique.append(file)
+        return unique, problems
 
     def cycles(self) -> Iterator[CycleFile]:
-        """Give the finished cycles in the order in which they were run."""
-        for path in sorted((self.path / "cycles").glob("*.parquet")):
-            yield CycleFile(path, read_head(path))
+        """Give the usable finished cycles in the order in which they were run; `problems` tells of the others."""
+        yield from self.scan()[0]
+
+    def problems(self) -> list[Problem]:
+        """Check every file to its last sample and say what is wrong."""
+        files, problems = self.scan()
+        return problems + [problem for problem in map(_damage_of, files) if problem]
+
+
+def _damage_of(file: CycleFile) -> Problem | None:
+    try:
+        file.samples()
+    except CampaignError as error:
+        return Problem(f"{CYCLES}/{file.path.name}", _one_line(error))
+    return None
+
+
+def _one_line(error: CampaignError) -> str:
+    parts = [error.what.rstrip("."), *(str(part) for part in (error.value, error.rule) if part)]
+    return "; ".join(parts)
+
+
+def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any]) -> Campaign:
+    """Make a campaign folder; ``campaign.json`` comes last, so that a folder that has it is complete.
+
+    Raises
+    ------
+    CampaignError
+        If there is something else in the folder, or it cannot be written.
+    """
+    make_folder(folder)
+    own = {PROTOCOL, RIG, LOG, CYCLES, TRUTH}
+    foreign = [p.name for p in folder.iterdir() if p.name.removesuffix(PART) not in own and p.suffix != ".lock"]
+    if foreign or any((folder / CYCLES).glob("*")):
+        raise CampaignError(
+            "the folder is not empty and not a campaign",
+            where=str(folder),
+            value=", ".join(sorted(foreign)[:5]) or CYCLES,
+            remedy="Name another folder, or an empty one.",
+        )
+    make_folder(folder / CYCLES)
+    write_whole(folder / PROTOCOL, protocol.encode())
+    write_whole(folder / RIG, json.dumps(identity.to_dict(), indent=2, default=plain).encode())
+    write_whole(folder / ABOUT, json.dumps({"schema": SCHEMA, **about}, indent=2, default=plain).encode())
+    return Campaign.open(folder)
+
+
+def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
+    """Prepare a folder for going on: leftovers of a process that died go, damaged cycles are put aside.
+
+    Returns
+    -------
+    list of CycleFile, list of str
+        The finished cycles, and what was done, in words.
+
+    Raises
+    ------
+    CampaignError
+        If the folder cannot be written to.
+    """
+    done = []
+    for folder in (campaign.path, campaign.path / CYCLES, campaign.path / TRUTH):
+        for path in sorted(folder.glob(f"*{PART}")):
+            with clear_errors("the campaign folder cannot be tidied", path):
+                path.unlink()
+            done.append(f"removed {path.name}: it was not finished")
+    for problem in campaign.problems():
+        if problem.lost and problem.where.startswith(f"{CYCLES}/"):
+            path = campaign.path / problem.where
+            with clear_errors("the campaign folder cannot be tidied", path):
+                path.replace(_free_name(path))
+            done.append(f"put aside {problem}")
+    return campaign.scan()[0], done
+
+
+def _free_name(path: Path) -> Path:
+    names = (path.with_name(f"{path.name}{ASIDE}{n or ''}") for n in range(10_000))
+    return next(name for name in names if not name.exists())
+
+
+__all__ = ["Campaign", "CycleFile", "Head", "Problem", "create", "read_head", "tidy", "write_cycle", "write_truth"]

@@ -1,0 +1,181 @@
+"""One process at a time works in a campaign folder, and tells the others what it is doing."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import getpass
+import json
+import os
+import socket
+import time
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.campaign.storage import clear_errors
+from pneudrive.errors import CampaignError
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+NAME = "campaign.lock"
+TRIES, TRY_AGAIN_S = 5, 0.05
+#: What a process that holds the lock can be doing.
+STATES = ("starting", "running", "pausing", "paused", "waiting", "operator", "stopping")
+
+
+def now() -> str:
+    """Give date and time of the computer, ISO 8601 with zone."""
+    return datetime.now().astimezone().isoformat(timespec="seconds")
+
+
+@dataclass(frozen=True)
+class Holder:
+    """Who works in a folder, and on what.
+
+    Attributes
+    ----------
+    pid, host, user : int, str, str
+    since : str
+        When it began, ISO 8601.
+    state : str
+        One of `STATES`.
+    text : str
+        What it waits for, in words.
+    cycle : str
+        Key of the cycle that runs.
+    """
+
+    pid: int
+    host: str
+    user: str
+    since: str
+    state: str = "starting"
+    text: str = ""
+    cycle: str = ""
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        what = f"{self.state}: {self.text}" if self.text else self.state
+        return f"process {self.pid} of {self.user} on {self.host} since {self.since}, {what}"
+
+
+class FolderLock:
+    """The lock of a campaign folder: the kernel's own (`flock`), so that it ends with the process, however that ends.
+
+    Parameters
+    ----------
+    folder : Path
+        Must exist.
+
+    Raises
+    ------
+    CampaignError
+        If another process holds it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        path = folder / NAME
+        with clear_errors("the campaign folder cannot be locked", path):
+            self._file: int | None = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        try:
+            taken = _take(self._file)
+        except OSError as error:
+            os.close(self._file)
+            raise CampaignError(
+                "the campaign folder cannot be locked",
+                where=str(path),
+                value=error.strerror,
+                rule="two processes must not write to one campaign",
+                remedy="Use a folder on a file system that knows locks.",
+            ) from error
+        if not taken:
+            os.close(self._file)
+            raise CampaignError(
+                "another process works in this campaign folder",
+                where=str(folder),
+                value=str(_read(path) or "it has not said who it is"),
+                remedy=f"Wait for it, or end it: pneudrive campaign abort {folder}",
+            )
+        self._holder = Holder(os.getpid(), socket.gethostname(), _user(), now())
+        self.tell()
+
+    def tell(self, **what: str) -> None:
+        """Change what other processes read about this one: ``state``, ``text``, ``cycle``."""
+        self._holder = Holder(**{**asdict(self._holder), **what})
+        if self._file is None:
+            return
+        text = json.dumps(asdict(self._holder)).encode()
+        with contextlib.suppress(OSError):  # a full disk must not end the campaign here: who looks, waits
+            os.pwrite(self._file, text, 0)
+            os.ftruncate(self._file, len(text))
+
+    def release(self) -> None:
+        """Give the folder free."""
+        if self._file is not None:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, 0)
+            os.close(self._file)
+            self._file = None
+
+    def __enter__(self) -> FolderLock:
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.release()
+
+
+def _take(file: int) -> bool:
+    """Take the lock; a few attempts, as `holder` has it for a moment when it looks."""
+    import fcntl
+
+    def attempt() -> bool:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EACCES):
+                return False
+            raise
+        return True
+
+    for _ in range(TRIES - 1):
+        if attempt():
+            return True
+        time.sleep(TRY_AGAIN_S)
+    return attempt()
+
+
+def holder(folder: Path) -> Holder | None:
+    """Tell who works in a folder now; None where nobody does. Leaves the lock as it is."""
+    import fcntl
+
+    path = folder / NAME
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return _read(path) or Holder(0, "?", "?", "?")
+    else:
+        return None
+    finally:
+        os.close(file)
+
+
+def _read(path: Path) -> Holder | None:
+    try:
+        given: dict[str, Any] = json.loads(path.read_bytes())
+        return Holder(**given)
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # no such user: in a container
+        return str(os.getuid())
