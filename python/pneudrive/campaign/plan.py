@@ -10,8 +10,11 @@ from pneudrive.campaign.order import ordered_blocks, ordered_cells
 from pneudrive.campaign.points import Builder, Cell, Pair, Way, cycle_samples, cycle_time_s, pairs
 from pneudrive.campaign.protocol_values import AMBIENT
 from pneudrive.errors import ProtocolError, nearest
+from pneudrive.rig.interface import Move
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity
@@ -51,6 +54,11 @@ class Planned:
         """All of it, s."""
         return self.axis_s + self.wait_s
 
+    @property
+    def strokes(self) -> int:
+        """Number of moves."""
+        return sum(isinstance(step, Move) for step in self.cycle.steps)
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -89,17 +97,21 @@ class Plan:
     @property
     def strokes(self) -> int:
         """Total number of moves."""
-        return sum(hasattr(step, "to_m") for cycle in self.cycles for step in cycle.steps)
+        return sum(one.strokes for one in self.planned)
 
     @property
     def bytes(self) -> float:
         """Size on disk, estimated by `BYTES_PER_SAMPLE`."""
-        recorded = sum(bool(cycle.steps) for cycle in self.cycles)
-        return BYTES_PER_SAMPLE * self.samples + BYTES_PER_CYCLE * recorded
+        return size_of(self.planned)
 
     def remaining_s(self, done: set[str]) -> float:
         """Return the time that the cycles without those of these keys take, s."""
         return sum(one.time_s for one in self.planned if one.cycle.key not in done)
+
+
+def size_of(planned: Iterable[Planned]) -> float:
+    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`; an operator's step leaves no file."""
+    return sum(BYTES_PER_SAMPLE * one.samples + BYTES_PER_CYCLE for one in planned if one.cycle.steps)
 
 
 def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:

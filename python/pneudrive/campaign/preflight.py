@@ -65,6 +65,32 @@ def check(plan: Plan) -> tuple[str, ...]:
     return cautions(plan)
 
 
+def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
+    """Return for each limit (largest value of the plan, limit, unit); what is not asked for is left out."""
+    protocol, envelope, identity = plan.protocol, plan.envelope, plan.identity
+    limits = Way.on(protocol, envelope).limits
+    moves = [move for cycle in plan.cycles for move in set(_moves(cycle))]
+    bounds = _bounds(protocol, identity, envelope)
+    return {
+        "speed": (1e3 * max(step.speed_m_s for _, step in moves), 1e3 * bounds["speed"], "mm/s"),
+        "acceleration": (
+            max(_peak_acceleration(d, s.speed_m_s, limits) for d, s in moves),
+            bounds["acceleration"],
+            "m/s2",
+        ),
+        "force": (
+            max(sum(expected_force_n(cycle, identity, envelope, limits).values()) for cycle in plan.cycles),
+            bounds["force"],
+            "N",
+        ),
+        "pressure": (
+            max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in plan.cycles) / 1e5,
+            bounds["pressure"] / 1e5,
+            "bar abs",
+        ),
+    }
+
+
 def check_range(protocol: Protocol, envelope: Envelope) -> None:
     """Refuse a range of positions that leaves the rig's, or leaves nothing to move along."""
     way = Way.on(protocol, envelope)
@@ -95,12 +121,12 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
 
 def violations(cycle: Cycle, protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator[Violation]:
     """Yield what is wrong with one cycle: of each limit the first violation."""
-    limits = Way.on(protocol, envelope).limits
+    limits, bounds = Way.on(protocol, envelope).limits, _bounds(protocol, identity, envelope)
     seen: set[str] = set()
     for violation in (
-        *_motion(cycle, protocol, envelope, limits),
-        *_pressures(cycle, protocol, identity, envelope),
-        *_force(cycle, protocol, identity, envelope, limits),
+        *_motion(cycle, envelope, bounds, limits),
+        *_pressures(cycle, envelope, bounds),
+        *_force(cycle, identity, envelope, bounds, limits),
     ):
         if violation.item not in seen:
             seen.add(violation.item)
@@ -122,10 +148,22 @@ def expected_force_n(cycle: Cycle, identity: Identity, envelope: Envelope, limit
     }
 
 
-def _motion(cycle: Cycle, protocol: Protocol, envelope: Envelope, limits: Limits) -> Iterator[Violation]:
+def _bounds(protocol: Protocol, identity: Identity, envelope: Envelope) -> dict[str, float]:
+    """Return the upper limits of the rig, tightened by the protocol."""
+    tight, pressure = protocol.limits, envelope.pressure_pa[1]
+    if tight.pressure is not None:
+        pressure = min(pressure, tight.pressure.absolute_pa(identity.ambient_pressure_pa))
+    return {
+        "speed": min(envelope.speed_m_s, tight.speed_m_s or math.inf),
+        "acceleration": min(envelope.acceleration_m_s2, tight.acceleration_m_s2 or math.inf),
+        "force": min(envelope.force_n, tight.force_n or math.inf),
+        "pressure": pressure,
+    }
+
+
+def _motion(cycle: Cycle, envelope: Envelope, bounds: dict[str, float], limits: Limits) -> Iterator[Violation]:
     low, high = envelope.position_m
-    top = min(envelope.speed_m_s, protocol.limits.speed_m_s or math.inf)
-    top_acceleration = min(envelope.acceleration_m_s2, protocol.limits.acceleration_m_s2 or math.inf)
+    top, top_acceleration = bounds["speed"], bounds["acceleration"]
     for distance, step in _moves(cycle):
         speed, key = step.speed_m_s, cycle.key
         if not low - ROUNDING <= step.to_m <= high + ROUNDING:
@@ -154,11 +192,8 @@ def _motion(cycle: Cycle, protocol: Protocol, envelope: Envelope, limits: Limits
             )
 
 
-def _pressures(cycle: Cycle, protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator[Violation]:
-    low, high = envelope.pressure_pa
-    tighter = protocol.limits.pressure
-    if tighter is not None:
-        high = min(high, tighter.absolute_pa(identity.ambient_pressure_pa))
+def _pressures(cycle: Cycle, envelope: Envelope, bounds: dict[str, float]) -> Iterator[Violation]:
+    low, high = envelope.pressure_pa[0], bounds["pressure"]
     for chamber, value in (("a", cycle.pressure_a_pa), ("b", cycle.pressure_b_pa)):
         if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
             limit = f"{_bar(low)} to {_bar(high)}"
@@ -175,11 +210,10 @@ def _pressures(cycle: Cycle, protocol: Protocol, identity: Identity, envelope: E
 
 
 def _force(
-    cycle: Cycle, protocol: Protocol, identity: Identity, envelope: Envelope, limits: Limits
+    cycle: Cycle, identity: Identity, envelope: Envelope, bounds: dict[str, float], limits: Limits
 ) -> Iterator[Violation]:
     parts = expected_force_n(cycle, identity, envelope, limits)
-    total = sum(parts.values())
-    limit = min(envelope.force_n, protocol.limits.force_n or math.inf)
+    total, limit = sum(parts.values()), bounds["force"]
     if total > limit * (1.0 + ROUNDING):
         largest = max(parts, key=lambda name: parts[name])
         shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)

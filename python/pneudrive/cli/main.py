@@ -4,58 +4,34 @@ from __future__ import annotations
 
 import os
 import sys
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
-from typer.core import TyperGroup
 
 from pneudrive import __version__
+from pneudrive.cli.groups import group
 from pneudrive.errors import PneudriveError, SimulationError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-# Command -> module; the function has the command's name. Imported when it is asked for, so that start-up stays fast:
-# a command module itself imports heavy libraries inside its function.
+# Command -> module, in which a function or a group has the command's name. Imported when it is asked for.
 COMMANDS = {
     "simulate": "pneudrive.cli.simulate",
     "characterise": "pneudrive.cli.characterise",
+    "campaign": "pneudrive.cli.campaign",
     "layout": "pneudrive.cli.layout",
     "reproduce": "pneudrive.cli.reproduce",
     "catalogue": "pneudrive.cli.catalogue",
     "schema": "pneudrive.cli.schema",
     "demo": "pneudrive.cli.demo",
 }
-HIDDEN = {"demo"}  # `make demo` is its door
+HIDDEN = frozenset({"demo"})  # `make demo` is its door
 
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 
-class LazyGroup(TyperGroup):
-    """A group that imports a command's module when the command is asked for."""
-
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - typer keeps its context type private
-        """Return the names in the order of the table."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401
-        """Import one command, or None where there is no such name."""
-        if cmd_name not in COMMANDS:
-            return None
-        function = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
-        single = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        single.command(name=cmd_name, hidden=cmd_name in HIDDEN)(function)
-        return typer.main.get_command(single)
-
-
-app = typer.Typer(
-    cls=LazyGroup,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-    no_args_is_help=True,
-    rich_markup_mode="markdown",
-)
+app = group(COMMANDS, HIDDEN)
 
 
 @app.callback(invoke_without_command=True)

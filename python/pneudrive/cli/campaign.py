@@ -1,0 +1,60 @@
+"""``pneudrive campaign``: plan, run and watch friction campaigns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pneudrive.cli.groups import group
+
+campaign = group(
+    {
+        "plan": "pneudrive.cli.campaign",
+        "run": "pneudrive.cli.campaign_run",
+        "resume": "pneudrive.cli.campaign_run",
+        "status": "pneudrive.cli.campaign_run",
+        "pause": "pneudrive.cli.campaign_run",
+        "abort": "pneudrive.cli.campaign_run",
+    }
+)
+
+
+@campaign.callback()
+def _campaign() -> None:
+    """Friction campaigns: plan one, run it on a rig, watch it, go on after an interruption."""
+
+
+def plan(
+    protocol: Annotated[str, typer.Argument(help="Protocol file (TOML), or a ready one by name.", metavar="PROTOCOL")],
+    rig: Annotated[str, typer.Option(help="Rig file, ready rig, or address.", metavar="RIG")] = "default",
+    fraction: Annotated[
+        Path | None, typer.Option(help="Write a protocol that runs the proposed fraction.", metavar="FILE")
+    ] = None,
+) -> None:
+    """Show what a protocol would run on a rig: cycles, time, data; refuse what the rig must not be asked to do."""
+    from pneudrive.campaign.fraction import propose, write_fraction
+    from pneudrive.campaign.plan import lay_out
+    from pneudrive.campaign.preflight import check_levels
+    from pneudrive.campaign.protocol import parse_protocol, read_protocol
+    from pneudrive.cli.campaign_plan import check_target, proposal_lines, show
+    from pneudrive.rig import load_rig
+
+    asked = read_protocol(protocol)
+    if fraction is not None:
+        check_target(fraction, asked)
+    bench = load_rig(rig, asked.seed)
+    check_levels(asked, bench)
+    whole = lay_out(asked, bench.identity(), bench.limits())
+    typer.echo(show(whole))
+    limit_s = asked.limits.time_s
+    if fraction is None and (whole.time_s <= limit_s or asked.fraction is not None):
+        return
+    proposal = propose(whole, limit_s)
+    text = write_fraction(asked, proposal)
+    part = lay_out(parse_protocol(text, str(fraction or asked.origin)), whole.identity, whole.envelope)
+    typer.echo("\n".join(proposal_lines(proposal, whole, part, fraction)))
+    if fraction is not None:
+        fraction.write_text(text, encoding="utf-8")
+        typer.echo(str(fraction))

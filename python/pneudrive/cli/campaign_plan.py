@@ -1,0 +1,187 @@
+"""What ``pneudrive campaign plan`` prints."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pneudrive.campaign.fraction import Proposal
+    from pneudrive.campaign.plan import Plan, Planned
+    from pneudrive.campaign.protocol import Protocol
+
+HOUR_S, DAY_S = 3600.0, 86400.0
+
+
+def check_target(path: Path, protocol: Protocol) -> None:
+    """Refuse a place where the fraction cannot be written, before any work is done.
+
+    Raises
+    ------
+    CommandError
+        The file exists, its folder does not, or the protocol is a fraction already.
+    """
+    if protocol.fraction is not None:
+        raise CommandError("--fraction: the protocol is a fraction already", remedy="Name the protocol that it is of.")
+    if path.exists():
+        raise CommandError(f"--fraction {path}: the file exists", remedy="Name another one.")
+    if path.suffix != ".toml" or not path.parent.is_dir():
+        raise CommandError(f"--fraction {path}: no place for a protocol", rule="FILE.toml in a folder that exists")
+
+
+def show(plan: Plan) -> str:
+    """Return the whole text: rows of blocks, what is in them, how long they take, the verdict."""
+    rig = f'on "{plan.identity.name}"{" (simulated: its data are synthetic)" if plan.identity.synthetic else ""}'
+    return "\n".join(
+        [
+            f"{plan.protocol.name}, {rig}",
+            "",
+            *_blocks(plan),
+            "",
+            *_contents(plan),
+            "",
+            *_verdict(plan),
+        ]
+    )
+
+
+def proposal_lines(proposal: Proposal, whole: Plan, part: Plan, file: Path | None) -> list[str]:
+    """Return what a proposed fraction keeps and what it gives up."""
+    limit_s = whole.protocol.limits.time_s
+    out = ["", f"A fraction takes {duration(part.time_s)} instead of {duration(whole.time_s)}:"]
+    if part.time_s > limit_s:
+        out.append(f"  more than {duration(limit_s)}, as no smaller one keeps every level and effect apart")
+    for family in proposal.families:
+        levels = ", ".join(f"{name} {least}" for name, least in family.levels.items())
+        first, second = family.interaction or ("", "")
+        slopes = f", and the slope over {first} at each {second}" if family.interaction else ""
+        lost = [f"{name} ({kept} of {total} degrees of freedom left)" for name, (kept, total) in family.lost.items()]
+        out += [
+            f"  {family.kind}: {family.cells} of {family.of} cells, each with all its repeats",
+            f"    kept: every level of every factor (fewest cells at one level: {levels or 'one factor only'})",
+            f"    kept: every main effect{slopes}",
+            f"    standard errors: {family.error_ratio:.2g} times those of the full factorial (geometric mean)",
+            f"    given up: {'; '.join([*lost, 'interactions of three and more factors'])}",
+        ]
+    if file is None:
+        out.append("  --fraction FILE writes the protocol that runs it.")
+    return out
+
+
+def duration(seconds: float) -> str:
+    """Write a time as people say it.
+
+    Examples
+    --------
+    >>> duration(75), duration(5400), duration(190000)
+    ('1:15 min', '1:30 h', '2.2 days')
+    """
+    if seconds >= 2.0 * DAY_S:
+        return f"{seconds / DAY_S:.1f} days"
+    whole = round(seconds)
+    if whole < HOUR_S:
+        return f"{whole // 60}:{whole % 60:02d} min"
+    return _clock(seconds) + " h"
+
+
+def size(count: float) -> str:
+    """Write a number of bytes."""
+    for unit, factor in (("GB", 1e9), ("MB", 1e6)):
+        if count >= factor:
+            return f"{count / factor:.3g} {unit}"
+    return f"{count / 1e3:.3g} kB"
+
+
+def _clock(seconds: float) -> str:
+    minutes = round(seconds / 60.0)
+    return f"{minutes // 60}:{minutes % 60:02d}"
+
+
+def _blocks(plan: Plan) -> list[str]:
+    from pneudrive.campaign.plan import size_of
+
+    groups: dict[int, list[Planned]] = {}
+    for one in plan.planned:
+        groups.setdefault(one.cycle.block, []).append(one)
+    rows = [["block", "set-up", "cells", "cycles", "strokes", "time, h:min", "data"]]
+    for block, group in [*groups.items(), (0, list(plan.planned))]:
+        levels = group[0].cycle.levels
+        rows.append(
+            [
+                str(block or "all"),
+                ", ".join(f"{name} {level}" for name, level in levels.items()) if block and levels else "-",
+                str(len({(str(one.cycle.levels), one.cell.name) for one in group if one.cell is not None})),
+                str(len(group)),
+                str(sum(one.strokes for one in group)),
+                _clock(sum(one.time_s for one in group)),
+                size(size_of(group)),
+            ]
+        )
+    return _table(rows if len(groups) > 1 else rows[:2])
+
+
+def _contents(plan: Plan) -> list[str]:
+    from pneudrive.campaign.plan import BYTES_PER_SAMPLE
+
+    p = plan.protocol
+    kinds = Counter(one.cycle.kind for one in plan.planned)
+    operator_s = sum(one.wait_s for one in plan.planned if one.cycle.kind == "operator")
+    settling_s = sum(one.wait_s for one in plan.planned) - operator_s
+    axis_s = sum(one.axis_s for one in plan.planned)
+    seed = f" (seed {p.seed})" if p.order.kind == "randomised" else ""
+    waits = f"settling after changes of pressure {duration(settling_s)} ({p.pressure.settling_s:g} s each, assumed)"
+    hands = f", operator {duration(operator_s)} (assumed)" if operator_s else ""
+    return [
+        f"cycles   {', '.join(f'{kind} {count}' for kind, count in kinds.items())}",
+        *_factors(plan),
+        f"order    {p.order.kind}{seed}; repeats {p.repeats}, replicates {p.order.replicates}",
+        f"time     {duration(plan.time_s)}: axis {duration(axis_s)}, {waits}{hands}",
+        f"data     {plan.samples} samples, {size(plan.bytes)} "
+        f"({BYTES_PER_SAMPLE:g} bytes a sample, as measured on files of the simulated rig)",
+    ]
+
+
+def _factors(plan: Plan) -> list[str]:
+    p, out = plan.protocol, []
+    if p.speed is not None:
+        out.append(f"speed    {_range(p.speed.levels_m_s, 1e3, 'mm/s')}")
+    if p.stop is not None:
+        out.append(f"stop     {_range(p.stop.durations_s, 1.0, 's')}")
+        out.append(f"restart  {_range(p.stop.restart_speed_m_s, 1e3, 'mm/s')}")
+    pairs = sorted({(c.pressure_a_pa, c.pressure_b_pa) for c in plan.cycles if c.kind in ("sweep", "stop")})
+    low, high = (tuple(f"{value / 1e5:.4g}" for value in pair) for pair in (pairs[0], pairs[-1]))
+    span = (
+        f"a {low[0]}, b {low[1]}"
+        if len(pairs) == 1
+        else f"{len(pairs)} pairs, a {low[0]}, b {low[1]} to a {high[0]}, b {high[1]}"
+    )
+    return [*out, f"pressure {span} bar abs"]
+
+
+def _range(levels: Sequence[float], factor: float, unit: str) -> str:
+    if len(levels) == 1:
+        return f"{factor * levels[0]:.4g} {unit}"
+    return f"{len(levels)} levels, {factor * levels[0]:.4g} to {factor * levels[-1]:.4g} {unit}"
+
+
+def _verdict(plan: Plan) -> list[str]:
+    from pneudrive.campaign.preflight import margins
+
+    asked = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in margins(plan).items()]
+    return [f"pre-flight: passed ({', '.join(asked)})", *(f"note: {note}" for note in plan.notes)]
+
+
+def _table(rows: list[list[str]]) -> list[str]:
+    """Align: the first two columns to the left, numbers to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  ".join(
+            cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]

@@ -1,0 +1,80 @@
+"""Groups of commands whose modules are imported when a command is asked for, so that start-up stays fast."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import typer
+from typer.core import TyperGroup
+
+from pneudrive.errors import CommandError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class LazyGroup(TyperGroup):
+    """A group of the commands in a table: name -> module, in which a function or a group has the command's name.
+
+    A command module itself imports heavy libraries inside its function.
+    """
+
+    table: ClassVar[Mapping[str, str]] = {}
+    hidden_names: ClassVar[frozenset[str]] = frozenset()
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - typer keeps its context type private
+        """Return the names in the order of the table."""
+        return list(self.table)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401
+        """Import one command, or None where there is no such name."""
+        if cmd_name not in self.table:
+            return None
+        found = getattr(import_module(self.table[cmd_name]), cmd_name)
+        hidden = cmd_name in self.hidden_names
+        if isinstance(found, typer.Typer):
+            group = typer.main.get_command(found)
+            group.name, group.hidden = cmd_name, hidden
+            return group
+        single = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+        single.command(name=cmd_name, hidden=hidden)(found)
+        return typer.main.get_command(single)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
+        """Find the command that the arguments begin with.
+
+        Raises
+        ------
+        CommandError
+            There is none of that name; the message names the nearest.
+        """
+        if args and not args[0].startswith("-") and args[0] not in self.table:
+            shown = [name for name in self.table if name not in self.hidden_names]
+            path = f"{ctx.command_path} {args[0]}".removeprefix("pneudrive ")
+            raise CommandError(f"there is no command '{path}'", remedy=nearest(args[0], shown))
+        return super().resolve_command(ctx, args)
+
+
+def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> typer.Typer:
+    """Make a group of lazily imported commands.
+
+    Parameters
+    ----------
+    table : mapping
+        Command -> module; ``module`` has a function, or a group that this function made, of the command's name.
+    hidden : frozenset of str
+        Commands that the help leaves out.
+
+    Returns
+    -------
+    typer.Typer
+    """
+    kind = type("Group", (LazyGroup,), {"table": table, "hidden_names": hidden})
+    return typer.Typer(
+        cls=kind,
+        pretty_exceptions_enable=False,
+        add_completion=False,
+        no_args_is_help=True,
+        rich_markup_mode="markdown",
+    )
