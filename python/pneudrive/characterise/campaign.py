@@ -11,27 +11,21 @@ Worker processes read their own part of the file, so neither the samples nor the
 
 from __future__ import annotations
 
-import contextlib
-import os
-import pickle
-import signal
-import subprocess
-import sys
-import tempfile
-import time
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.characterise.extract import RecordingResult, extract
 from pneudrive.characterise.layout import Layout, stem
 from pneudrive.characterise.load import RecordingFile, to_recording
+from pneudrive.characterise.pool import in_processes
+from pneudrive.characterise.pool import workers as usual_workers
 from pneudrive.characterise.pressure_line import friction_points
 from pneudrive.characterise.text_table import column_number
-from pneudrive.errors import PneudriveError, RecordingError
+from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -61,9 +55,6 @@ bore = "{bore}"
 """
 BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB with its copies
 WORTH_WORKERS = 200  # cycles below which starting processes costs more than it saves
-MOST_WORKERS = 8  # each takes about 300 MB
-EXIT_INTERRUPTED = 130
-POLL_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -192,29 +183,10 @@ def summarise(sources: list[Source], choice: SampleChoice, workers: int | None =
         In the order of the sources. A cycle or file that cannot be used has a ``reason``: of 7500 cycles one may fail.
     """
     number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
-    workers = workers or min(_processors(), MOST_WORKERS)
+    workers = workers or usual_workers()
     if number < WORTH_WORKERS or workers < 2:
         return work(sources, choice)
-    command = [sys.executable, "-m", "pneudrive.characterise.campaign_worker"]
-    environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
-    # Results come by files: a read from a pipe cannot be interrupted where a library's threads take the signal.
-    with contextlib.ExitStack() as stack:
-        running: list[tuple[subprocess.Popen, IO[bytes]]] = []
-        stack.callback(_stop, running)
-        for part in _divide(sources, workers):
-            result = stack.enter_context(tempfile.TemporaryFile())
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=result, env=environment)
-            running.append((process, result))
-            _send(process, (part, choice))
-        while None in (ended := [process.poll() for process, _ in running]) and not any(ended):
-            time.sleep(POLL_S)  # until all have ended, or one with an error
-        return [summary for process, result in running for summary in _result(process, result)]
-
-
-def _processors() -> int:
-    """Processors that this process may use; not every system says which."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return in_processes(work, [(part, choice) for part in _divide(sources, workers)])
 
 
 def work(sources: list[Source], choice: SampleChoice) -> list[Summary]:
@@ -263,33 +235,3 @@ def _divide(sources: list[Source], workers: int) -> list[list[Source]]:
                 left = None
             room -= taken
     return parts
-
-
-def _send(process: subprocess.Popen, task: object) -> None:
-    assert process.stdin is not None
-    with contextlib.suppress(BrokenPipeError):  # the worker died: its status will tell
-        process.stdin.write(pickle.dumps(task))
-        process.stdin.close()
-
-
-def _result(process: subprocess.Popen, written: IO[bytes]) -> list[Summary]:
-    """Summaries of a worker that has ended, or the error that ended it."""
-    if process.returncode is None:
-        return []  # another one ended with an error, which is raised when its turn comes
-    if process.returncode in (-signal.SIGINT, EXIT_INTERRUPTED):
-        raise KeyboardInterrupt
-    if process.returncode != 0:
-        status = f"a worker process ended with status {process.returncode}"
-        raise RecordingError(status, remedy="its own message stands above")
-    written.seek(0)
-    result = pickle.load(written)
-    if isinstance(result, PneudriveError):
-        raise result
-    return result
-
-
-def _stop(running: list[tuple[subprocess.Popen, IO[bytes]]]) -> None:
-    for process, _ in running:
-        if process.poll() is None:
-            process.kill()
-            process.wait()

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from pneudrive.characterise import Layout, Settled, characterise, characterise_recordings
+from pneudrive.characterise import Layout, Settled, characterise, characterise_recordings, pool
 from pneudrive.characterise import campaign as module
 from pneudrive.characterise.campaign import CAMPAIGN_LAYOUT, Cycles, find_cycles, summarise
 from pneudrive.errors import RecordingError
@@ -66,13 +66,13 @@ def started(monkeypatch):
     """Collect the worker processes that are started."""
     monkeypatch.setattr(module, "WORTH_WORKERS", 1)
     processes = []
-    start = module.subprocess.Popen
+    start = pool.subprocess.Popen
 
     def collect(*args, **options):
         processes.append(start(*args, **options))
         return processes[-1]
 
-    monkeypatch.setattr(module.subprocess, "Popen", collect)
+    monkeypatch.setattr(pool.subprocess, "Popen", collect)
     return processes
 
 
@@ -80,7 +80,7 @@ def test_an_interrupt_leaves_no_worker_behind(plan, monkeypatch, started):
     def interrupt(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module.time, "sleep", interrupt)
+    monkeypatch.setattr(pool.time, "sleep", interrupt)
     with pytest.raises(KeyboardInterrupt):
         summarise([find_cycles(plan, LAYOUT)], Settled(), workers=2)
     assert len(started) == 2
@@ -88,14 +88,14 @@ def test_an_interrupt_leaves_no_worker_behind(plan, monkeypatch, started):
 
 
 def test_a_worker_that_dies_is_an_error_and_stops_the_others(plan, monkeypatch, started):
-    send = module._send
+    send = pool._send
 
     def kill_the_second(process, task):
         send(process, task)
         if len(started) == 2:
             process.kill()
 
-    monkeypatch.setattr(module, "_send", kill_the_second)
+    monkeypatch.setattr(pool, "_send", kill_the_second)
     with pytest.raises(RecordingError, match="a worker process ended with status -9"):
         summarise([find_cycles(plan, LAYOUT)], Settled(), workers=2)
     assert all(process.poll() is not None for process in started)

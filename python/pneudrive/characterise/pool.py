@@ -1,0 +1,118 @@
+"""Work in processes of its own: each reads its own part of the files, so that samples do not meet in one process.
+
+``python -m pneudrive.characterise.pool`` is such a process: work comes on stdin, the result goes to stdout.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from typing import IO, TYPE_CHECKING, TypeVar
+
+from pneudrive.errors import PneudriveError, RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    Result = TypeVar("Result")
+
+MOST_WORKERS = 8  # each takes about 300 MB
+EXIT_INTERRUPTED = 130
+POLL_S = 0.05
+
+
+def workers() -> int:
+    """Count the processes that are worth starting: as many as this one may use processors, at most 8."""
+    affinity = hasattr(os, "sched_getaffinity")  # not every system says which
+    return min(len(os.sched_getaffinity(0)) if affinity else os.cpu_count() or 1, MOST_WORKERS)
+
+
+def in_processes(work: Callable[..., list[Result]], tasks: Sequence[tuple]) -> list[Result]:
+    """Call a function once for each task, each call in a process of its own.
+
+    Parameters
+    ----------
+    work : callable
+        Of a module; it returns a list.
+    tasks : sequence of tuple
+        Arguments of each call.
+
+    Returns
+    -------
+    list
+        The results in the order of the tasks, one after the other.
+
+    Raises
+    ------
+    RecordingError
+        If a process dies.
+    PneudriveError
+        What `work` raised.
+    """
+    command = [sys.executable, "-m", "pneudrive.characterise.pool"]
+    environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+    # Results come by files: a read from a pipe cannot be interrupted where a library's threads take the signal.
+    with contextlib.ExitStack() as stack:
+        running: list[tuple[subprocess.Popen, IO[bytes]]] = []
+        stack.callback(_stop, running)
+        for task in tasks:
+            result = stack.enter_context(tempfile.TemporaryFile())
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=result, env=environment)
+            running.append((process, result))
+            _send(process, (work, task))
+        while None in (ended := [process.poll() for process, _ in running]) and not any(ended):
+            time.sleep(POLL_S)  # until all have ended, or one with an error
+        return [item for process, result in running for item in _result(process, result)]
+
+
+def _send(process: subprocess.Popen, task: object) -> None:
+    assert process.stdin is not None
+    with contextlib.suppress(BrokenPipeError):  # the worker died: its status will tell
+        process.stdin.write(pickle.dumps(task))
+        process.stdin.close()
+
+
+def _result(process: subprocess.Popen, written: IO[bytes]) -> list:
+    """Take the result of a worker that has ended, or raise the error that ended it."""
+    if process.returncode is None:
+        return []  # another one ended with an error, which is raised when its turn comes
+    if process.returncode in (-signal.SIGINT, EXIT_INTERRUPTED):
+        raise KeyboardInterrupt
+    if process.returncode != 0:
+        status = f"a worker process ended with status {process.returncode}"
+        raise RecordingError(status, remedy="its own message stands above")
+    written.seek(0)
+    result = pickle.load(written)
+    if isinstance(result, PneudriveError):
+        raise result
+    return result
+
+
+def _stop(running: list[tuple[subprocess.Popen, IO[bytes]]]) -> None:
+    for process, _ in running:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+
+
+def main() -> None:
+    """Read (function, arguments), write the list that it returns or the error that stopped it."""
+    work, task = pickle.load(sys.stdin.buffer)
+    try:
+        result: object = work(*task)
+    except PneudriveError as error:
+        result = error
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)
+    pickle.dump(result, sys.stdout.buffer)
+
+
+if __name__ == "__main__":
+    main()
