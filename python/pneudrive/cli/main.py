@@ -20,6 +20,7 @@ COMMANDS = {
     "simulate": "pneudrive.cli.simulate",
     "characterise": "pneudrive.cli.characterise",
     "campaign": "pneudrive.cli.campaign",
+    "rig": "pneudrive.cli.rig",
     "layout": "pneudrive.cli.layout",
     "reproduce": "pneudrive.cli.reproduce",
     "catalogue": "pneudrive.cli.catalogue",

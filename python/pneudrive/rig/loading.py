@@ -19,6 +19,10 @@ RIGS = Path(__file__).with_name("rigs")
 #: an address, ``kind = "..."`` at the top of a TOML file, or ``folder``. Imported on first use.
 LOADERS: dict[str, str] = {
     "simulated": "pneudrive.rig.session:load_session",
+    "opc-ua": "pneudrive.rig.opcua_client:load_opcua",
+    "opc.tcp": "pneudrive.rig.opcua_client:load_opcua",
+    "replay": "pneudrive.campaign.replay_sources:load_replay",
+    "folder": "pneudrive.campaign.replay_sources:load_replay",
 }
 
 
@@ -35,7 +39,8 @@ def load_rig(source: str | Path = "default", seed: int = 0, pace: float | None =
     ----------
     source : str or Path
         Name of a shipped rig (`shipped_rigs`), a rig file (TOML, its ``kind`` says which), a folder of recordings, an
-        address such as ``opc.tcp://127.0.0.1:4840``, or a laboratory's own class as ``module:Name``.
+        address such as ``opc.tcp://127.0.0.1:4840``, or a laboratory's own code as ``own_rig.py:make_rig`` or
+        ``package.module:Class``: called without arguments, it gives a rig.
     seed : int
         Of everything that is random on a simulated rig; others ignore it.
     pace : float, optional
@@ -63,8 +68,11 @@ def load_rig(source: str | Path = "default", seed: int = 0, pace: float | None =
         return _loader("folder", text)(str(path), seed, pace)
     if path.is_file() and path.suffix == ".toml":
         return _loader(_kind(path), text)(str(path), seed, pace)
-    if separator and rest.isidentifier():
-        return _own(scheme, rest)
+    own, _, name = text.rpartition(":")
+    if own and name.isidentifier():
+        from pneudrive.rig.own import own_rig
+
+        return own_rig(own, name)
     raise RigError(
         f"{text!r} is no rig", rule="a name, a TOML file, a folder or an address", remedy=nearest(text, known)
     )
@@ -84,12 +92,3 @@ def _loader(kind: str, source: str) -> Callable[[str, int, float | None], Rig]:
         raise RigError(f"rigs of kind {kind!r} are not known", where=source, remedy=nearest(kind, LOADERS))
     module, _, name = LOADERS[kind].partition(":")
     return getattr(import_module(module), name)
-
-
-def _own(module: str, name: str) -> Rig:
-    try:
-        return getattr(import_module(module), name)()
-    except (ImportError, AttributeError) as error:
-        raise RigError(
-            f"{module}:{name} cannot be loaded", value=str(error), rule="an importable module:Class"
-        ) from error

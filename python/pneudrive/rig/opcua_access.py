@@ -1,0 +1,349 @@
+"""Who may command a rig over OPC UA: certificates, users, and passwords that never stand in a rig file."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import os
+import secrets
+import socket
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.errors import CommandError, RigError
+
+if TYPE_CHECKING:
+    from pneudrive.rig.rig_file import RigFile
+
+ACCESS_KEYS = {"user", "password_file", "password_env", "certificate", "key", "server_certificate"}
+SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and some 50 ms a try
+SALT_BYTES = 16
+OTHERS_MAY_READ = 0o077
+
+
+def opcua(module: str = "asyncua") -> Any:  # noqa: ANN401 - a module
+    """Import an optional library, or say which extra holds it.
+
+    Raises
+    ------
+    RigError
+        It is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError:
+        what = f"OPC UA needs the optional library {module.partition('.')[0]}"
+        raise RigError(what, remedy="pip install 'pneudrive[rig]'") from None
+
+
+@dataclass(frozen=True)
+class Access:
+    """How a client shows who it is, and which server it trusts.
+
+    With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server whose certificate is
+    named is spoken to. Files are read when a connection is made.
+    """
+
+    user: str | None = None
+    password_file: Path | None = None
+    password_env: str | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+    server_certificate: Path | None = None
+
+    def password(self) -> str | None:
+        """Read the password.
+
+        Raises
+        ------
+        RigError
+            The file or variable is not there, or others may read the file.
+        """
+        if self.password_env is not None:
+            if self.password_env not in os.environ:
+                what = f"the environment variable {self.password_env} holds no password"
+                raise RigError(what, remedy=f"export {self.password_env}=..., or name another password_env")
+            return os.environ[self.password_env]
+        if self.password_file is None:
+            return None
+        return secret(self.password_file).decode("utf-8").rstrip("\r\n")
+
+
+def read_access(file: RigFile) -> Access:
+    """Read how to log in from the top of a rig file.
+
+    Raises
+    ------
+    RigError
+        A password in the file itself, a user without encryption, a certificate without key or server.
+    """
+    if "password" in file.tree:
+        rule = "no password stands in a rig file"
+        raise file.fail(
+            "password", "password", rule, 'password_file = "password.txt", or password_env = "RIG_PASSWORD"'
+        )
+    access = Access(
+        user=file.string("user"),
+        password_file=file.path("password_file"),
+        password_env=file.string("password_env"),
+        certificate=file.path("certificate"),
+        key=file.path("key"),
+        server_certificate=file.path("server_certificate"),
+    )
+    encrypted = (access.certificate, access.key, access.server_certificate)
+    if None in encrypted and any(encrypted):
+        rule = "certificate, key and server_certificate are named together: our own, its key, the one of the server"
+        raise file.fail("one of the three files of encryption is missing", "certificate", rule)
+    if access.user is not None and not any(encrypted):
+        rule = "a password is sent over an encrypted connection only"
+        raise file.fail("user without certificate", "user", rule, "pneudrive rig certificate makes certificates")
+    if access.password_file is not None and access.password_env is not None:
+        raise file.fail("the password is named twice", "password_env", "either password_file or password_env")
+    return access
+
+
+async def secure(client: Any, access: Access) -> None:  # noqa: ANN401 - asyncua's client
+    """Set up a client as `Access` says, before it connects."""
+    if access.certificate is not None:
+        policies = opcua("asyncua.crypto.security_policies")
+        client.application_uri = application_uri(access.certificate)
+        await client.set_security(
+            policies.SecurityPolicyBasic256Sha256,
+            certificate=_properties(read(access.certificate)),
+            private_key=_properties(secret(access.key or Path())),
+            server_certificate=_properties(read(access.server_certificate or Path())),
+        )
+        client.certificate_validator = _validator("PEER_SERVER")
+    if access.user is not None:
+        client.set_user(access.user)
+        client.set_password(access.password() or "")
+
+
+@dataclass(frozen=True)
+class Protection:
+    """Whom a served rig lets in.
+
+    Attributes
+    ----------
+    certificate, key : Path or None
+        Of the server; None: no encryption, anyone is let in.
+    trusted : tuple of bytes
+        Certificates of clients, DER; others are refused.
+    users : dict
+        Name -> salted hash; where there are any, a client must log in.
+    """
+
+    certificate: Path | None = None
+    key: Path | None = None
+    trusted: tuple[bytes, ...] = ()
+    users: dict[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, certificate: Path | None, key: Path | None, trusted: list[Path] | None, user_file: Path | None
+    ) -> Protection:
+        """Read the files that the options of a command name.
+
+        Raises
+        ------
+        CommandError, RigError
+            They do not fit together, or cannot be read.
+        """
+        if certificate is None and (key or trusted or user_file):
+            raise CommandError("--key, --trust and --user-file need --certificate", remedy="pneudrive rig certificate")
+        if certificate is None:
+            return cls()
+        key = certificate.with_suffix(".key") if key is None else key
+        if not trusted:
+            raise CommandError("--certificate without --trust", rule="the certificates of clients that are let in")
+        secret(key)
+        return cls(certificate, key, tuple(der(path) for path in trusted), read_users(user_file) if user_file else {})
+
+    def get_user(
+        self,
+        iserver: Any,  # noqa: ANN401 - the form that asyncua asks for
+        username: str | None = None,
+        password: str | None = None,
+        certificate: bytes | None = None,
+    ) -> Any:  # noqa: ANN401 - asyncua's user, or None: refused
+        """Let a client in, or not."""
+        rules = opcua("asyncua.crypto.permission_rules")
+        if self.certificate is not None and certificate not in self.trusted:
+            return None
+        if self.users and not _is_password(self.users.get(username or "", ""), password or ""):
+            return None
+        return rules.User(role=rules.UserRole.User, name=username)
+
+
+async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 - asyncua's server
+    """Set up a server as `Protection` says, before it starts."""
+    ua = opcua("asyncua.ua")
+    server.iserver.set_user_manager(protection)
+    if protection.certificate is None or protection.key is None:
+        server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+        server.set_identity_tokens([ua.AnonymousIdentityToken])
+        return
+    await server.set_application_uri(application_uri(protection.certificate))
+    server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
+    server.set_identity_tokens([ua.UserNameIdentityToken if protection.users else ua.AnonymousIdentityToken])
+    certificate, key = _properties(read(protection.certificate)), _properties(secret(protection.key))
+    await server.load_certificate(certificate.path_or_content, certificate.extension)
+    await server.load_private_key(key.path_or_content, format=key.extension)
+    server.set_certificate_validator(_validator("PEER_CLIENT"))
+
+
+def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, days: int = 365) -> tuple[Path, Path]:
+    """Make a self-signed certificate of an OPC UA application, client and server, and its key.
+
+    Parameters
+    ----------
+    folder : Path
+        For ``NAME.pem`` and ``NAME.key``, which only the user may read. A key that is there is not overwritten.
+    name : str
+    hosts : list of str, optional
+        Names of the computer; this one's where absent.
+    days : int
+        How long it is valid.
+
+    Raises
+    ------
+    RigError
+        A file of that name is there, or cannot be written.
+    """
+    generator = opcua("asyncua.crypto.cert_gen")
+    x509, serialization = opcua("cryptography.x509"), opcua("cryptography.hazmat.primitives.serialization")
+    certificate_path, key_path = folder / f"{name}.pem", folder / f"{name}.key"
+    key = generator.generate_private_key()
+    hosts = hosts or [socket.gethostname()]
+    names = [x509.UniformResourceIdentifier(f"urn:pneudrive:{name}"), *(x509.DNSName(host) for host in hosts)]
+    use = x509.oid.ExtendedKeyUsageOID
+    made = generator.generate_self_signed_app_certificate(
+        key, name, {}, names, [use.CLIENT_AUTH, use.SERVER_AUTH], days=days
+    )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_secret(key_path, generator.dump_private_key_as_pem(key))
+        certificate_path.write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    except FileExistsError:
+        raise RigError(f"{key_path} is there already", remedy="take another name, or remove it") from None
+    except OSError as error:
+        raise RigError(f"{folder} cannot be written to: {error.strerror}") from None
+    return certificate_path, key_path
+
+
+def write_secret(path: Path, content: bytes) -> None:
+    """Write a new file that only its owner may read."""
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "wb") as file:
+        file.write(content)
+
+
+def add_user(path: Path, name: str, password: str) -> None:
+    """Add a user to a user file, or give one another password; only a salted hash of it is kept.
+
+    Raises
+    ------
+    CommandError
+        No name or password, or a name that cannot stand in such a file.
+    """
+    if not name or ":" in name or name != name.strip() or not password:
+        raise CommandError(f"user {name!r} cannot be added", rule="a name without colon, and a password")
+    users = read_users(path) if path.exists() else {}
+    salt = secrets.token_bytes(SALT_BYTES)
+    users[name] = f"scrypt:{_text(salt)}:{_text(_hash(password, salt))}"
+    new = path.with_suffix(path.suffix + ".new")
+    new.unlink(missing_ok=True)
+    write_secret(new, "".join(f"{user}:{kept}\n" for user, kept in users.items()).encode())
+    new.replace(path)
+
+
+def read_users(path: Path) -> dict[str, str]:
+    """Read a user file: name -> salted hash.
+
+    Raises
+    ------
+    RigError
+        It cannot be read, others may read it, or a line is no user.
+    """
+    users = {}
+    for number, line in enumerate(secret(path).decode("utf-8").splitlines(), start=1):
+        name, _, kept = line.partition(":")
+        if kept.count(":") != 2 or not kept.startswith("scrypt:"):
+            raise RigError(
+                "this is no user", where=f"{path}:{number}", remedy="pneudrive rig user NAME --user-file FILE"
+            )
+        users[name] = kept
+    if not users:
+        raise RigError("there is no user", where=str(path), remedy="pneudrive rig user NAME --user-file FILE")
+    return users
+
+
+def application_uri(certificate: Path) -> str:
+    """Give the application's URI that a certificate names: OPC UA holds both against each other."""
+    x509 = opcua("cryptography.x509")
+    try:
+        names = _certificate(certificate).extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        return names.get_values_for_type(x509.UniformResourceIdentifier)[0]
+    except (x509.ExtensionNotFound, IndexError):
+        what = f"{certificate} is no certificate of an OPC UA application"
+        raise RigError(what, rule="it names its application's URI", remedy="pneudrive rig certificate") from None
+
+
+def der(path: Path) -> bytes:
+    """Give a certificate's bytes as they travel."""
+    return _certificate(path).public_bytes(opcua("cryptography.hazmat.primitives.serialization").Encoding.DER)
+
+
+def read(path: Path) -> bytes:
+    """Read a file, or say why not."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise RigError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def secret(path: Path) -> bytes:
+    """Read a file that nobody else may read."""
+    content = read(path)
+    if os.name == "posix" and path.stat().st_mode & OTHERS_MAY_READ:
+        raise RigError(f"others may read {path}", rule="only its owner may read it", remedy=f"chmod 600 {path}")
+    return content
+
+
+def _certificate(path: Path) -> Any:  # noqa: ANN401 - a certificate
+    x509 = opcua("cryptography.x509")
+    content = read(path)
+    try:
+        if b"-----BEGIN" in content:
+            return x509.load_pem_x509_certificate(content)
+        return x509.load_der_x509_certificate(content)
+    except ValueError:
+        raise RigError(f"{path} is no certificate", rule="PEM or DER") from None
+
+
+def _properties(content: bytes) -> Any:  # noqa: ANN401 - asyncua's form of a file's content
+    kind = "pem" if b"-----BEGIN" in content else "der"
+    return opcua("asyncua.crypto.uacrypto").CertProperties(content, kind)
+
+
+def _validator(peer: str) -> Any:  # noqa: ANN401 - asyncua's
+    """Check of a certificate's dates and of the application that it was made for; whom we trust is our own list."""
+    module = opcua("asyncua.crypto.validator")
+    options = module.CertificateValidatorOptions
+    return module.CertificateValidator(options.BASIC_VALIDATION | options[peer])
+
+
+def _is_password(kept: str, password: str) -> bool:
+    _, salt, expected = kept.split(":") if kept else ("", "", "")
+    return hmac.compare_digest(_text(_hash(password, base64.b64decode(salt))), expected)
+
+
+def _hash(password: str, salt: bytes) -> bytes:
+    return hashlib.scrypt(password.encode("utf-8"), salt=salt, **SCRYPT)
+
+
+def _text(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")

@@ -1,0 +1,419 @@
+"""A rig behind OPC UA, as a campaign drives it: a PLC with servo drive, or a simulated rig that is served."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+import weakref
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import ConnectionLostError, RigError
+from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
+from pneudrive.rig.opcua_access import ACCESS_KEYS, Access, read_access
+from pneudrive.rig.opcua_link import COUNTER, Link, LinkError
+from pneudrive.rig.opcua_nodes import HOLD, RELEASED, SHUT, NodeMap, Verb, load_map
+from pneudrive.rig.rig_file import RigFile, envelope_of, identity_of, read_identity, read_limits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+SCHEME = "opc.tcp"
+SCHEMA = 1
+KEYS = {"schema", "kind", "url", "map", "reconnect", "identity", "limits", *ACCESS_KEYS}
+RECONNECT_S = 60.0
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 5.0
+FIRST_LOOK_S = 0.0005
+SLACK = 1.5  # a command may take this many times as long as its steps, and the patience of the map
+STATE = ("position", "force", "pressure_a", "pressure_b", "supply_pressure", "temperature", "time")
+CHUNK = ("time", "position", "force", "pressure_a", "pressure_b", "temperature", "step")
+
+
+class OpcUaRig:
+    """The verbs of `Rig` over the nodes of a map; `open_rig` makes one.
+
+    Parameters
+    ----------
+    link : Link
+        Connected.
+    identity, limits : Identity, Envelope, optional
+        Where the server does not say them itself, or says them wrong.
+    reconnect_s : float
+        How long a lost connection is tried again.
+
+    Notes
+    -----
+    While the object lives a heartbeat goes to the server. When it ends, for whatever reason, the server brings the
+    axis to rest. A lost connection raises `ConnectionLostError` once it is back, `RigError` if it does not come back.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        identity: Identity | None = None,
+        limits: Envelope | None = None,
+        reconnect_s: float = RECONNECT_S,
+    ) -> None:
+        self.reconnect_s = reconnect_s
+        self._link = link
+        self._finalizer = weakref.finalize(self, link.close)
+        self._gone = False
+        self._identity = identity or self._described("rig.identity", identity_of)
+        link.ambient_pa = self._identity.ambient_pressure_pa
+        self._limits = limits or self._described("rig.limits", envelope_of)
+        self._id = int(link.read("command.id")[0])
+
+    def close(self) -> None:
+        """End the connection; the server finds the heartbeat silent and brings the axis to rest."""
+        self._finalizer()
+
+    def identity(self) -> Identity:
+        """Tell which rig this is."""
+        return self._identity
+
+    def limits(self) -> Envelope:
+        """Tell what it may be asked to do."""
+        return self._limits
+
+    def state(self) -> RigState:
+        """Tell where it stands; a lost connection is waited for."""
+        names = [f"state.{name}" for name in (*STATE, "moving", "fault")]
+        try:
+            values = self._link.read(*names)
+        except LinkError as error:
+            self._reconnect(str(error))
+            self._gone = True  # the next verb says so
+            return self.state()
+        return RigState(*values[:6], time_s=values[6], moving=bool(values[7]), fault=values[8] or None)
+
+    def home(self) -> None:
+        """Bring the axis to its home position."""
+        self._do(Verb.HOME)
+
+    def set_pressure(self, a_pa: float, b_pa: float) -> None:
+        """Bring the chambers to these absolute pressures, Pa."""
+        self._do(Verb.SET_PRESSURE, {"command.pressure_a": a_pa, "command.pressure_b": b_pa})
+
+    def move(self, to_m: float, speed_m_s: float) -> None:
+        """Move from rest to rest without recording."""
+        self._do(Verb.MOVE, self._program([Move(to_m, speed_m_s)]), self._expected_s([Move(to_m, speed_m_s)]))
+
+    def hold(self, duration_s: float, released: bool = False) -> None:
+        """Stand still without recording."""
+        self._do(Verb.HOLD, self._program([Hold(duration_s, released)]), duration_s)
+
+    def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
+        """Run the steps one after the other and yield the samples in parts, as they come."""
+        self._check_back()
+        patience = SLACK * self._expected_s(steps) + self._link.nodes.patience_s
+        running = True
+        try:
+            (taken,) = self._link.read("samples.written")
+            arguments = {**self._program(steps), **self._sampling(sampling), "samples.acknowledged": taken}
+            identity = self._start(Verb.ACQUIRE, arguments)
+            deadline, look = time.monotonic() + patience, FIRST_LOOK_S
+            while running:
+                running = not self._ended(identity)
+                (written,) = self._link.read("samples.written")
+                look = FIRST_LOOK_S if written != taken else min(2.0 * look, self._link.nodes.poll_s)
+                while taken < written:
+                    taken += 1
+                    part = self._chunk(taken)
+                    self._link.write({"samples.acknowledged": taken})
+                    yield part
+                    deadline = time.monotonic() + patience
+                if running:
+                    self._wait(look, deadline, Verb.ACQUIRE)
+            self._check_fault(Verb.ACQUIRE)
+        except LinkError as error:
+            running = False  # nobody there who could be told to halt
+            self._lost("the acquisition", str(error))
+        finally:
+            if running:
+                self._halt()
+
+    def stop(self) -> None:
+        """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
+        try:
+            if self._link.lost is not None:
+                self._link.connect()
+                self._gone = True
+            self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
+        except LinkError as error:
+            beat = self._link.nodes.heartbeat_s
+            what = f"the rig cannot be told to stop: {error}"
+            rule = f"a server whose client is silent brings the axis to rest by itself, within {beat:g} s"
+            raise RigError(what, where=self._link.url, rule=rule, remedy="go and look at the rig") from None
+
+    def _do(self, verb: Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
+        """Run one command to its end."""
+        self._check_back()
+        try:
+            self._await(self._start(verb, arguments or {}), expected_s, verb)
+        except LinkError as error:
+            self._lost(_words(verb), str(error))
+
+    def _start(self, verb: Verb, arguments: dict[str, Any]) -> int:
+        """Write arguments, then the id that starts the command."""
+        self._id = self._id % COUNTER + 1
+        self._link.write({**arguments, "command.verb": int(verb)})
+        self._link.write({"command.id": self._id})
+        return self._id
+
+    def _await(self, identity: int, expected_s: float, verb: Verb) -> None:
+        nodes, look = self._link.nodes, FIRST_LOOK_S
+        deadline = time.monotonic() + SLACK * expected_s + nodes.patience_s
+        while not self._ended(identity):
+            self._wait(look, deadline, verb)
+            look = min(2.0 * look, nodes.poll_s)
+        self._check_fault(verb)
+
+    def _ended(self, identity: int) -> bool:
+        done, current = self._link.read("answer.done", "command.id")
+        if current != identity:
+            what = "another client commands this rig"
+            raise RigError(what, where=self._link.url, rule="one client at a time", remedy="end the other one")
+        return done == identity
+
+    def _wait(self, look: float, deadline: float, verb: Verb) -> None:
+        if time.monotonic() > deadline:
+            what = f"the rig does not come to an end of {_words(verb)}"
+            rule = "handshake.patience of the node map beyond the duration of the steps"
+            raise RigError(what, where=self._link.url, rule=rule, remedy="look at the rig")
+        time.sleep(look)
+
+    def _check_fault(self, verb: Verb) -> None:
+        (fault,) = self._link.read("answer.fault")
+        if fault:
+            what, *rest = fault.splitlines()
+            raise RigError(
+                f"{_words(verb)} failed: {what}", where=self._link.url, value="\n".join(rest).strip() or None
+            )
+
+    def _chunk(self, number: int) -> Samples:
+        slot = self._link.nodes.slot_of(number)
+        sequence, count, *columns = self._link.read(
+            "samples.sequence", "samples.count", *(f"samples.{name}" for name in CHUNK), slot=slot
+        )
+        if sequence != number:
+            what = f"samples were lost: slot {slot} holds chunk {sequence} where {number} belongs"
+            raise RigError(what, where=self._link.url, remedy="more or larger slots in the PLC and the node map")
+        *channels, step = (np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in columns)
+        if any(column.size != count for column in (*channels, step)):
+            sizes = ", ".join(f"{n} {c.size}" for n, c in zip(CHUNK, (*channels, step), strict=True))
+            raise RigError(f"chunk {number} of {count} samples has columns of other lengths", value=sizes)
+        return Samples(*channels, step=step.astype(np.int64))
+
+    def _program(self, steps: Sequence[Step]) -> dict[str, Any]:
+        """Write steps as arrays."""
+        nodes = self._link.nodes
+        most = self._link.places["step.kind"].length or nodes.steps
+        weights = [step.weight_n if isinstance(step, Hold) else 0.0 for step in steps]
+        if len(steps) > most:
+            raise RigError(f"{len(steps)} steps are more than the rig takes", rule=f"at most {most} steps a program")
+        if any(weights) and "step.weight" not in nodes:
+            raise RigError("the rig cannot be told of a known weight", rule="the node map has no step.weight")
+        moves = [step if isinstance(step, Move) else None for step in steps]
+        arrays = {
+            "step.count": len(steps),
+            "step.kind": [_kind(step) for step in steps],
+            "step.position": [move.to_m if move else 0.0 for move in moves],
+            "step.speed": [move.speed_m_s if move else 0.0 for move in moves],
+            "step.duration": [step.duration_s if isinstance(step, Hold) else 0.0 for step in steps],
+        }
+        return {**arrays, "step.weight": weights} if "step.weight" in nodes else arrays
+
+    def _sampling(self, sampling: Sampling) -> dict[str, Any]:
+        wanted = {
+            "sampling.samples_per_stroke": sampling.samples_per_stroke,
+            "sampling.burst_rate": sampling.burst_rate_hz,
+            "sampling.burst_before": sampling.burst_before_s,
+            "sampling.burst_after": sampling.burst_after_s,
+            "sampling.hold_rate": sampling.hold_rate_hz,
+        }
+        return {name: value for name, value in wanted.items() if name in self._link.nodes}
+
+    def _expected_s(self, steps: Sequence[Step]) -> float:
+        low, high = self._limits.position_m
+        return sum(
+            step.duration_s if isinstance(step, Hold) else (high - low) / max(step.speed_m_s, 1e-9) for step in steps
+        )
+
+    def _described(self, name: str, read: Any) -> Any:  # noqa: ANN401 - an identity or an envelope
+        table = name.partition(".")[2]
+        if name not in self._link.nodes:
+            what = f"neither the rig file nor the node map says the rig's {table}"
+            raise RigError(what, where=self._link.url, remedy=f"write a table [{table}] in the rig file")
+        (text,) = self._link.read(name)
+        try:
+            return read(json.loads(text))
+        except (ValueError, TypeError, AttributeError) as error:
+            raise RigError(f"the server's {table} cannot be read: {error}", where=self._link.url) from None
+
+    def _check_back(self) -> None:
+        """Say once that the connection was lost and came back while something else was done."""
+        if self._gone:
+            self._gone = False
+            raise _back("waiting", "the server was gone meanwhile", self._link.url)
+
+    def _lost(self, doing: str, reason: str) -> None:
+        self._reconnect(reason)
+        raise _back(doing, reason, self._link.url)
+
+    def _reconnect(self, reason: str) -> None:
+        """Connect again with growing waits, within the time that was allowed."""
+        deadline, wait = time.monotonic() + self.reconnect_s, FIRST_WAIT_S
+        while True:
+            with contextlib.suppress(LinkError):
+                self._link.connect()
+                self._id = int(self._link.read("command.id")[0])
+                self._same_rig()
+                return
+            if time.monotonic() + wait > deadline:
+                what = f"the connection to the rig was lost and did not come back within {self.reconnect_s:g} s"
+                beat = self._link.nodes.heartbeat_s
+                raise RigError(
+                    f"{what}: {reason}",
+                    where=self._link.url,
+                    rule=f"the server brings the axis to rest {beat:g} s after it last heard from us",
+                    remedy="start the server and resume the campaign; `reconnect` in the rig file allows more time",
+                )
+            time.sleep(wait)
+            wait = min(2.0 * wait, LONGEST_WAIT_S)
+
+    def _same_rig(self) -> None:
+        if "rig.identity" in self._link.nodes:
+            found = self._described("rig.identity", identity_of)
+            if found.name != self._identity.name and self._identity.name:
+                what = f"another rig answers: {found.name!r} instead of {self._identity.name!r}"
+                raise RigError(what, where=self._link.url)
+
+    def _halt(self) -> None:
+        """Come to rest now; the pressures stay."""
+        with contextlib.suppress(LinkError, RigError):  # on the way out of something else, which is told
+            self._await(self._start(Verb.HALT, {}), 0.0, Verb.HALT)
+
+
+class SimulatedOpcUaRig(OpcUaRig):
+    """A rig whose server can set its past and change what is mounted: `Reproducible` and `Changeable`."""
+
+    def begin_cycle(self, key: str) -> None:
+        """Let the noise of the next cycle depend on the rig's seed and this key alone."""
+        self._ask(Verb.BEGIN_CYCLE, key)
+
+    def memory(self) -> dict[str, Any]:
+        """Give all that the past has left behind."""
+        return self._ask(Verb.MEMORY)
+
+    def restore(self, memory: dict[str, Any]) -> None:
+        """Take a past back that `memory` gave."""
+        self._ask(Verb.RESTORE, memory)
+
+    def truth(self) -> dict[str, Any]:
+        """Give what was true of the last cycle."""
+        return self._ask(Verb.TRUTH)
+
+    def levels(self) -> dict[str, tuple[str, ...]]:
+        """Give the factors that can be changed and the levels that each can take."""
+        return {factor: tuple(levels) for factor, levels in self._ask(Verb.LEVELS).items()}
+
+    def change(self, levels: dict[str, str]) -> None:
+        """Take what has been mounted."""
+        self._ask(Verb.CHANGE, levels)
+
+    def _ask(self, verb: Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
+        self._do(verb, {"simulation.text": json.dumps(question)})
+        try:
+            return json.loads(self._link.read("simulation.answer")[0] or "null")
+        except LinkError as error:
+            self._lost(_words(verb), str(error))
+
+
+def open_rig(
+    url: str,
+    nodes: NodeMap | None = None,
+    access: Access | None = None,
+    identity: Identity | None = None,
+    limits: Envelope | None = None,
+    reconnect_s: float = RECONNECT_S,
+) -> OpcUaRig:
+    """Connect to a rig; what its server can do decides the class.
+
+    Parameters
+    ----------
+    url : str
+    nodes : NodeMap, optional
+        The default one where absent.
+    access : Access, optional
+    identity, limits, reconnect_s
+        As for `OpcUaRig`.
+
+    Raises
+    ------
+    RigError
+        There is no such server, it refuses us, or lacks a node.
+    """
+    link = Link(url, nodes or load_map(), access or Access())
+    try:
+        link.connect()
+        simulated = "simulation.abilities" in link.nodes and link.read("simulation.abilities")[0]
+        return (SimulatedOpcUaRig if simulated else OpcUaRig)(link, identity, limits, reconnect_s)
+    except LinkError as error:
+        link.close()
+        remedy = "check that the server runs and the address; pneudrive rig serve starts one"
+        raise RigError(f"there is no connection to the rig: {error}", where=url, remedy=remedy) from None
+    except BaseException:
+        link.close()
+        raise
+
+
+def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> OpcUaRig:
+    """Connect to the rig at an address (default node map), or to the one that a rig file describes.
+
+    Raises
+    ------
+    RigError
+        With file, line, value, rule and remedy.
+    """
+    if str(source).startswith(f"{SCHEME}://"):
+        return open_rig(str(source))
+    file = RigFile.load(source)
+    file.only("", KEYS)
+    if file.get("schema") not in (None, SCHEMA):
+        raise file.fail("the rig file is of another version", "schema", rule=f"schema = {SCHEMA}")
+    url = file.needed("url", file.string("url"), '"opc.tcp://192.168.0.10:4840"')
+    if not url.startswith(f"{SCHEME}://") or "@" in url:
+        raise file.fail(f"url = '{url}'", "url", rule=f"{SCHEME}://HOST:PORT, without user and password")
+    identity = read_identity(file)
+    ambient = Identity.ambient_pressure_pa if identity is None else identity.ambient_pressure_pa
+    reconnect = file.quantity("reconnect", "s")
+    return open_rig(
+        url,
+        load_map(file.path("map")),
+        read_access(file),
+        identity,
+        read_limits(file, ambient),
+        RECONNECT_S if reconnect is None else reconnect,
+    )
+
+
+def _kind(step: Step) -> int:
+    if isinstance(step, Move):
+        return 0
+    return HOLD + (RELEASED if step.released else 0) + (SHUT if step.shut else 0)
+
+
+def _back(doing: str, reason: str, url: str) -> ConnectionLostError:
+    return ConnectionLostError(
+        f"the connection was lost during {doing} and is back: {reason}",
+        where=url,
+        rule="the rig stands still without pressure; what ran is lost",
+        remedy="run the cycle again",
+    )
+
+
+def _words(verb: Verb) -> str:
+    return f"'{verb.name.lower().replace('_', ' ')}'"

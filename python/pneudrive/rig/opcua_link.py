@@ -1,0 +1,309 @@
+"""A connection to the nodes of a map: values in SI by name, a heartbeat of its own, one thread for both."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from pneudrive.errors import RigError
+from pneudrive.rig.opcua_access import Access, opcua, secure
+from pneudrive.rig.opcua_nodes import IN_RING, Node, NodeMap
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine
+
+Answer = TypeVar("Answer")
+COUNTER = 2**31 - 1  # counters go round below this, so that a signed one of a PLC can hold them
+BEATS = 4  # heartbeats sent within the heartbeat time
+NODES_A_REQUEST = 64  # what small PLCs still take
+CLOSING_S = 2.0
+# Words in the status codes of a server that does not want us: trying again does not help.
+REFUSALS = ("Certificate", "Identity", "UserAccess", "Security", "Signature", "NoMatch", "Nonce")
+
+
+class LinkError(Exception):
+    """The connection is lost."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a node is on this server: ids (one, or one for each slot), type, length of an array (0: any)."""
+
+    node: Node
+    ids: tuple[Any, ...]
+    type: Any
+    length: int
+
+
+class Loop:
+    """An event loop in a thread of its own."""
+
+    def __init__(self) -> None:
+        self.loop = asyncio.new_event_loop()
+        self.thread = threading.Thread(target=self.loop.run_forever, name="opc-ua", daemon=True)
+        self.thread.start()
+
+    def run(self, work: Coroutine[Any, Any, Answer], timeout_s: float | None = None) -> Answer:
+        """Run a coroutine there and wait for its answer; an interruption here ends it there."""
+        future = asyncio.run_coroutine_threadsafe(work, self.loop)
+        try:
+            return future.result(timeout_s)
+        except BaseException:
+            future.cancel()
+            raise
+
+    def close(self) -> None:
+        """End the thread, and what still runs in it."""
+        if self.loop.is_closed():
+            return
+
+        async def end() -> None:
+            tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+        self.run(end(), CLOSING_S)
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self.thread.join(CLOSING_S)
+        self.loop.close()
+
+
+class Link:
+    """A connection that stays until it is lost; `connect` makes another one.
+
+    Parameters
+    ----------
+    url : str
+        Such as ``opc.tcp://127.0.0.1:4840``.
+    nodes : NodeMap
+    access : Access
+    """
+
+    def __init__(self, url: str, nodes: NodeMap, access: Access) -> None:
+        opcua()
+        for noisy in ("asyncua", "asyncuagds"):  # what goes wrong is told by our own errors
+            if logging.getLogger(noisy).level == logging.NOTSET:
+                logging.getLogger(noisy).setLevel(logging.CRITICAL)
+        self.url, self.nodes, self.access = url, nodes, access
+        self.ambient_pa = 0.0
+        self.timeout_s = max(2.0 * nodes.heartbeat_s, 2.0)
+        self.places: dict[str, Place] = {}
+        self.lost: str | None = "there is no connection yet"
+        self._loop = Loop()
+        self._client: Any = None
+        self._heart: asyncio.Task[None] | None = None
+
+    def connect(self) -> None:
+        """Connect, find the nodes, start the heartbeat.
+
+        Raises
+        ------
+        LinkError
+            There is no answer.
+        RigError
+            The server refuses us, or lacks a node.
+        """
+        self._loop.run(self._connect())
+
+    def close(self) -> None:
+        """Take leave and end the thread."""
+        try:
+            self._loop.run(self._leave(), CLOSING_S)
+        except (LinkError, TimeoutError, asyncio.TimeoutError):
+            pass
+        finally:
+            self.lost = "the connection is closed"
+            self._loop.close()
+
+    def read(self, *names: str, slot: int = 0) -> list[Any]:
+        """Read nodes in one request, SI; arrays come as ndarray."""
+        return self._loop.run(self._read(names, slot))
+
+    def write(self, values: dict[str, Any]) -> None:
+        """Write nodes in one request, SI."""
+        self._loop.run(self._write(values))
+
+    async def _connect(self) -> None:
+        ua = opcua("asyncua.ua")
+        await self._leave()
+        client = opcua().Client(self.url, timeout=self.timeout_s, watchdog_intervall=self.nodes.heartbeat_s)
+        client.name = client.description = "pneudrive"
+        try:
+            await secure(client, self.access)
+            await client.connect()
+        except ua.UaError as error:
+            await _hang_up(client)
+            name = type(error).__name__
+            if any(word in name for word in REFUSALS) or "ertificate" in str(error):
+                raise RigError(
+                    f"the server refuses us: {_reason(error)}",
+                    where=self.url,
+                    remedy="user, password and certificates of both sides must fit: see the guide on OPC UA",
+                ) from None
+            raise LinkError(_reason(error)) from None
+        except (OSError, TimeoutError, asyncio.TimeoutError) as error:
+            await _hang_up(client)
+            raise LinkError(_reason(error)) from None
+        self._client = client
+        self.lost = None
+        try:
+            await self._find_nodes()
+            self._heart = asyncio.create_task(self._beat(client))
+        except BaseException:
+            await self._leave()
+            raise
+
+    async def _leave(self) -> None:
+        heart, client = self._heart, self._client
+        self._heart = self._client = None
+        if heart is not None:
+            heart.cancel()
+            await asyncio.gather(heart, return_exceptions=True)
+        if client is not None:
+            await _hang_up(client)
+
+    async def _find_nodes(self) -> None:
+        """Ask for the type of each node, and its length where it is an array."""
+        ua = opcua("asyncua.ua")
+        uris = await self._request(self._client.get_namespace_array())
+        found: dict[str, tuple[Any, ...]] = {}
+        for name in self.nodes.nodes:
+            found[name] = tuple(
+                _node_id(text, self.nodes.namespace, uris, self.url) for text in self.nodes.node_ids(name)
+            )
+        flat = [(name, node_id) for name, ids in found.items() for node_id in ids]
+        values: dict[str, Any] = {}
+        for start in range(0, len(flat), NODES_A_REQUEST):
+            part = flat[start : start + NODES_A_REQUEST]
+            for (name, node_id), value in zip(part, await self._values([i for _, i in part]), strict=True):
+                self._good(value.StatusCode, name, node_id)
+                values[name] = value.Value
+        for name, node in self.nodes.nodes.items():
+            if not found[name]:
+                self.places[name] = Place(node, (), None, 0)
+                continue
+            variant = values[name]
+            if variant is None or variant.VariantType is ua.VariantType.Null:
+                variant = ua.Variant(None, ua.VariantType[node.type])
+            kind = variant.VariantType
+            length = len(variant.Value) if isinstance(variant.Value, list) else 0
+            self.places[name] = Place(node, found[name], kind, length)
+
+    async def _beat(self, client: Any) -> None:  # noqa: ANN401 - asyncua's client
+        """Count up our heartbeat and watch the server's."""
+        beat, seen, since = int(time.time()) % COUNTER, None, time.monotonic()
+        try:
+            while True:
+                beat = (beat + 1) % COUNTER
+                await self._write({"heartbeat.client": beat})
+                (theirs,) = await self._read(("heartbeat.server",))
+                now = time.monotonic()
+                if theirs != seen:
+                    seen, since = theirs, now
+                elif now - since > 2.0 * self.nodes.heartbeat_s:
+                    raise LinkError("the server's heartbeat stands still")
+                await asyncio.sleep(self.nodes.heartbeat_s / BEATS)
+        except (LinkError, RigError) as error:
+            if self._client is client:
+                self.lost = self.lost or str(error)
+                await _hang_up(client)
+
+    async def _read(self, names: tuple[str, ...], slot: int = 0) -> list[Any]:
+        places = [self.places[name] for name in names]
+        ids = [
+            place.ids[slot if name in IN_RING else 0] for name, place in zip(names, places, strict=True) if place.ids
+        ]
+        raw = iter(await self._values(ids) if ids else [])
+        answers = []
+        for name, place in zip(names, places, strict=True):
+            if not place.ids:
+                answers.append(place.node.constant)
+                continue
+            value = next(raw)
+            self._good(value.StatusCode, name, place.ids[0])
+            answers.append(self._to_si(place, value.Value.Value))
+        return answers
+
+    async def _values(self, ids: list[Any]) -> list[Any]:
+        ua = opcua("asyncua.ua")
+        return await self._request(self._client.uaclient.read_attributes(ids, ua.AttributeIds.Value))
+
+    async def _write(self, values: dict[str, Any]) -> None:
+        ua = opcua("asyncua.ua")
+        ids, data = [], []
+        for name, value in values.items():
+            place = self.places[name]
+            variant = ua.Variant(self._to_raw(place, value), place.type)
+            ids.append(place.ids[0])
+            data.append(ua.DataValue(variant, StatusCode=None))  # PLCs refuse to have status or time stamp written
+        results = await self._request(self._client.uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
+        for name, node_id, status in zip(values, ids, results, strict=True):
+            self._good(status, name, node_id)
+
+    async def _request(self, request: Coroutine[Any, Any, Answer]) -> Answer:
+        """Send a request; whatever ends the connection is one error."""
+        if self.lost is not None or self._client is None:
+            request.close()
+            raise LinkError(self.lost or "the connection is closed")
+        try:
+            return await request
+        except (OSError, TimeoutError, asyncio.TimeoutError, opcua("asyncua.ua").UaError) as error:
+            self.lost = self.lost or _reason(error)
+            raise LinkError(self.lost) from None
+
+    def _good(self, status: Any, name: str, node_id: Any) -> None:  # noqa: ANN401 - asyncua's types
+        if status is None or status.is_good():
+            return
+        what = f"node {name} ({node_id.to_string()}) cannot be used: {status.name}"
+        raise RigError(
+            what, where=self.url, rule=status.doc, remedy="check the node map and the server's access rights"
+        )
+
+    def _to_si(self, place: Place, raw: Any) -> Any:  # noqa: ANN401
+        kind = place.node.kind
+        if kind.type == "Double":
+            numbers = np.asarray(raw, dtype=np.float64) if kind.array else float(raw)
+            return place.node.scale.to_si(numbers, self.ambient_pa)
+        return np.asarray(raw, dtype=np.int64) if kind.array else raw
+
+    def _to_raw(self, place: Place, value: Any) -> Any:  # noqa: ANN401
+        kind = place.node.kind
+        if kind.type == "Double":
+            value = place.node.scale.from_si(np.asarray(value, dtype=np.float64), self.ambient_pa).tolist()
+        if kind.array and place.length:
+            value = [*value, *[type(value[0])(0) if value else 0] * (place.length - len(value))]
+        return value
+
+
+def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # noqa: ANN401 - asyncua's node id
+    ua = opcua("asyncua.ua")
+    if not text.startswith("ns="):
+        if namespace not in uris:
+            what = f"the server has no namespace {namespace}"
+            raise RigError(what, where=url, value=", ".join(uris), remedy="check the node map's namespace")
+        text = f"ns={uris.index(namespace)};{text}"
+    try:
+        return ua.NodeId.from_string(text)
+    except ua.UaError as error:
+        raise RigError(f"{text} is no node id: {error}") from None
+
+
+async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
+    """End a connection, orderly where the server still answers."""
+    import contextlib
+
+    with contextlib.suppress(Exception):  # whatever a half-closed connection raises: it ends here
+        await asyncio.wait_for(client.disconnect(), CLOSING_S / 2)
+    with contextlib.suppress(Exception):
+        client.disconnect_socket()
+
+
+def _reason(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}".rstrip(": ") if str(error) else type(error).__name__
