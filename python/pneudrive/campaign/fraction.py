@@ -2,7 +2,8 @@
 
 A main effect has a column for each level but one, so that an estimable model has every level of every factor. The named
 interaction has the slope of its first factor (against the logarithm of its level) for each level of the second. Cells
-are chosen for the determinant of X'X against the time that they take, and exchanged until no exchange helps.
+are chosen for the determinant of X'X against the time that they take, at least two at every level, and exchanged until
+no exchange helps.
 Designs of greatest determinant by exchange: [fedorov1972].
 """
 
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 RIDGE = 1e-6
 #: Exchanges that raise the logarithm of the determinant by less than this are not made.
 WORTH = 1e-9
+#: Cells at every level, so that none hangs on a single combination with the others.
+LEAST = 2
 #: Passes over the chosen cells, each trying every exchange.
 PASSES = 20
 DEFAULT_INTERACTIONS = {"stop": ("stop", "pressure"), "sweep": ("speed", "pressure")}
@@ -152,9 +155,15 @@ def _choose(kind: str, candidates: list[_Candidate], protocol: Protocol, budget_
     interaction = _interaction(kind, factors, protocol)
     model = _model(candidates, factors, interaction)
     cost = np.array([c.cost_s for c in candidates])
-    chosen = _complete(model, cost)
-    chosen = _fill(model, cost, chosen, budget_s)
-    chosen = sorted(_exchange(model, cost, chosen, max(budget_s, float(cost[chosen].sum()))))
+    present = np.hstack(
+        [
+            np.array([[c.levels[name] == level for level in levels] for c in candidates])
+            for name, levels in factors.items()
+        ]
+        or [np.ones((len(candidates), 1))]
+    ).astype(float)
+    chosen = _fill(model, cost, present, _complete(model, cost), budget_s)
+    chosen = sorted(_exchange(model, cost, present, chosen, max(budget_s, float(cost[chosen].sum()))))
     rows = model[chosen]
     full, part = (np.linalg.slogdet(x.T @ x)[1] for x in (model, rows))
     error_ratio = math.exp(0.5 * (full - part) / model.shape[1])
@@ -241,7 +250,7 @@ def _score(candidates: list[_Candidate], name: str, levels: Sequence[Any]) -> Ar
 
 def _gain(inverse: Array, model: Array) -> Array:
     """Return by how much each candidate would raise log det X'X."""
-    return np.log1p(np.einsum("ij,jk,ik->i", model, inverse, model))
+    return np.log1p(((model @ inverse) * model).sum(axis=1))
 
 
 def _complete(model: Array, cost: Array) -> list[int]:
@@ -259,7 +268,7 @@ def _complete(model: Array, cost: Array) -> list[int]:
                 rule="levels of different factors are crossed",
             )
         worth = np.where(open_, _gain(inverse, model) / cost, -np.inf)
-        best = int(np.argmax(worth))
+        best = _best(worth)
         chosen.append(best)
         inverse = _updated(inverse, model[best])
         direction = residual[best] / math.sqrt(norm[best])
@@ -267,47 +276,53 @@ def _complete(model: Array, cost: Array) -> list[int]:
     return chosen
 
 
-def _fill(model: Array, cost: Array, chosen: list[int], budget_s: float) -> list[int]:
-    """Add cells, the most information per second first, until the time is used."""
+def _fill(model: Array, cost: Array, levels: Array, chosen: list[int], budget_s: float) -> list[int]:
+    """Add cells, most information per second first: `LEAST` at every level, then as many as the time allows."""
     chosen = list(chosen)
     used = float(cost[chosen].sum())
     inverse: Array = np.linalg.inv(model[chosen].T @ model[chosen])
     free = np.ones(len(cost), dtype=bool)
     free[chosen] = False
     while True:
-        fits = free & (used + cost <= budget_s)
+        short = levels[chosen].sum(axis=0) < np.minimum(LEAST, levels.sum(axis=0))
+        fits = free & (levels[:, short].any(axis=1) if short.any() else used + cost <= budget_s)
         if not fits.any():
             return chosen
-        best = int(np.argmax(np.where(fits, _gain(inverse, model) / cost, -np.inf)))
+        best = _best(np.where(fits, _gain(inverse, model) / cost, -np.inf))
         chosen.append(best)
         free[best] = False
         used += float(cost[best])
         inverse = _updated(inverse, model[best])
 
 
-def _exchange(model: Array, cost: Array, chosen: list[int], budget_s: float) -> list[int]:
-    """Exchange one chosen cell for another wherever that raises the determinant and keeps the time."""
+def _exchange(model: Array, cost: Array, levels: Array, chosen: list[int], budget_s: float) -> list[int]:
+    """Exchange one chosen cell for another wherever that raises the determinant and keeps the time and `LEAST`."""
     chosen = list(chosen)
     used = float(cost[chosen].sum())
+    spread = model @ np.linalg.inv(model[chosen].T @ model[chosen])
     for _ in range(PASSES):
         improved = False
         for place, old in enumerate(chosen):
-            inverse = np.linalg.inv(model[chosen].T @ model[chosen])
-            d = np.einsum("ij,jk,ik->i", model, inverse, model)
-            cross = model @ inverse @ model[old]
+            d, cross = (spread * model).sum(axis=1), spread @ model[old]
             delta = (1.0 + d) * (1.0 - d[old]) + cross**2  # of the determinant, old out and new in
-            allowed = used - cost[old] + cost <= budget_s * (1.0 + 1e-12)
+            tight = (levels[old] > 0.0) & (levels[chosen].sum(axis=0) <= LEAST)
+            allowed = (used - cost[old] + cost <= budget_s) & (levels[:, tight] > 0.0).all(axis=1)
             allowed[chosen] = False
-            if not allowed.any():
-                continue
-            best = int(np.argmax(np.where(allowed, delta, -np.inf)))
-            if delta[best] > 1.0 + WORTH:
+            best = _best(np.where(allowed, delta, -np.inf))
+            if allowed[best] and delta[best] > 1.0 + WORTH:
                 used += float(cost[best] - cost[old])
                 chosen[place] = best
+                spread = model @ np.linalg.inv(model[chosen].T @ model[chosen])
                 improved = True
         if not improved:
             break
     return chosen
+
+
+def _best(values: Array) -> int:
+    """Return the first of the greatest: which of equals is not left to the rounding of one machine."""
+    top = float(values.max())
+    return int(np.argmax(values >= top - 1e-9 * abs(top))) if math.isfinite(top) else 0
 
 
 def _updated(inverse: Array, row: Array) -> Array:
@@ -321,13 +336,18 @@ def _lost(
 ) -> dict[str, tuple[int, int]]:
     """Return for each pair of factors how much of its interaction can still be estimated beside the model."""
     rows = model[chosen]
-    base, out = np.linalg.matrix_rank(rows), {}
+    base, out = _rank(rows), {}
     for one, other in combinations(factors, 2):
         a, b = (_effects(candidates, name, factors[name]) for name in (one, other))
         both = (a[:, :, None] * b[:, None, :]).reshape(len(candidates), -1)
-        slopes = np.linalg.matrix_rank(np.hstack([model, both])) - model.shape[1]
-        kept = int(np.linalg.matrix_rank(np.hstack([rows, both[chosen]])) - base)
-        beside = both.shape[1] - int(slopes)  # part of it that the model itself holds
+        slopes = _rank(np.hstack([model, both])) - model.shape[1]
+        kept = _rank(np.hstack([rows, both[chosen]])) - base
+        beside = both.shape[1] - slopes  # part of it that the model itself holds
         if kept < slopes:
             out[f"{one} x {other}"] = (kept + beside, both.shape[1])
     return out
+
+
+def _rank(columns: Array) -> int:
+    """Return the rank, from the small matrix X'X: effects that are crossed are far from dependent, or exactly so."""
+    return int(np.linalg.matrix_rank(columns.T @ columns, hermitian=True))

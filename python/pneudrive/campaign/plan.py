@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: Bytes that a sample takes in a cycle's file: measured on cycles of the simulated default rig as `write_cycle` writes
 #: them (seven columns, zstd); `test_plan` holds it against a file.
-BYTES_PER_SAMPLE = 33.0
+BYTES_PER_SAMPLE = 20.0
 #: Bytes of a cycle's file beside its samples: Parquet's own and the head, measured likewise.
 BYTES_PER_CYCLE = 6000.0
 VENTED = Pair(AMBIENT, AMBIENT)
