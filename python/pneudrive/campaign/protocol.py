@@ -54,7 +54,7 @@ class Protocol(Described):
     0.002
     """
 
-    schema_version: Literal[1] = Field(default=1, alias="schema")
+    schema_version: Literal[1] = Field(default=1, alias="schema", description="of this file")
     name: str = Field(default="unnamed protocol", description="of the campaign")
     about: str = Field(default="", description="free text")
     operator: str = Field(default="", description="who is at the rig")

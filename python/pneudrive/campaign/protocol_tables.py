@@ -201,7 +201,9 @@ class HardFactor(Described):
 
     levels: Annotated[list[str], Field(min_length=1)] = Field(description="names of the levels")
     ask: str = Field(default="", description="what the operator is asked to do; {level} stands for the level")
-    time_s: Time = Field(default=1200.0, alias="time", description="what a change takes")
+    time_s: Annotated[float, Quantity("s", "min", POSITIVE)] = Field(
+        default=1200.0, alias="time", description="what a change takes"
+    )
 
     @model_validator(mode="after")
     def _distinct(self) -> HardFactor:
@@ -264,7 +266,7 @@ class SamplingTable(Described):
 
     table: ClassVar[str] = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2)] = Field(
-        default=5000, description="even in time over each move [bracha]: about 5000 a cycle"
+        default=5000, description="even in time over each move; the paper has about 5000 a cycle [bracha]"
     )
     burst_rate_hz: Rate = Field(
         default=5000.0, alias="burst_rate", description="least rate around each reversal and restart; 0 Hz: no bursts"
@@ -288,7 +290,9 @@ class KnownWeight(Described):
         alias="mass", description="its mass; the force is m g"
     )
     time_s: Time = Field(default=10.0, alias="time", description="how long it is recorded")
-    change_s: Time = Field(default=120.0, alias="change", description="what applying it takes, and taking it off")
+    change_s: Annotated[float, Quantity("s", "min", POSITIVE)] = Field(
+        default=120.0, alias="change", description="what applying it takes, and taking it off"
+    )
 
 
 class BeforeBlock(Described):

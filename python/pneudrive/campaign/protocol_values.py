@@ -76,6 +76,10 @@ class MovingAverage(Quantity):
             raise WrongValueError(f"{given!r} is no number of samples", remedy='Write 5, or "none".')
         return given
 
+    def show(self, value: float) -> str | float:
+        """Write it as users would."""
+        return "none" if value == 1 else int(value)
+
     def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
         """Describe the form in which users write it."""
         return {"anyOf": [{"type": "integer", "minimum": 1}, {"const": "none"}]}

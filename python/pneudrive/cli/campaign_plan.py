@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pneudrive.campaign.fraction import Proposal
     from pneudrive.campaign.plan import Plan, Planned
     from pneudrive.campaign.protocol import Protocol
+    from pneudrive.campaign.protocol_tables import Pair
 
 HOUR_S, DAY_S = 3600.0, 86400.0
 
@@ -134,13 +135,14 @@ def _contents(plan: Plan) -> list[str]:
     settling_s = sum(one.wait_s for one in plan.planned) - operator_s
     axis_s = sum(one.axis_s for one in plan.planned)
     seed = f" (seed {p.seed})" if p.order.kind == "randomised" else ""
-    waits = f"settling after changes of pressure {duration(settling_s)} ({p.pressure.settling_s:g} s each, assumed)"
+    each = f"{p.pressure.settling_s:g} s each, assumed"
+    waits = f", settling after changes of pressure {duration(settling_s)} ({each})" if settling_s else ""
     hands = f", operator {duration(operator_s)} (assumed)" if operator_s else ""
     return [
         f"cycles   {', '.join(f'{kind} {count}' for kind, count in kinds.items())}",
         *_factors(plan),
         f"order    {p.order.kind}{seed}; repeats {p.repeats}, replicates {p.order.replicates}",
-        f"time     {duration(plan.time_s)}: axis {duration(axis_s)}, {waits}{hands}",
+        f"time     {duration(plan.time_s)}: axis {duration(axis_s)}{waits}{hands}",
         f"data     {plan.samples} samples, {size(plan.bytes)} "
         f"({BYTES_PER_SAMPLE:g} bytes a sample, as measured on files of the simulated rig)",
     ]
@@ -153,14 +155,20 @@ def _factors(plan: Plan) -> list[str]:
     if p.stop is not None:
         out.append(f"stop     {_range(p.stop.durations_s, 1.0, 's')}")
         out.append(f"restart  {_range(p.stop.restart_speed_m_s, 1e3, 'mm/s')}")
-    pairs = sorted({(c.pressure_a_pa, c.pressure_b_pa) for c in plan.cycles if c.kind in ("sweep", "stop")})
-    low, high = (tuple(f"{value / 1e5:.4g}" for value in pair) for pair in (pairs[0], pairs[-1]))
-    span = (
-        f"a {low[0]}, b {low[1]}"
-        if len(pairs) == 1
-        else f"{len(pairs)} pairs, a {low[0]}, b {low[1]} to a {high[0]}, b {high[1]}"
-    )
-    return [*out, f"pressure {span} bar abs"]
+    return [*out, f"pressure {_pressures(p.pressure.levels)}"]
+
+
+def _pressures(levels: Sequence[Pair]) -> str:
+    """Name the pressures as they were stated."""
+    from pneudrive.describe.base import StatedPressure
+
+    show, (a, b) = StatedPressure().show, levels[0]
+    if len(levels) == 1:
+        return f"{show(a)} in both chambers" if a == b else f"{show(a)} in chamber a, {show(b)} in chamber b"
+    if all(a == b for a, b in levels):
+        return f"{len(levels)} levels in both chambers, {show(a)} to {show(levels[-1][0])}"
+    last = levels[-1]
+    return f"{len(levels)} pairs, a {show(a)} and b {show(b)} to a {show(last[0])} and b {show(last[1])}"
 
 
 def _range(levels: Sequence[float], factor: float, unit: str) -> str:

@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 from pneudrive.errors import CommandError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
 
 class LazyGroup(TyperGroup):
@@ -54,6 +54,18 @@ class LazyGroup(TyperGroup):
             path = f"{ctx.command_path} {args[0]}".removeprefix("pneudrive ")
             raise CommandError(f"there is no command '{path}'", remedy=nearest(args[0], shown))
         return super().resolve_command(ctx, args)
+
+
+def command_paths(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> Iterator[tuple[str, ...]]:
+    """Yield every command of a table as the words that call it, commands of groups after their group."""
+    for name, module in table.items():
+        if name in hidden:
+            continue
+        yield (name,)
+        found = getattr(import_module(module), name)
+        if isinstance(found, typer.Typer):
+            kind = found.info.cls
+            yield from ((name, *rest) for rest in command_paths(kind.table, kind.hidden_names))  # type: ignore[union-attr]
 
 
 def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> typer.Typer:

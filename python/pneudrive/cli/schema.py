@@ -1,14 +1,26 @@
-"""``pneudrive schema``: the JSON schema of the drive file, for editors and other programs."""
+"""``pneudrive schema``: the JSON schemas of the files that users write, for editors and other programs."""
 
 from __future__ import annotations
 
 import json
+from enum import Enum
+from typing import Annotated
 
 import typer
 
 
-def schema() -> None:
-    """Print the JSON schema of the drive file."""
-    from pneudrive.describe.schema import drive_schema
+class Kind(str, Enum):
+    """Files that have a schema."""
 
-    typer.echo(json.dumps(drive_schema(), indent=2, ensure_ascii=False))
+    drive = "drive"
+    protocol = "protocol"
+
+
+def schema(kind: Annotated[Kind, typer.Argument(help="Drive file, or protocol of a campaign.")] = Kind.drive) -> None:
+    """Print the JSON schema of the drive file, or of a campaign's protocol."""
+    if kind is Kind.drive:
+        from pneudrive.describe.schema import drive_schema as described
+    else:
+        from pneudrive.campaign.protocol import protocol_schema as described
+
+    typer.echo(json.dumps(described(), indent=2, ensure_ascii=False))

@@ -78,12 +78,12 @@ WRONG = [
     ("repeats = 2", "repeats = 0", 2, "0 is out of bounds", "at least 1"),
     (
         "[mounting]",
-        '[design]\ninteraction = ["stop", "presure"]\n[mounting]',
+        '[design]\ninteraction = ["stop", "positon"]\n[mounting]',
         17,
-        "'presure' is no factor",
-        "'pressure'",
+        "'positon' is no factor",
+        "'position'",
     ),
-    ("[mounting]", '[order]\nkind = "randomized"\n[mounting]', 17, "is not known", "Did you mean 'randomised'?"),
+    ("[mounting]", '[order]\nkind = "random"\n[mounting]', 17, "is not known", "Did you mean 'randomised'?"),
 ]
 
 
