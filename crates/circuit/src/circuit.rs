@@ -126,6 +126,14 @@ impl<R: Lane> Circuit<R> {
         y[self.parts.carriages[id.0].0.first]
     }
 
+    /// Ends the command of a carriage at rest exactly, where rounding has left less than `speed` m/s.
+    pub fn come_to_rest(&self, id: CarriageId, y: &mut [R], speed: f64) {
+        let first = self.parts.carriages[id.0].0.first;
+        if (0..R::L).all(|lane| y[first + 1].get(lane).abs() < speed) {
+            y[first + 1..first + 3].fill(R::zero());
+        }
+    }
+
     /// Begins a new command of a carriage: at rest where it stands.
     pub fn take_over(&self, id: CarriageId, y: &mut [R]) {
         let (place, part) = &self.parts.carriages[id.0];

@@ -232,9 +232,6 @@ pub struct Rig {
     /// Time constant with which the axis gives way during a released hold, s; 20 ms where absent.
     #[serde(default)]
     pub release_time_s: Option<f64>,
-    /// A known force on the piston in +x.
-    #[serde(default)]
-    pub external_force_n: f64,
 }
 
 /// Where a drive starts.

@@ -66,7 +66,6 @@ fn rig(supply: Option<AirSupply>) -> spec::Rig {
         servo: None,
         ripple: None,
         release_time_s: None,
-        external_force_n: 0.0,
     }
 }
 

@@ -2,62 +2,134 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from pneudrive.describe import friction_laws, toml
-from pneudrive.describe.geometry import piston_areas
+from pneudrive.describe import friction_laws
+from pneudrive.describe.geometry import KINDS, piston_areas
 from pneudrive.errors import DescriptionError, nearest
+from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import Limits
+from pneudrive.rig.reader import Key, Reader, Source, not_negative, open_file, positive, word
 from pneudrive.rig.sensors import CLOCKS, AnalogSensor, Encoder, EncoderClock, TimeClock
-from pneudrive.units import parse, parse_pressure
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
 
 DEFAULT = Path(__file__).with_name("default.toml")
-SCHEMA = 1
-#: table -> key -> SI unit as `pneudrive.units` writes it ("1": a pure number, "abs": an absolute pressure).
-#: The parameters of friction are those of the law, which the core knows.
-KEYS: dict[str, dict[str, str]] = {
-    "cylinder": {"bore": "m", "stroke": "m", "moving_mass": "kg", "incline": "rad"},
-    "ambient": {"pressure": "abs"},
-    "servo": {"acceleration": "m/s^2", "jerk": "m/s^3", "margin": "m"},
-    "sampling": {"samples_per_cycle": "1"},
-    "force_sensor": {
-        "stiffness": "N/m",
-        "damping": "N s/m",
-        "range": "N",
-        "bits": "1",
-        "noise": "N",
-        "zero": "N",
-        "accuracy": "N",
+
+#: table -> key -> what it holds. The parameters of friction are those of the law, which the core knows.
+KEYS: dict[str, dict[str, Key]] = {
+    "cylinder": {
+        "kind": word(*KINDS, default="rodless"),
+        "bore": positive("m"),
+        "rod_diameter": not_negative("m", 0.0),
+        "stroke": positive("m"),
+        "moving_mass": positive("kg"),
+        "incline": Key("rad"),
     },
-    "pressure_sensor": {"range": "Pa", "bits": "1", "noise": "Pa", "zero": "Pa", "accuracy": "Pa"},
-    "encoder": {"resolution": "m"},
+    "ambient": {"pressure": positive("abs"), "temperature": positive("K", 293.15)},
+    "servo": {
+        "acceleration": positive("m/s^2"),
+        "jerk": positive("m/s^3"),
+        "margin": not_negative("m"),
+        "speed": positive("m/s", None),
+        "bandwidth": positive("1/s", None),
+        "damping_ratio": positive("1", None),
+        "ripple": not_negative("1", 0.0),
+        "pitch": positive("m", None),
+        "release_time": positive("s", 0.02),
+    },
+    "chambers": {
+        "kind": word("held", "open", "common", "separate", default="held"),
+        "dead_volume": positive("m^3", None),
+        "heat_transfer": not_negative("W/(m^2 K)", None),
+        "line_conductance": positive("m^3/(s Pa)", None),
+        "regulator_conductance": positive("m^3/(s Pa)", None),
+        "critical_pressure_ratio": positive("1", None),
+        "manifold_volume": positive("m^3", None),
+        "hose_diameter": positive("m", None),
+        "leakage": not_negative("m^3/(s Pa)", 0.0),
+        "piston_leakage": not_negative("m^3/(s Pa)", 0.0),
+    },
+    "sampling": {
+        "clock": word(*CLOCKS),
+        "samples_per_cycle": positive("1"),
+        "samples_per_stroke": positive("1", 5000.0),
+        "burst_rate": not_negative("1/s", 5000.0),
+        "burst_before": not_negative("s", 0.05),
+        "burst_after": not_negative("s", 0.2),
+        "hold_rate": positive("1/s", 20.0),
+    },
+    "force_sensor": {
+        "stiffness": positive("N/m"),
+        "damping": not_negative("N s/m"),
+        "range": positive("N"),
+        "bits": positive("1"),
+        "noise": not_negative("N"),
+        "zero": Key("N"),
+        "accuracy": not_negative("N"),
+        "zero_drift_temperature": Key("N/K", 0.0),
+        "zero_drift_time": Key("N/s", 0.0),
+    },
+    "pressure_sensor": {
+        "at": word("chamber", "regulator", default="chamber"),
+        "range": positive("Pa"),
+        "bits": positive("1"),
+        "noise": not_negative("Pa"),
+        "zero": Key("Pa"),
+        "accuracy": not_negative("Pa"),
+    },
+    "temperature_sensor": {
+        "noise": not_negative("K", 0.02),
+        "accuracy": not_negative("K", 0.1),
+        "share": not_negative("1", 0.5),
+    },
+    "encoder": {"resolution": positive("m")},
+    "thermal": {
+        "room_amplitude": not_negative("K", 0.0),
+        "room_period": positive("s", 86400.0),
+        "seal_rise": not_negative("K/W", 0.0),
+        "seal_time": positive("s", 600.0),
+        "viscous": Key("1/K", 0.0),
+        "coulomb": Key("1/K", 0.0),
+    },
+    "run_in": {"excess": not_negative("1", 0.0), "distance": positive("m", 100.0)},
+    "repeatability": {
+        "cycle": not_negative("1", 0.0),
+        "day": not_negative("1", 0.0),
+        "mounting": not_negative("1", 0.0),
+        "seal": not_negative("1", 0.0),
+    },
+    "supply": {"pressure": positive("abs", None)},
+    "safety": {
+        "force": positive("N", None),
+        "pressure": positive("abs", None),
+        "least_supply": positive("abs", None),
+        "least_temperature": positive("K", None),
+        "greatest_temperature": positive("K", None),
+    },
 }
+MOUNTING = {"side_load": not_negative("N", 0.0), "coefficient": not_negative("1", 0.0)}
+#: The mounting that every rig has, without side load.
+RIGID = "rigid"
+#: What chambers need beside their kind.
+NEEDED = {
+    "held": (),
+    "open": ("dead_volume", "heat_transfer", "line_conductance", "critical_pressure_ratio"),
+    "common": (*(k for k in KEYS["chambers"] if k not in ("kind", "leakage", "piston_leakage")),),
+}
+NEEDED["separate"] = NEEDED["common"]
 #: Share of its range that a gauge transducer still shows below zero before it saturates (assumed).
 BELOW_ZERO = 0.02
+#: Range and resolution of the thermometer (assumed): a 4-wire Pt100 with a 16-bit converter.
+THERMOMETER_K, THERMOMETER_BITS = (253.15, 353.15), 16
 
 
 @dataclass(frozen=True)
-class Source:
-    """Where a value of the rig comes from.
+class Mounting:
+    """A way of mounting: the force across the axis and the coefficient of friction of the guide that takes it."""
 
-    Attributes
-    ----------
-    value : str
-        As written, with its unit.
-    source : str
-        Key of references.bib, or ``assumed``.
-    reason : str
-    """
-
-    value: str
-    source: str
-    reason: str
+    side_load_n: float = 0.0
+    coefficient: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -69,16 +141,25 @@ class RigDescription:
     name : str
     law, parameters, pressure : str, dict, dict or None
         Friction of the piston as in a drive file; `pressure` in N/Pa per chamber.
-    area_m2, bore_m, stroke_m, moving_mass_kg, incline_rad, ambient_pressure_pa : float
+    dependences : dict
+        What else acts on friction (dwell, relaxation, position, direction), as the core takes it.
+    mountings : dict of Mounting
+    cylinder, rod_diameter_m, bore_m, stroke_m, moving_mass_kg, incline_rad, ambient_pressure_pa, ambient_temperature_k
     limits, margin_m
         Servo axis, and the distance of its reversals from the ends of the stroke.
     clock
-        Sample clock.
+        Sample clock of `SimulatedRig.drag`.
+    sampling : Sampling
+        Usual sampling of a session.
     stiffness_n_m, damping_n_s_m : float
         Of the force sensor.
-    force_sensor, pressure_sensor, encoder
-    force_accuracy_n, pressure_accuracy_pa : float
+    force_sensor, pressure_sensor, thermometer, encoder
+    force_accuracy_n, pressure_accuracy_pa, temperature_accuracy_k : float
         Standard uncertainties that the recordings state.
+    barrel_share : float
+        Share of the seal's rise of temperature that reaches the thermometer on the barrel.
+    servo, chambers, drift, thermal, run_in, repeatability, supply, safety : dict
+        The tables of the file in SI, None where a key is absent.
     sources : dict
         ``table.key`` -> `Source`.
     """
@@ -87,27 +168,50 @@ class RigDescription:
     law: str
     parameters: dict[str, float]
     pressure: dict[str, float] | None
+    dependences: dict[str, Any]
+    mountings: dict[str, Mounting]
+    cylinder: str
     bore_m: float
+    rod_diameter_m: float
     stroke_m: float
     moving_mass_kg: float
     incline_rad: float
     ambient_pressure_pa: float
+    ambient_temperature_k: float
     limits: Limits
     margin_m: float
     clock: TimeClock | EncoderClock
+    sampling: Sampling
     stiffness_n_m: float
     damping_n_s_m: float
     force_sensor: AnalogSensor
     pressure_sensor: AnalogSensor
+    thermometer: AnalogSensor
     encoder: Encoder
     force_accuracy_n: float
     pressure_accuracy_pa: float
-    sources: dict[str, Source]
+    temperature_accuracy_k: float
+    barrel_share: float
+    servo: dict[str, Any]
+    chambers: dict[str, Any]
+    pressure_measured_at: str
+    drift: dict[str, float]
+    thermal: dict[str, float]
+    run_in: dict[str, float]
+    repeatability: dict[str, float]
+    supply_pressure_pa: float | None
+    safety: dict[str, float | None]
+    sources: dict[str, Source] = field(repr=False)
+
+    @property
+    def areas_m2(self) -> tuple[float, float]:
+        """Piston areas in chambers a and b."""
+        return piston_areas(self.cylinder, self.bore_m, self.rod_diameter_m)
 
     @property
     def area_m2(self) -> float:
-        """Piston area, the same on both sides (rodless)."""
-        return piston_areas("rodless", self.bore_m)[0]
+        """Piston area in chamber a."""
+        return self.areas_m2[0]
 
 
 def read_description(path: str | Path = DEFAULT) -> RigDescription:
@@ -118,151 +222,113 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
     DescriptionError
         If the file cannot be read, a key is unknown or missing, a value lacks its unit or its source.
     """
-    where = str(path)
-    try:
-        content = toml.tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
-        raise DescriptionError("the rig file cannot be read", where=where, value=str(error)) from error
-    if content.get("schema") != SCHEMA:
-        raise DescriptionError("the rig file has another schema", where=where, rule=f"schema = {SCHEMA}")
-    reader = _Reader(content, where)
-    values = {table: reader.table(table) for table in KEYS}
-    values["friction"] = reader.friction()
-    pressure = reader.pressure()
+    content = open_file(path)
+    reader = Reader(content, str(path))
+    values = {table: reader.table(table, keys) for table, keys in KEYS.items()}
+    friction = _friction(reader)
+    mountings = _mountings(reader)
     reader.finish()
-    return _build(str(content.get("name", Path(path).stem)), reader, values, pressure)
+    _check(reader, values)
+    return _build(str(content.get("name", Path(path).stem)), reader, values, friction, mountings)
+
+
+def _friction(reader: Reader) -> dict[str, Any]:
+    """Read the friction table: its law, the parameters of that law, and the tables of what acts on it."""
+    from pneudrive.rig.friction_table import read_friction
+
+    given = reader.content.pop("friction", {})
+    law = str(given.pop("law", "stribeck"))
+    if law not in friction_laws():
+        what = f"friction.law = {law!r} is unknown"
+        raise DescriptionError(what, where=reader.where, remedy=nearest(law, friction_laws()))
+    return {"law": law} | read_friction(reader, law, given)
+
+
+def _mountings(reader: Reader) -> dict[str, Mounting]:
+    tables = reader.content.pop("mounting", {})
+    out = {RIGID: Mounting()}
+    for name, table in tables.items():
+        values = reader.table(f"mounting.{name}", MOUNTING, table)
+        if table:
+            rule = f"keys: {', '.join(MOUNTING)}"
+            raise DescriptionError(f"mounting.{name}.{next(iter(table))} is unknown", where=reader.where, rule=rule)
+        out[name] = Mounting(values["side_load"], values["coefficient"])
+    return out
+
+
+def _check(reader: Reader, values: dict[str, dict[str, Any]]) -> None:
+    """Refuse values that do not fit together."""
+    cylinder, servo, chambers = values["cylinder"], values["servo"], values["chambers"]
+
+    def refuse(what: str, rule: str) -> None:
+        raise DescriptionError(what, where=reader.where, rule=rule)
+
+    if 2.0 * servo["margin"] >= cylinder["stroke"]:
+        refuse("servo.margin leaves no way to go", "0 <= margin < stroke / 2")
+    if cylinder["rod_diameter"] >= cylinder["bore"]:
+        refuse("cylinder.rod_diameter leaves no piston", "rod_diameter < bore")
+    if (servo["bandwidth"] is None) != (servo["damping_ratio"] is None):
+        refuse("servo.bandwidth and servo.damping_ratio go together", "both, or neither for a rigid axis")
+    if servo["ripple"] > 0.0 and servo["pitch"] is None:
+        refuse("servo.ripple needs servo.pitch", "the distance after which the ripple repeats")
+    for key in NEEDED[chambers["kind"]]:
+        if chambers[key] is None:
+            refuse(f"chambers.{key} is missing", f'chambers of kind "{chambers["kind"]}" need it')
+    ratio = chambers["critical_pressure_ratio"]
+    if ratio is not None and ratio >= 1.0:
+        refuse(f"chambers.critical_pressure_ratio = {ratio} is out of bounds", "between 0 and 1")
 
 
 def _build(
-    name: str, reader: _Reader, values: dict[str, dict[str, float]], pressure: dict[str, float] | None
+    name: str,
+    reader: Reader,
+    values: dict[str, dict[str, Any]],
+    friction: dict[str, Any],
+    mountings: dict[str, Mounting],
 ) -> RigDescription:
     cylinder, servo, force, air = (values[t] for t in ("cylinder", "servo", "force_sensor", "pressure_sensor"))
-    ambient = values["ambient"]["pressure"]
-    for key in ("bore", "stroke", "moving_mass"):
-        reader.positive("cylinder", key, cylinder[key])
-    reader.positive("force_sensor", "stiffness", force["stiffness"])
-    if 2.0 * servo["margin"] >= cylinder["stroke"] or servo["margin"] < 0.0:
-        raise DescriptionError("servo.margin leaves no way to go", where=reader.where, rule="0 <= margin < stroke / 2")
+    ambient, sampling, warm = values["ambient"], values["sampling"], values["temperature_sensor"]
+    low, high = ambient["pressure"] - BELOW_ZERO * air["range"], ambient["pressure"] + air["range"]
     return RigDescription(
         name=name,
-        law=reader.law,
-        parameters=values["friction"],
-        pressure=pressure,
+        **friction,
+        mountings=mountings,
+        cylinder=cylinder["kind"],
         bore_m=cylinder["bore"],
+        rod_diameter_m=cylinder["rod_diameter"],
         stroke_m=cylinder["stroke"],
         moving_mass_kg=cylinder["moving_mass"],
         incline_rad=cylinder["incline"],
-        ambient_pressure_pa=ambient,
+        ambient_pressure_pa=ambient["pressure"],
+        ambient_temperature_k=ambient["temperature"],
         limits=Limits(servo["acceleration"], servo["jerk"]),
         margin_m=servo["margin"],
-        clock=CLOCKS[reader.clock](int(values["sampling"]["samples_per_cycle"])),
+        clock=CLOCKS[sampling["clock"]](int(sampling["samples_per_cycle"])),
+        sampling=Sampling(
+            int(sampling["samples_per_stroke"]),
+            sampling["burst_rate"],
+            sampling["burst_before"],
+            sampling["burst_after"],
+            sampling["hold_rate"],
+        ),
         stiffness_n_m=force["stiffness"],
         damping_n_s_m=force["damping"],
         force_sensor=AnalogSensor(-force["range"], force["range"], int(force["bits"]), force["noise"], force["zero"]),
-        pressure_sensor=AnalogSensor(
-            ambient - BELOW_ZERO * air["range"], ambient + air["range"], int(air["bits"]), air["noise"], air["zero"]
-        ),
+        pressure_sensor=AnalogSensor(low, high, int(air["bits"]), air["noise"], air["zero"]),
+        thermometer=AnalogSensor(*THERMOMETER_K, THERMOMETER_BITS, warm["noise"]),
         encoder=Encoder(values["encoder"]["resolution"]),
         force_accuracy_n=force["accuracy"],
         pressure_accuracy_pa=air["accuracy"],
+        temperature_accuracy_k=warm["accuracy"],
+        barrel_share=warm["share"],
+        servo=servo,
+        chambers=values["chambers"],
+        pressure_measured_at=air["at"],
+        drift={"per_k": force["zero_drift_temperature"], "per_s": force["zero_drift_time"]},
+        thermal=values["thermal"],
+        run_in=values["run_in"],
+        repeatability=values["repeatability"],
+        supply_pressure_pa=values["supply"]["pressure"],
+        safety=values["safety"],
         sources=reader.sources,
     )
-
-
-class _Reader:
-    """Takes values with units and sources out of the parsed file; what is left over is unknown."""
-
-    def __init__(self, content: dict, where: str) -> None:
-        self.content = content
-        self.where = where
-        self.sources: dict[str, Source] = {}
-        self.law = str(content.get("friction", {}).pop("law", "stribeck"))
-        if self.law not in friction_laws():
-            what = f"friction.law = {self.law!r} is unknown"
-            raise DescriptionError(what, where=where, remedy=nearest(self.law, friction_laws()))
-        self.clock = self._word("sampling.clock", content.get("sampling", {}).pop("clock", None), CLOCKS)
-
-    def table(self, table: str) -> dict[str, float]:
-        given = self.content.get(table, {})
-        out = {}
-        for key, unit in KEYS[table].items():
-            if key not in given:
-                raise DescriptionError(f"{table}.{key} is missing", where=self.where, remedy="see the default rig file")
-            out[key] = self._value(f"{table}.{key}", given.pop(key), unit)
-        return out
-
-    def friction(self) -> dict[str, float]:
-        given = self.content.get("friction", {})
-        out = {}
-        for parameter in friction_laws()[self.law]["parameters"]:
-            key, unit = parameter["key"], parameter["unit"]
-            if key in given:
-                out[key] = self._value(f"friction.{key}", given.pop(key), "1" if unit == "-" else unit)
-            elif parameter["default"] is None:
-                raise DescriptionError(f"friction.{key} is missing", where=self.where, rule=parameter["meaning"])
-        return out
-
-    def pressure(self) -> dict[str, float] | None:
-        given = self.content.get("friction", {}).pop("pressure", None)
-        if given is None:
-            return None
-        out = {}
-        for force, entry in given.items():
-            if force not in ("coulomb", "breakaway"):
-                raise DescriptionError(
-                    f"friction.pressure.{force} is unknown", where=self.where, rule="coulomb, breakaway"
-                )
-            for chamber in ("a", "b"):
-                one = {**entry, "value": entry.get(chamber, "0 N/bar")}
-                one.pop("a", None)
-                one.pop("b", None)
-                out[f"{force}_{chamber}"] = self._value(f"friction.pressure.{force}.{chamber}", one, "N/Pa")
-        return out
-
-    def finish(self) -> None:
-        keys = {**KEYS, "friction": [p["key"] for p in friction_laws()[self.law]["parameters"]]}
-        for table, rest in self.content.items():
-            if table in ("schema", "name"):
-                continue
-            if table not in keys:
-                raise DescriptionError(f"[{table}] is unknown", where=self.where, rule=f"tables: {', '.join(keys)}")
-            for key in rest:
-                rule = f"keys: {', '.join(keys[table])}"
-                raise DescriptionError(f"{table}.{key} is unknown", where=self.where, rule=rule)
-
-    def positive(self, table: str, key: str, value: float) -> None:
-        if not (math.isfinite(value) and value > 0.0):
-            raise DescriptionError(f"{table}.{key} must be positive", where=self.where, value=value)
-
-    def _word(self, name: str, entry: object, choices: Collection[str]) -> str:
-        text = self._text(name, entry)
-        if text not in choices:
-            remedy = nearest(text, choices)
-            raise DescriptionError(f"{name} = {text!r} is unknown", where=self.where, remedy=remedy)
-        return text
-
-    def _text(self, name: str, entry: object) -> str:
-        if not isinstance(entry, dict) or not {"value", "source"} <= set(entry):
-            raise DescriptionError(
-                f"{name} does not say its source",
-                where=self.where,
-                value=entry,
-                rule='{ value = "25 mm", source = "assumed", reason = "..." }',
-            )
-        text = str(entry["value"])
-        self.sources[name] = Source(text, str(entry["source"]), str(entry.get("reason", "")))
-        return text
-
-    def _value(self, name: str, entry: object, unit: str) -> float:
-        text = self._text(name, entry)
-        if unit == "1":
-            try:
-                return float(text)
-            except ValueError as error:
-                raise DescriptionError(f"{name} is a pure number", where=self.where, value=text) from error
-        if unit == "abs":
-            stated = parse_pressure(text)
-            if stated.gauge:
-                raise DescriptionError(f"{name} is an absolute pressure", where=self.where, value=text)
-            return stated.value_pa
-        return parse(text, unit)

@@ -52,7 +52,7 @@ class Hold:
     shut : bool
         The supply is shut off meanwhile: a leak shows as a fall of pressure.
     weight_n : float
-        Known force in +x that acts on the piston meanwhile, hung on by the operator; 0: none.
+        Known force in +x that the operator has hung on the force sensor, the drive uncoupled; 0: none.
     """
 
     duration_s: float

@@ -94,6 +94,13 @@ class Motion:
         x, v, a, j = knots[1, i], knots[2, i], knots[3, i], self.jerks_m_s3[i]
         return x + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
 
+    def until(self, time_s: float) -> Motion:
+        """Return the beginning of this motion, up to `time_s`."""
+        ends = np.cumsum(self.durations_s)
+        durations = np.clip(time_s - (ends - self.durations_s), 0.0, self.durations_s)
+        used = durations > 0.0
+        return Motion(durations[used], self.jerks_m_s3[used], self.start_m)
+
     def then(self, other: Motion) -> Motion:
         """Return this motion followed by `other` (which starts where this one ends)."""
         return Motion(
@@ -151,6 +158,39 @@ def dwell(duration_s: float, start_m: float = 0.0) -> Motion:
     if not (np.isfinite(duration_s) and duration_s > 0.0):
         raise CommandError(f"a stop needs a positive duration, got {duration_s} s")
     return Motion(np.array([duration_s]), np.array([0.0]), start_m)
+
+
+def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits: Limits) -> Motion:
+    """Come to rest from any velocity and acceleration, as soon as the limits allow.
+
+    Parameters
+    ----------
+    position_m, speed_m_s, acceleration_m_s2 : float
+        Where the axis is now; the acceleration within its limit.
+    limits : Limits
+
+    Returns
+    -------
+    Motion
+        Begins at that velocity and acceleration, so its `at` and `knots`, which begin at rest, do not hold.
+
+    Examples
+    --------
+    >>> brake(0.0, 0.5, 0.0, Limits(5.0, 1000.0)).duration_s
+    0.105
+    """
+    a, j = limits.acceleration_m_s2, limits.jerk_m_s3
+    # Taking the acceleration away alone would lead to this speed: it decides which way to push.
+    coasting = speed_m_s + acceleration_m_s2 * abs(acceleration_m_s2) / (2.0 * j)
+    sign = -1.0 if coasting > 0.0 else 1.0
+    needed, now = -sign * speed_m_s, sign * acceleration_m_s2
+    peak = (j * max(needed + 0.5 * now * now / j, 0.0)) ** 0.5
+    hold = 0.0
+    if peak > a:
+        peak, hold = a, (needed - (2.0 * a * a - now * now) / (2.0 * j)) / a
+    durations = np.array([(peak - now) / j, hold, peak / j])
+    used = durations > 0.0
+    return Motion(durations[used], sign * j * np.array([1.0, 0.0, -1.0])[used], position_m)
 
 
 def cycles(

@@ -34,6 +34,8 @@ class AnalogSensor:
         What it shows at zero: added to every sample.
     gain_error : float
         Relative error of the gain.
+    hysteresis : float
+        Error that takes the sign of the signal, in full where the signal is above 1 % of the range.
     """
 
     low: float
@@ -42,6 +44,7 @@ class AnalogSensor:
     noise: float
     zero: float = 0.0
     gain_error: float = 0.0
+    hysteresis: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse a range that is empty, a resolution that no converter has, negative noise."""
@@ -51,19 +54,32 @@ class AnalogSensor:
             raise DescriptionError(f"a converter has 4 to 32 bits, got {self.bits}")
         if not (np.isfinite(self.noise) and self.noise >= 0.0):
             raise DescriptionError(f"noise is a standard deviation and not negative, got {self.noise}")
-        if not np.isfinite([self.zero, self.gain_error]).all():
-            raise DescriptionError(f"zero and gain error are finite, got {self.zero} and {self.gain_error}")
+        if not np.isfinite([self.zero, self.gain_error, self.hysteresis]).all():
+            raise DescriptionError(
+                f"errors of a sensor are finite, got {self.zero}, {self.gain_error}, {self.hysteresis}"
+            )
 
     @property
     def step(self) -> float:
         """Smallest difference that the converter shows."""
         return (self.high - self.low) / (2**self.bits - 1)
 
-    def read(self, signal: Array, rng: np.random.Generator) -> Array:
-        """Return the recorded samples of `signal`, same shape and unit."""
-        seen = (1.0 + self.gain_error) * signal + self.zero
-        if self.noise > 0.0:
-            seen = seen + self.noise * rng.standard_normal(signal.shape)
+    def read(self, signal: Array, rng: np.random.Generator | None, drift: float | Array = 0.0) -> Array:
+        """Return the recorded samples of `signal`, same shape and unit.
+
+        Parameters
+        ----------
+        signal : ndarray
+        rng : numpy.random.Generator or None
+            Of the noise; None: a mean of many samples, without noise.
+        drift : float or ndarray
+            Added to the zero.
+        """
+        seen = (1.0 + self.gain_error) * signal + (self.zero + drift)
+        if self.hysteresis:
+            seen = seen + self.hysteresis * np.clip(signal / (0.01 * (self.high - self.low)), -1.0, 1.0)
+        if rng is not None and self.noise > 0.0:
+            seen = seen + self.noise * rng.standard_normal(np.shape(signal))
         steps = np.rint((np.clip(seen, self.low, self.high) - self.low) / self.step)
         return self.low + self.step * steps
 

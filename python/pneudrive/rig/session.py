@@ -2,53 +2,68 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from dataclasses import dataclass
+from threading import Event, RLock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import RigError, SimulationError
-from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
-from pneudrive.rig.motion import Motion, dwell, move
-from pneudrive.rig.sampling import schedule
+from pneudrive.errors import RigError, nearest
+from pneudrive.rig.conditions import Past, stream
+from pneudrive.rig.instruments import Instruments
+from pneudrive.rig.interface import CHANNELS, Envelope, Hold, Identity, Move, RigState, Samples, Step
+from pneudrive.rig.machine import CREEP_M_S, Machine
+from pneudrive.rig.sampling import step_times
+from pneudrive.rig.truth import truth_of_cycle, truth_of_step
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from numpy.typing import NDArray
+
+    from pneudrive.rig.interface import Sampling
+    from pneudrive.rig.motion import Motion
     from pneudrive.rig.simulated import SimulatedRig
 
-#: Tolerance of the core: errors of force far below the noise of any force sensor.
-RTOL = 1e-6
+    Array = NDArray[np.float64]
+
 #: Speed of moves that nobody chose: going home.
 HOME_SPEED_M_S = 0.05
-#: How long the chambers take to follow a new set pressure, s (assumed).
-SETTLING_S = 2.0
-#: Samples per part in which `acquire` yields them, s of the rig's time.
-PART_S = 0.2
+#: Length of the parts in which `acquire` yields samples: in real time, s; otherwise samples.
+PART_S, PART_SAMPLES = 0.1, 2000
+#: Range of room temperature in which measuring goes on where the rig file does not say, K about its own (assumed).
+USUAL_TEMPERATURES_K = (-10.0, 15.0)
 
 
 @dataclass
-class _Past:
-    """All that earlier cycles have left behind; plain data."""
+class _Run:
+    """What the axis is doing, for whoever has to end or to show it.
 
-    clock_s: float = 0.0
-    travel_m: float = 0.0
-    position_m: float = 0.0
-    pressure_a_pa: float = 0.0
-    pressure_b_pa: float = 0.0
+    ``before`` is the past at the beginning of the present step, ``reached_s`` how far it has come, ``seen`` the last
+    readings of the sensors.
+    """
+
+    alive: bool = True
+    before: Past | None = None
+    step: Step | None = None
+    motion: Motion | None = None
+    reached_s: float = 0.0
+    seen: dict[str, float] | None = None
 
 
 class RigSession:
-    """A simulated rig in use: the verbs of `Rig` and `Reproducible`.
+    """A simulated rig in use: `Rig`, `Reproducible` and `Changeable`.
+
+    Noise depends on the seed and the key of the cycle alone; what drifts (clock, way and temperature of the seal,
+    temperature of the room, zero of the force sensor, age of the contact, pressures) follows from what was done before
+    and is all in `memory`. May be stopped from another thread.
 
     Parameters
     ----------
     rig : SimulatedRig
     seed : int
-        Of all that is random.
+        Of all that is random: noise, calibration errors, differences between cycles, days, mountings and seals.
     pace : float, optional
         Seconds of the rig per second on the wall; None: as fast as it goes.
     """
@@ -57,70 +72,105 @@ class RigSession:
         if pace is not None and not pace > 0.0:
             raise RigError(f"pace = {pace} is not positive", rule="seconds of the rig per second on the wall")
         self.rig, self.seed, self.pace = rig, seed, pace
-        d = rig.description
-        ambient = d.ambient_pressure_pa
-        self._past = _Past(position_m=d.margin_m, pressure_a_pa=ambient, pressure_b_pa=ambient)
-        self._key = ""
-        self._rng = self._stream("")
-        self._running: list[bool] | None = None
+        self._machine = Machine(rig.description, seed)
+        self._instruments = Instruments(rig.description, seed)
+        self._rng = stream(seed, "noise", "")
+        self._running: _Run | None = None
         self._truth: dict[str, Any] = {}
+        self._lock, self._halted = RLock(), Event()
+
+    @property
+    def past(self) -> Past:
+        """What earlier cycles have left behind."""
+        return self._machine.past
+
+    # --- what it is --------------------------------------------------------------------------
 
     def identity(self) -> Identity:
         """Tell which rig this is."""
-        d = self.rig.description
-        force, air = d.force_sensor, d.pressure_sensor
-        channels = {"force_n": force, "pressure_a_pa": air, "pressure_b_pa": air}
+        d, sensors = self.rig.description, self._instruments
+        channels = {
+            "force_n": (sensors.force, d.force_accuracy_n),
+            "pressure_a_pa": (sensors.pressure_a, d.pressure_accuracy_pa),
+            "pressure_b_pa": (sensors.pressure_b, d.pressure_accuracy_pa),
+            "temperature_k": (sensors.thermometer, d.temperature_accuracy_k),
+        }
+        area_a, area_b = d.areas_m2
         return Identity(
             name=d.name,
-            area_a_m2=d.area_m2,
-            area_b_m2=d.area_m2,
+            area_a_m2=area_a,
+            area_b_m2=area_b,
             ambient_pressure_pa=d.ambient_pressure_pa,
             mass_beyond_sensor_kg=d.moving_mass_kg,
             incline_rad=d.incline_rad,
             stiffness_n_m=d.stiffness_n_m,
-            accuracy={
-                "position_m": d.encoder.resolution_m / 12.0**0.5,
-                "force_n": d.force_accuracy_n,
-                "pressure_a_pa": d.pressure_accuracy_pa,
-                "pressure_b_pa": d.pressure_accuracy_pa,
-            },
-            limits={name: (sensor.low, sensor.high) for name, sensor in channels.items()},
-            resolution={name: sensor.step for name, sensor in channels.items()}
+            accuracy={name: accuracy for name, (_, accuracy) in channels.items()}
+            | {"position_m": d.encoder.resolution_m / 12.0**0.5},
+            limits={name: (sensor.low, sensor.high) for name, (sensor, _) in channels.items()},
+            resolution={name: sensor.step for name, (sensor, _) in channels.items()}
             | {"position_m": d.encoder.resolution_m},
-            calibration=dict.fromkeys(channels, "assumed"),
+            calibration=dict.fromkeys(channels, "assumed: drawn by the simulated rig within its accuracy"),
             labels={"rig": d.name},
+            chambers=d.chambers["kind"],
+            pressure_measured_at=d.pressure_measured_at,
             synthetic=True,
         )
 
     def limits(self) -> Envelope:
         """Tell what it may be asked to do."""
         d = self.rig.description
+        ambient, safety, kind = d.ambient_pressure_pa, d.safety, d.chambers["kind"]
+        highest = ambient if kind == "open" else min(
+            safety["pressure"] or d.pressure_sensor.high, d.supply_pressure_pa or np.inf
+        )  # fmt: skip
+        speed = d.servo["speed"] or d.limits.top_speed_m_s(d.stroke_m - 2.0 * d.margin_m)
+        room = d.ambient_temperature_k
+        least, greatest = (
+            safety[f"{which}_temperature"] or room + usual
+            for which, usual in zip(("least", "greatest"), USUAL_TEMPERATURES_K, strict=True)
+        )
+        friction = self.rig.true_friction(np.array([CREEP_M_S, speed]), highest, highest)
         return Envelope(
             position_m=(d.margin_m, d.stroke_m - d.margin_m),
-            speed_m_s=d.limits.top_speed_m_s(d.stroke_m - 2.0 * d.margin_m),
+            speed_m_s=speed,
             acceleration_m_s2=d.limits.acceleration_m_s2,
             jerk_m_s3=d.limits.jerk_m_s3,
-            force_n=d.force_sensor.high,
-            pressure_pa=(d.ambient_pressure_pa, d.pressure_sensor.high),
-            separate_pressures=True,
-            temperature_k=(288.15, 303.15),
-            expected_friction_n=float(self.rig.true_friction(1e-6)),
+            force_n=safety["force"] or d.force_sensor.high,
+            pressure_pa=(ambient, highest),
+            separate_pressures=kind in ("held", "separate"),
+            temperature_k=(least, greatest),
+            supply_pressure_pa=safety["least_supply"] or 0.0,
+            expected_friction_n=float(np.max(friction)),
             home_m=d.margin_m,
         )
 
     def state(self) -> RigState:
-        """Tell where it stands."""
-        p = self._past
-        return RigState(
-            position_m=p.position_m,
-            force_n=0.0,
-            pressure_a_pa=p.pressure_a_pa,
-            pressure_b_pa=p.pressure_b_pa,
-            supply_pressure_pa=7e5,
-            temperature_k=293.15,
-            time_s=p.clock_s,
-            moving=self._running is not None,
-        )
+        """Tell where it stands, as its sensors show it but for their noise."""
+        with self._lock:
+            past, run = self.past, self._running
+            supply = self.rig.description.supply_pressure_pa or max(past.pressure_a_pa, past.pressure_b_pa)
+            began = past if run is None or run.before is None else run.before
+            clock = began.clock_s + (0.0 if run is None else run.reached_s)
+            seen = self._at_rest(past) if run is None or run.seen is None else run.seen
+            return RigState(
+                position_m=seen["position_m"],
+                force_n=seen["force_n"],
+                pressure_a_pa=seen["pressure_a_pa"],
+                pressure_b_pa=seen["pressure_b_pa"],
+                supply_pressure_pa=supply,
+                temperature_k=seen["temperature_k"],
+                time_s=clock,
+                moving=run is not None,
+            )
+
+    def _at_rest(self, past: Past) -> dict[str, float]:
+        true = {"carriage_position_m": past.commanded_m, "sensor_force_n": 0.0}
+        for side, pressure in (("a", past.pressure_a_pa), ("b", past.pressure_b_pa)):
+            true |= {f"pressure_{side}_pa": pressure, f"supply_pressure_{side}_pa": pressure}
+        columns = {name: np.array([value]) for name, value in {**true, **past.shown, "time_s": 0.0}.items()}
+        return {name: float(values[0]) for name, values in self._instruments.read(columns, past, None).items()}
+
+    # --- what it does ------------------------------------------------------------------------
 
     def home(self) -> None:
         """Bring the axis to its home position."""
@@ -128,15 +178,23 @@ class RigSession:
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
         """Bring the chambers to these absolute pressures, Pa; ambient pressure vents a chamber."""
-        low, high = self.limits().pressure_pa
+        limits = self.limits()
+        low, high = limits.pressure_pa
         for name, value in (("a", a_pa), ("b", b_pa)):
-            if not low * (1.0 - 1e-9) <= value <= high:
+            if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
                 raise RigError(
                     f"chamber {name} cannot be brought to {value:g} Pa", rule=f"{low:g} to {high:g} Pa absolute"
                 )
+        if a_pa != b_pa and not limits.separate_pressures:
+            raise RigError(
+                f"the chambers cannot have {a_pa:g} and {b_pa:g} Pa", rule="they hang on one regulator: one pressure"
+            )
         self._idle()
-        self._past.pressure_a_pa, self._past.pressure_b_pa = a_pa, b_pa
-        self.hold(SETTLING_S)
+        with self._lock:
+            began = self.past.clock_s
+            self._machine.settle(a_pa, b_pa)
+            duration = self.past.clock_s - began
+        self._wait(time.monotonic(), duration)
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
@@ -146,132 +204,175 @@ class RigSession:
         """Stand still without recording."""
         self._quietly(Hold(duration_s, released))
 
-    def _quietly(self, step: Step) -> None:
-        for _ in self.acquire([step], Sampling(2, 0.0, hold_rate_hz=2.0 / max(getattr(step, "duration_s", 1.0), 1e-3))):
-            pass
-
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
-        """Run the steps one after the other and yield the samples in parts, as they come."""
+        """Run the steps one after the other and yield the samples in parts, as they come.
+
+        Closing the iterator early means: come to rest now.
+        """
         self._idle()
-        motions = self._motions(steps)
-        times, step = schedule(
-            [m.duration_s if m else 0.0 for m in motions], [isinstance(s, Move) for s in steps], sampling
-        )
-        return self._run(motions, times, step)
-
-    def _run(self, motions: list[Motion | None], times: Any, step: Any) -> Iterator[Samples]:  # noqa: ANN401
-        running = self._running = [True]
-        whole = [m for m in motions if m is not None]
-        try:
-            if not whole:
-                return
-            motion = whole[0]
-            for other in whole[1:]:
-                motion = motion.then(other)
-            samples = self._measure(motion, times, step)
-            began = time.monotonic()
-            for part in np.array_split(np.arange(times.size), max(1, round(motion.duration_s / PART_S))):
-                if not part.size:
-                    continue
-                if not running[0]:
-                    raise RigError("the axis was stopped")
-                self._wait(began, float(times[part[-1]]))
-                self._past.position_m = float(motion.at(times[part[-1]])[0])
-                yield Samples(**{name: getattr(samples, name)[part] for name in vars(samples)})
-            self._past.clock_s += motion.duration_s
-            self._past.travel_m += float(np.sum(np.abs(np.diff(motion.knots()[1]))))
-        finally:
-            if self._running is running:
-                self._running = None
-
-    def _measure(self, motion: Motion, times: Any, step: Any) -> Samples:  # noqa: ANN401
-        from pneudrive import _core
-
-        d, p, rng = self.rig.description, self._past, self._rng
-        try:
-            core = _core.Rig(json.dumps(self.rig._core_description(p.pressure_a_pa, p.pressure_b_pa)))
-            true = core.run(motion.durations_s, motion.jerks_m_s3, times, motion.start_m, RTOL)["columns"]
-        except (ValueError, RuntimeError) as error:
-            raise SimulationError("the simulated rig cannot run", value=str(error)) from error
-        one = np.ones_like(times)
-        return Samples(
-            time_s=times,
-            position_m=d.encoder.read(true["carriage_position_m"]),
-            force_n=d.force_sensor.read(true["sensor_force_n"], rng),
-            pressure_a_pa=d.pressure_sensor.read(p.pressure_a_pa * one, rng),
-            pressure_b_pa=d.pressure_sensor.read(p.pressure_b_pa * one, rng),
-            temperature_k=293.15 * one,
-            step=step,
-        )
-
-    def _motions(self, steps: Sequence[Step]) -> list[Motion | None]:
-        limits, at, out = self.limits(), self._past.position_m, []
-        for step in steps:
-            if isinstance(step, Hold):
-                out.append(dwell(step.duration_s, at) if step.duration_s > 0.0 else None)
-                continue
-            low, high = limits.position_m
-            if not low - 1e-9 <= step.to_m <= high + 1e-9 or not 0.0 < step.speed_m_s <= limits.speed_m_s:
-                raise RigError(
-                    f"a move to {step.to_m:g} m at {step.speed_m_s:g} m/s is out of reach",
-                    rule=f"{low:g} to {high:g} m, up to {limits.speed_m_s:g} m/s",
-                )
-            still = abs(step.to_m - at) < 1e-12
-            out.append(None if still else move(step.to_m - at, step.speed_m_s, self.rig.description.limits, at))
-            at = step.to_m
-        return out
+        self._check(steps)
+        self._running = run = _Run()
+        self._halted.clear()
+        return self._acquire(run, list(steps), sampling)
 
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
-        if self._running is not None:
-            self._running[0] = False
-            self._running = None
-        ambient = self.rig.description.ambient_pressure_pa
-        self._past.pressure_a_pa = self._past.pressure_b_pa = ambient
+        with self._lock:
+            self._halt(self._running)
+            ambient = self.rig.description.ambient_pressure_pa
+            if (self.past.pressure_a_pa, self.past.pressure_b_pa) != (ambient, ambient):
+                self._machine.settle(ambient, ambient)
+
+    # --- its past ----------------------------------------------------------------------------
 
     def begin_cycle(self, key: str) -> None:
         """Let the noise of the next cycle depend on the rig's seed and this key alone."""
-        self._key, self._rng = key, self._stream(key)
+        self._machine.key = key
+        self._rng = stream(self.seed, "noise", key)
+        self._truth = {}
 
     def memory(self) -> dict[str, Any]:
         """Give all that the past has left behind, as plain data."""
-        return dict(vars(self._past))
+        return self._machine.snapshot().to_dict()
 
     def restore(self, memory: dict[str, Any]) -> None:
         """Take a past back that `memory` gave."""
-        try:
-            self._past = _Past(**memory)
-        except TypeError as error:
-            raise RigError("this is not the memory of a simulated rig", value=str(error)) from None
+        self._idle()
+        self._machine.past = Past.from_dict(memory)
 
     def truth(self) -> dict[str, Any]:
-        """Give what was true of the last cycle, as plain data."""
-        d, p = self.rig.description, self._past
-        return {
-            "law": d.law,
-            "parameters": dict(d.parameters),
-            "pressure_a_pa": p.pressure_a_pa,
-            "pressure_b_pa": p.pressure_b_pa,
-        }
+        """Give what was true of the last cycle, as plain data; see `pneudrive.rig.truth`."""
+        return self._truth
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Give the factors that can be changed and the levels that each can take."""
-        return {"mounting": ("rigid",)}
+        """Give the factors that can be changed and the levels that each can take; seal and drive take any name."""
+        return {"mounting": tuple(self.rig.description.mountings)}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Take what has been mounted."""
+        """Take what has been mounted; a new seal or drive has not run yet."""
+        self._idle()
+        past = self.past
+        known = self.levels()
+        for factor, level in levels.items():
+            if factor in known and level not in known[factor]:
+                raise RigError(f"{factor} = {level!r} is not known to this rig", remedy=nearest(level, known[factor]))
+        for factor, level in levels.items():
+            past.levels[factor] = level
+            past.changes[factor] = past.changes.get(factor, 0) + 1
+            if factor in ("seal", "drive"):
+                past.travel_m = past.seal_rise_k = 0.0
+
+    # --- how ---------------------------------------------------------------------------------
 
     def _idle(self) -> None:
         if self._running is not None:
             raise RigError("the axis is busy", remedy="finish or close the running acquisition, or stop()")
 
-    def _wait(self, began: float, until: float) -> None:
-        if self.pace is not None:
-            time.sleep(max(0.0, began + until / self.pace - time.monotonic()))
+    def _check(self, steps: Sequence[Step]) -> None:
+        """Refuse moves that the axis cannot make, before anything moves."""
+        limits = self.limits()
+        low, high = limits.position_m
+        for step in steps:
+            if isinstance(step, Hold):
+                if not 0.0 <= step.duration_s < np.inf:
+                    raise RigError(f"a hold of {step.duration_s} s is none", rule="a duration of zero or above")
+            elif not (low - 1e-6 <= step.to_m <= high + 1e-6 and 0.0 < step.speed_m_s <= limits.speed_m_s):
+                raise RigError(
+                    f"a move to {1e3 * step.to_m:g} mm at {1e3 * step.speed_m_s:g} mm/s is out of reach",
+                    rule=f"{1e3 * low:g} to {1e3 * high:g} mm, up to {1e3 * limits.speed_m_s:g} mm/s",
+                )
 
-    def _stream(self, *words: str) -> np.random.Generator:
-        digest = hashlib.sha256("\0".join(words).encode()).digest()
-        return np.random.default_rng([self.seed, int.from_bytes(digest[:8], "little")])
+    def _quietly(self, step: Step) -> None:
+        """Run one step whose samples nobody wants: no noise is drawn."""
+        self._idle()
+        self._check([step])
+        motion = self._machine.motion(step)
+        if motion is None:
+            return
+        self._running = run = _Run()
+        self._halted.clear()
+        began, end = time.monotonic(), motion.duration_s
+        # Somebody watches where time passes: then the axis is shown on its way.
+        part = PART_S * (self.pace or 1.0)
+        times = np.array([end]) if self.pace is None else np.append(np.arange(1, int(end / part) + 1) * part, end)
+        try:
+            with self._lock:
+                before = run.before = self._machine.snapshot()
+                run.step, run.motion = step, motion
+                seen = self._instruments.read(self._machine.run(step, motion, times), before, None)
+            for i, until in enumerate(times):
+                self._wait(began, float(until))
+                self._alive(run)
+                run.reached_s, run.seen = float(until), {name: float(values[i]) for name, values in seen.items()}
+            run.motion = None
+        finally:
+            with self._lock:
+                self._halt(run)
+
+    def _acquire(self, run: _Run, steps: list[Step], sampling: Sampling) -> Iterator[Samples]:
+        began, done_s = time.monotonic(), 0.0
+        kept: list[dict[str, Any]] = []
+        last = len(steps) - 1
+        try:
+            for i, step in enumerate(steps):
+                with self._lock:
+                    self._alive(run)
+                    motion = self._machine.motion(step)
+                    if motion is None:
+                        continue
+                    before = self._machine.snapshot()
+                    run.before, run.step, run.motion, run.reached_s = before, step, motion, 0.0
+                    times = step_times(motion.duration_s, isinstance(step, Move), sampling)
+                    times = np.append(times, motion.duration_s)  # the last sample of a step shows its end
+                    true = self._machine.run(step, motion, times)
+                    kept.append(truth_of_step(self._machine, before, step, motion, true))
+                    seen = self._instruments.read(true, before, self._rng, getattr(step, "weight_n", 0.0))
+                keep = times.size if i == last else times.size - 1
+                for part in self._parts(times[:keep], motion.duration_s):
+                    self._wait(began, done_s + float(times[part.stop - 1]))
+                    self._alive(run)
+                    run.reached_s = float(times[part.stop - 1])
+                    run.seen = {name: float(values[part.stop - 1]) for name, values in seen.items()}
+                    named = {name: seen[name][part] for name in CHANNELS if name != "time_s"}
+                    index = np.full(part.stop - part.start, i, dtype=np.int64)
+                    yield Samples(time_s=done_s + times[part], **named, step=index)
+                run.motion = None
+                done_s += motion.duration_s
+            self._truth = truth_of_cycle(self._machine, self._instruments, kept)
+        finally:
+            with self._lock:
+                self._halt(run)
+
+    def _parts(self, times: Array, duration_s: float) -> Iterator[slice]:
+        """Cut the samples of a step into parts: by time where somebody watches, by number where not."""
+        if self.pace is None:
+            borders = list(range(0, times.size, PART_SAMPLES))
+        else:
+            ends = np.arange(0.0, duration_s, PART_S * self.pace)
+            borders = sorted(set(np.searchsorted(times, ends).tolist()))
+        for start, stop in zip(borders, [*borders[1:], times.size], strict=True):
+            if stop > start:
+                yield slice(start, stop)
+
+    def _alive(self, run: _Run) -> None:
+        if not run.alive:
+            raise RigError("the axis was stopped", remedy="begin the cycle again")
+
+    def _halt(self, run: _Run | None) -> None:
+        """End an acquisition: brake from wherever the axis is."""
+        if run is None or not run.alive:
+            return
+        run.alive = False
+        self._halted.set()
+        if self._running is run:
+            self._running = None
+        if run.motion is not None and run.before is not None and run.step is not None:
+            self._machine.cut(run.before, run.step, run.motion, run.reached_s)
+
+    def _wait(self, began: float, until_s: float) -> None:
+        """Wait until so many seconds of the rig have passed on the wall, or somebody stops it."""
+        if self.pace is not None:
+            self._halted.wait(max(0.0, began + until_s / self.pace - time.monotonic()))
 
 
 def load_session(source: str, seed: int, pace: float | None) -> RigSession:

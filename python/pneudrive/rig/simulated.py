@@ -11,6 +11,7 @@ import numpy as np
 
 from pneudrive.characterise.recording import Recording
 from pneudrive.errors import CommandError, SimulationError
+from pneudrive.rig.core import core_rig
 from pneudrive.rig.description import DEFAULT, RigDescription, read_description
 from pneudrive.rig.motion import Limits, Motion, cycles
 
@@ -144,7 +145,7 @@ class SimulatedRig:
         pressure_a, pressure_b = self._absolute(gauge_pa)
         times = (clock or d.clock).times(motion, count)
         try:
-            rig = _core.Rig(json.dumps(self._core_description(pressure_a, pressure_b)))
+            rig = _core.Rig(json.dumps(core_rig(d, (pressure_a, pressure_b))))
             result = rig.run(motion.durations_s, motion.jerks_m_s3, times, motion.start_m, rtol)
         except (ValueError, RuntimeError) as error:
             raise SimulationError("the simulated rig cannot run", value=str(error)) from error
@@ -170,8 +171,8 @@ class SimulatedRig:
         rng = np.random.default_rng(seed)
         true = trace.columns
         force = d.force_sensor.read(true["sensor_force_n"], rng)
-        one = np.ones_like(force)
-        pressures = [d.pressure_sensor.read(p * one, rng) for p in (trace.pressure_a_pa, trace.pressure_b_pa)]
+        pressures = [d.pressure_sensor.read(true[f"pressure_{side}_pa"], rng) for side in "ab"]
+        area_a, area_b = d.areas_m2
         gauges = [1e-5 * (p - d.ambient_pressure_pa) for p in (trace.pressure_a_pa, trace.pressure_b_pa)]
         shown = f"{gauges[0]:.3g} bar" if gauges[0] == gauges[1] else f"{gauges[0]:.3g} and {gauges[1]:.3g} bar"
         return Recording(
@@ -181,8 +182,8 @@ class SimulatedRig:
             force_n=force,
             pressure_a_pa=pressures[0],
             pressure_b_pa=pressures[1],
-            area_a_m2=d.area_m2,
-            area_b_m2=d.area_m2,
+            area_a_m2=area_a,
+            area_b_m2=area_b,
             ambient_pressure_pa=d.ambient_pressure_pa,
             mass_beyond_sensor_kg=d.moving_mass_kg,
             incline_rad=d.incline_rad,
@@ -243,22 +244,6 @@ class SimulatedRig:
                 rule="one gauge pressure for both chambers or a pair of them, above vacuum",
             )
         return absolute[0], absolute[1]
-
-    def _core_description(self, pressure_a_pa: float, pressure_b_pa: float) -> dict:
-        d = self.description
-        return {
-            "friction": {"law": d.law, "parameters": d.parameters, "pressure": d.pressure},
-            "area_a_m2": d.area_m2,
-            "area_b_m2": d.area_m2,
-            "moving_mass_kg": d.moving_mass_kg,
-            "ambient_pressure_pa": d.ambient_pressure_pa,
-            "pressure_a_pa": pressure_a_pa,
-            "pressure_b_pa": pressure_b_pa,
-            "stroke_m": d.stroke_m,
-            "incline_rad": d.incline_rad,
-            "sensor_stiffness_n_m": d.stiffness_n_m,
-            "sensor_damping_n_s_m": d.damping_n_s_m,
-        }
 
 
 def sweep(

@@ -48,6 +48,9 @@ const COLUMNS: [&str; 14] = [
 /// Time constant with which an axis gives way, s, where nothing is said (assumed).
 const RELEASE_TIME: f64 = 0.02;
 
+/// Commanded speed below which a motion has ended at rest, m/s: what rounding leaves of a move.
+const AT_REST: f64 = 1e-9;
+
 /// One motion of a rig: constant jerks m/s3 for durations s each, and what else is different meanwhile.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion<'a> {
@@ -93,8 +96,7 @@ impl Rig {
         let gas = IdealGas::air();
         let room_k = spec.temperature_k.unwrap_or(physics::flow::T_0);
         let mut circuit = Circuit::new(&gas, spec.ambient_pressure_pa, room_k);
-        let axis =
-            circuit.axis(spec.moving_mass_kg, spec.incline_rad, spec.external_force_n, Some(law), lips);
+        let axis = circuit.axis(spec.moving_mass_kg, spec.incline_rad, 0.0, Some(law), lips);
         let air = match &spec.chambers {
             None => held(&mut circuit, spec, room_k),
             Some(chambers) => supplied(&mut circuit, spec, chambers, room_k),
@@ -194,6 +196,7 @@ impl Rig {
         if motion.released {
             circuit.take_over(self.carriage, &mut state);
         }
+        circuit.come_to_rest(self.carriage, &mut state, AT_REST);
         let commanded = circuit.commanded(self.carriage, &state);
         let run = Run { columns: recorder.columns, statistics: stepper.statistics(0), balance };
         Ok((run, End { state, commanded }))

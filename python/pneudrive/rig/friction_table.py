@@ -1,0 +1,71 @@
+"""The friction of a rig file: as in a drive file, each value with its source."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.friction import Friction, friction_laws
+from pneudrive.errors import DescriptionError
+
+if TYPE_CHECKING:
+    from pneudrive.rig.reader import Reader
+
+_PURE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
+
+
+def read_friction(reader: Reader, law: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Read the parameters of a law and the tables of what acts on it.
+
+    Parameters
+    ----------
+    reader : Reader
+        Notes the sources.
+    law : str
+    given : dict
+        The friction table without its law.
+
+    Returns
+    -------
+    dict
+        parameters, pressure, dependences: SI, as the core takes them.
+
+    Raises
+    ------
+    DescriptionError
+        If a key is unknown or missing, or a value lacks its source or its unit.
+    """
+    known = {p["key"] for p in friction_laws()[law]["parameters"]}
+    tables = {key for key in Friction.model_fields if key not in ("law", "parameters", "given")}
+    for key in given:
+        if key not in known | tables:
+            rule = f"keys: {', '.join(sorted(known | tables))}"
+            raise DescriptionError(f"friction.{key} is unknown", where=reader.where, rule=rule)
+    plain = {key: _plain(reader, f"friction.{key}", entry) for key, entry in given.items()}
+    try:
+        friction = Friction(law=law, **plain)
+    except DescriptionError as error:
+        raise DescriptionError(error.what, where=reader.where, rule=error.rule, remedy=error.remedy) from None
+    seals = friction.pressure
+    pressure = None
+    if seals is not None:
+        each = {"coulomb": seals.coulomb, "breakaway": seals.breakaway}
+        pressure = {f"{force}_{side}": getattr(pair, side) for force, pair in each.items() for side in "ab"}
+    return {"parameters": dict(friction.parameters), "pressure": pressure, "dependences": {}}
+
+
+def _plain(reader: Reader, name: str, entry: Any) -> Any:  # noqa: ANN401
+    """Take the sources off: what remains is written as in a drive file."""
+    if isinstance(entry, list):
+        return [_plain(reader, f"{name}.{i}", one) for i, one in enumerate(entry)]
+    if isinstance(entry, dict) and "value" not in entry and "source" in entry:
+        rest = {key: entry[key] for key in ("source", "reason") if key in entry}
+        parts = {key: value for key, value in entry.items() if key not in rest}
+        return {key: _number(reader.text(f"{name}.{key}", {**rest, "value": value})) for key, value in parts.items()}
+    if isinstance(entry, dict) and "value" not in entry:
+        return {key: _plain(reader, f"{name}.{key}", one) for key, one in entry.items()}
+    return _number(reader.text(name, entry))
+
+
+def _number(text: str) -> str | float:
+    return float(text) if _PURE.match(text) else text

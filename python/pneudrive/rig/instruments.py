@@ -1,0 +1,88 @@
+"""The sensors of a simulated rig, each with the calibration error that its stated accuracy allows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.rig.conditions import stream
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.rig.conditions import Past
+    from pneudrive.rig.description import RigDescription
+    from pneudrive.rig.sensors import AnalogSensor
+
+    Array = NDArray[np.float64]
+
+#: Share of a force sensor's accuracy that changes sign with the force, as the uncertainty budget takes it.
+HYSTERESIS_SHARE = 1.0 / 3.0
+
+
+class Instruments:
+    """Sensors whose calibration errors are drawn once from the rig's seed.
+
+    The stated accuracy is a standard uncertainty: at the end of the range the error of the gain has it as its standard
+    deviation; the zero of a pressure sensor and of the thermometer has it too (that of the force sensor is what the
+    rig file says, as it is tared); a third of it, shared by both directions, changes sign with the force.
+
+    Parameters
+    ----------
+    d : RigDescription
+    seed : int
+    """
+
+    def __init__(self, d: RigDescription, seed: int) -> None:
+        self.d = d
+        draw = stream(seed, "calibration").standard_normal(7)
+        force, air, warm = d.force_accuracy_n, d.pressure_accuracy_pa, d.temperature_accuracy_k
+        self.force = replace(
+            d.force_sensor,
+            gain_error=force / d.force_sensor.high * draw[0],
+            hysteresis=force * HYSTERESIS_SHARE / 2.0**0.5 * draw[1],
+        )
+        self.pressure_a = self._pressure(air, draw[2], draw[3])
+        self.pressure_b = self._pressure(air, draw[4], draw[5])
+        self.thermometer = replace(d.thermometer, zero=warm * draw[6])
+
+    def _pressure(self, accuracy: float, zero: float, gain: float) -> AnalogSensor:
+        sensor, ambient = self.d.pressure_sensor, self.d.ambient_pressure_pa
+        relative = accuracy / (sensor.high - ambient) * gain
+        # The gain is that of the gauge pressure: nothing at ambient.
+        shift = sensor.zero + accuracy * zero - relative * ambient
+        return replace(sensor, gain_error=relative, zero=shift)
+
+    def read(
+        self, true: dict[str, Array], past: Past, rng: np.random.Generator | None, weight_n: float = 0.0
+    ) -> dict[str, Array]:
+        """Read true signals.
+
+        Parameters
+        ----------
+        true : dict
+            Columns of the core over one step.
+        past : Past
+            As it was at the beginning of the step.
+        rng : numpy.random.Generator or None
+            Of the noise; None: none.
+        weight_n : float
+            A weight that hangs on the force sensor in place of the drive.
+
+        Returns
+        -------
+        dict
+            position_m, force_n, pressure_a_pa, pressure_b_pa, temperature_k.
+        """
+        d, t = self.d, true["time_s"]
+        where = "supply_pressure" if d.pressure_measured_at == "regulator" else "pressure"
+        force = true["sensor_force_n"] if weight_n == 0.0 else np.full(t.shape, -weight_n)
+        return {
+            "position_m": d.encoder.read(true["carriage_position_m"]),
+            "force_n": self.force.read(force, rng, past.force_drift_n(d, t)),
+            "pressure_a_pa": self.pressure_a.read(true[f"{where}_a_pa"], rng),
+            "pressure_b_pa": self.pressure_b.read(true[f"{where}_b_pa"], rng),
+            "temperature_k": self.thermometer.read(np.asarray(past.barrel_k(d, t)), rng),
+        }

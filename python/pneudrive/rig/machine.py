@@ -1,0 +1,166 @@
+"""What moves, in virtual time: one step after the other on the core, and what each leaves behind."""
+
+from __future__ import annotations
+
+import json
+from copy import deepcopy
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import RigError, SimulationError
+from pneudrive.rig.conditions import Past, friction_in_force
+from pneudrive.rig.core import core_rig
+from pneudrive.rig.interface import Hold, Move, Step
+from pneudrive.rig.motion import Motion, brake, dwell, move
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.rig.description import RigDescription
+
+    Array = NDArray[np.float64]
+
+#: Tolerance of the core: errors of force far below the noise of any force sensor.
+RTOL = 1e-6
+#: A move shorter than this is none.
+SHORTEST_M = 1e-9
+#: Chambers count as settled within this share of their set pressure; how long they may take.
+SETTLED, LONGEST_S, LOOK_S = 1e-3, 60.0, 0.5
+#: Speed below which friction is at its level of breakaway, for the question whether a released axis stays.
+CREEP_M_S = 1e-9
+
+
+class Machine:
+    """Axis, drive and chambers with their past.
+
+    Parameters
+    ----------
+    d : RigDescription
+    seed : int
+    """
+
+    def __init__(self, d: RigDescription, seed: int) -> None:
+        self.d, self.seed, self.key = d, seed, ""
+        ambient = d.ambient_pressure_pa
+        self.past = Past(commanded_m=d.margin_m, pressure_a_pa=ambient, pressure_b_pa=ambient)
+
+    def motion(self, step: Step) -> Motion | None:
+        """Plan a step from where the axis stands; None where there is nothing to do."""
+        at = self.past.commanded_m
+        if isinstance(step, Hold):
+            return dwell(step.duration_s, at) if step.duration_s > 0.0 else None
+        if abs(step.to_m - at) < SHORTEST_M:
+            return None
+        return move(step.to_m - at, step.speed_m_s, self.d.limits, at)
+
+    def friction(self) -> dict[str, Any]:
+        """Return the friction in force, as the core takes it."""
+        return friction_in_force(self.d, self.past, self.seed, self.key)
+
+    def steady_n(self, friction: dict[str, Any], velocity_m_s: float) -> float:
+        """Steady friction at a velocity and the set pressures, N, positive against the motion."""
+        from pneudrive import _core
+
+        d, past = self.d, self.past
+        gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
+        velocity = np.array([velocity_m_s])
+        force = _core.steady_friction(friction["law"], friction["parameters"], velocity, *gauges, friction["pressure"])
+        return float(abs(force[0]))
+
+    def run(self, step: Step, motion: Motion, times: Array) -> dict[str, Array]:
+        """Run one step; what it leaves behind goes into `past`.
+
+        Raises
+        ------
+        RigError
+            If the axis is to give way to chambers whose pressures would carry it off.
+        SimulationError
+            If the core cannot go on.
+        """
+        friction = self.friction()
+        hold = step if isinstance(step, Hold) else Hold(0.0)
+        if hold.released:
+            self._stays(friction)
+        columns = self._core(friction, motion, times, released=hold.released, shut=hold.shut)
+        power = 0.0
+        if isinstance(step, Move):
+            way = abs(self.past.commanded_m - motion.start_m)
+            self.past.travel_m += way
+            power = self.steady_n(friction, step.speed_m_s) * way / motion.duration_s
+        self.past.pass_time(self.d, motion.duration_s, power)
+        return columns
+
+    def cut(self, before: Past, step: Step, motion: Motion, time_s: float) -> None:
+        """Go back to the beginning of a step, run it up to `time_s`, and brake."""
+        self.past = before
+        begun = motion.until(time_s)
+        position, speed, acceleration = (float(value) for value in motion.at(time_s))
+        stopping = brake(position, speed, acceleration, self.d.limits)
+        rest = Motion(
+            np.r_[begun.durations_s, stopping.durations_s], np.r_[begun.jerks_m_s3, stopping.jerks_m_s3], motion.start_m
+        )
+        if rest.durations_s.size:
+            self.run(step, rest, np.array([rest.duration_s]))
+
+    def settle(self, a_pa: float, b_pa: float) -> None:
+        """Set the pressures and wait, standing, until the chambers have them.
+
+        Raises
+        ------
+        RigError
+            If they do not get there.
+        """
+        past, columns = self.past, {}
+        if past.state is None:  # a state to start from, at the old pressures
+            self.run(Hold(LOOK_S), dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))
+        past.pressure_a_pa, past.pressure_b_pa = a_pa, b_pa
+        for _ in range(round(LONGEST_S / LOOK_S)):
+            step = Hold(LOOK_S)
+            columns = self.run(step, dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))
+            reached = [columns[f"pressure_{side}_pa"][-1] / p for side, p in (("a", a_pa), ("b", b_pa))]
+            if all(abs(share - 1.0) < SETTLED for share in reached):
+                return
+        raise RigError(
+            f"the chambers do not reach {a_pa:g} and {b_pa:g} Pa within {LONGEST_S:g} s",
+            value=f"{columns['pressure_a_pa'][-1]:g} and {columns['pressure_b_pa'][-1]:g} Pa",
+            remedy="look for a leak, or at the conductance of the regulator",
+        )
+
+    def _stays(self, friction: dict[str, Any]) -> None:
+        """Refuse to give way where pressure or weight would move the piston for good."""
+        d, past = self.d, self.past
+        area_a, area_b = d.areas_m2
+        ambient = d.ambient_pressure_pa
+        push = (past.pressure_a_pa - ambient) * area_a - (past.pressure_b_pa - ambient) * area_b
+        push -= d.moving_mass_kg * 9.80665 * np.sin(d.incline_rad)
+        holds = self.steady_n(friction, CREEP_M_S)
+        if abs(push) > holds:
+            raise RigError(
+                "a released axis would be carried off by the pressure",
+                value=f"{push:.3g} N, friction holds {holds:.3g} N",
+                remedy="release only with equal pressures, or hold the axis",
+            )
+
+    def _core(
+        self, friction: dict[str, Any], motion: Motion, times: Array, *, released: bool, shut: bool
+    ) -> dict[str, Array]:
+        from pneudrive import _core
+
+        d, past = self.d, self.past
+        room = float(past.room_k(d))
+        pressures = (past.pressure_a_pa, past.pressure_b_pa)
+        begin = past.commanded_m if past.state is None else past.state
+        try:
+            core = _core.Rig(json.dumps(core_rig(d, pressures, friction, room)))
+            result = core.run(motion.durations_s, motion.jerks_m_s3, times, begin, RTOL, released, shut)
+        except (ValueError, RuntimeError) as error:
+            raise SimulationError("the simulated rig cannot run", value=str(error)) from error
+        past.state, past.commanded_m = result["final"], result["commanded_position_m"]
+        columns = dict(result["columns"])
+        past.shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
+        return columns
+
+    def snapshot(self) -> Past:
+        """Return a copy of the past."""
+        return deepcopy(self.past)

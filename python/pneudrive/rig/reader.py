@@ -1,0 +1,236 @@
+"""Reading a rig file: every value with its unit and its source, every key known, one file over another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe import toml
+from pneudrive.errors import DescriptionError, nearest
+from pneudrive.units import parse, parse_pressure
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+SCHEMA = 1
+#: Keys at the top of a rig file that are no tables.
+TOP = ("schema", "name", "kind", "extends")
+RULE = '{ value = "25 mm", source = "assumed", reason = "..." }'
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a value of the rig comes from.
+
+    Attributes
+    ----------
+    value : str
+        As written, with its unit.
+    source : str
+        Key of references.bib, or ``assumed``.
+    reason : str
+    """
+
+    value: str
+    source: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a key of a rig file holds.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit as `pneudrive.units` writes it; "1": a pure number or a percentage, "abs": an absolute pressure,
+        "word": one of `choices`.
+    default : float, str, None or ...
+        Where the key is absent; ``...``: it must be there.
+    least : float
+        Smallest value; `above` says whether it is refused itself.
+    above : bool
+    choices : tuple of str
+    """
+
+    unit: str
+    default: Any = ...
+    least: float = -math.inf
+    above: bool = False
+    choices: tuple[str, ...] = ()
+
+
+def positive(unit: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key whose value is above zero."""
+    return Key(unit, default, 0.0, above=True)
+
+
+def not_negative(unit: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key whose value is zero or above."""
+    return Key(unit, default, 0.0)
+
+
+def word(*choices: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key that is one of some words."""
+    return Key("word", default, choices=choices)
+
+
+def open_file(path: str | Path) -> dict[str, Any]:
+    """Read the tables of a rig file over those of the file that it extends.
+
+    Raises
+    ------
+    DescriptionError
+        If a file cannot be read, is of another schema, or extends itself.
+    """
+    return _open(Path(path), ())
+
+
+def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
+    where = str(path)
+    if path in above:
+        raise DescriptionError("the rig file extends itself", where=where)
+    try:
+        content = toml.tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
+        raise DescriptionError("the rig file cannot be read", where=where, value=str(error)) from error
+    if content.get("schema") != SCHEMA:
+        raise DescriptionError("the rig file has another schema", where=where, rule=f"schema = {SCHEMA}")
+    base = content.pop("extends", None)
+    if base is None:
+        return content
+    from pneudrive.rig.loading import shipped_rigs
+
+    below = shipped_rigs().get(str(base), path.parent / str(base))
+    return _over(_open(below, (*above, path)), content)
+
+
+def _over(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Put the values of one file over those of another; another friction law takes none of the old one's values."""
+    law = changes.get("friction", {}).get("law")
+    if law is not None and law != base.get("friction", {}).get("law"):
+        kept = {key: table for key, table in base.get("friction", {}).items() if _is_table(table)}
+        base = base | {"friction": kept}
+    return _merge(base, changes)
+
+
+def _merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    out = dict(base)
+    for key, value in changes.items():
+        old = out.get(key)
+        if isinstance(old, dict) and _is_table(value) and _is_table(old):
+            out[key] = _merge(old, value)
+        else:
+            out[key] = value
+    return out
+
+
+def _is_table(value: object) -> bool:
+    """Tell a table of keys from one value with its source."""
+    return isinstance(value, dict) and "source" not in value
+
+
+class Reader:
+    """Takes values with units and sources out of the parsed file; what is left over is unknown.
+
+    Parameters
+    ----------
+    content : dict
+        Of the file; emptied by reading.
+    where : str
+        What a message calls it.
+    """
+
+    def __init__(self, content: dict[str, Any], where: str) -> None:
+        self.content = content
+        self.where = where
+        self.sources: dict[str, Source] = {}
+        self.known: dict[str, list[str]] = {}
+
+    def table(self, name: str, keys: Mapping[str, Key], given: dict[str, Any] | None = None) -> dict[str, Any]:
+        """Take the keys of a table; SI values, words, None where a key without a default is absent."""
+        given = self.content.get(name, {}) if given is None else given
+        if not isinstance(given, dict):
+            raise DescriptionError(f"{name} is a table", where=self.where, value=given, rule=f"[{name}]")
+        self.known[name] = list(keys)
+        out: dict[str, Any] = {}
+        for key, kind in keys.items():
+            full = f"{name}.{key}"
+            if key in given:
+                out[key] = self.value(full, given.pop(key), kind)
+            elif kind.default is ...:
+                raise DescriptionError(f"{full} is missing", where=self.where, remedy="see the default rig file")
+            else:
+                out[key] = kind.default
+        return out
+
+    def pair(self, name: str, entry: object, kind: Key) -> tuple[Any, Any]:
+        """Take one value for both chambers, or ``a`` and ``b`` with one source."""
+        if not (isinstance(entry, dict) and ("a" in entry or "b" in entry)):
+            return (self.value(name, entry, kind),) * 2
+        rest = {key: value for key, value in entry.items() if key not in ("a", "b")}
+        try:
+            return tuple(self.value(f"{name}.{side}", {**rest, "value": entry[side]}, kind) for side in "ab")  # type: ignore[return-value]
+        except KeyError as error:
+            raise DescriptionError(f"{name} lacks chamber {error}", where=self.where, value=entry) from None
+
+    def text(self, name: str, entry: object) -> str:
+        """Take a value as written, with its source."""
+        if not isinstance(entry, dict) or not {"value", "source"} <= set(entry):
+            raise DescriptionError(f"{name} does not say its source", where=self.where, value=entry, rule=RULE)
+        unknown = set(entry) - {"value", "source", "reason"}
+        if unknown:
+            raise DescriptionError(f"{name}: {sorted(unknown)[0]!r} is unknown", where=self.where, rule=RULE)
+        text = str(entry["value"])
+        self.sources[name] = Source(text, str(entry["source"]), str(entry.get("reason", "")))
+        return text
+
+    def value(self, name: str, entry: object, kind: Key) -> Any:  # noqa: ANN401
+        """Take one value: SI, or a word."""
+        text = self.text(name, entry)
+        if kind.unit == "word":
+            return self.word(name, text, kind.choices)
+        value = self._number(name, text, kind.unit)
+        if not (math.isfinite(value) and value >= kind.least and not (kind.above and value == kind.least)):
+            rule = f"{'above' if kind.above else 'at least'} {kind.least:g}"
+            what = f"{name} must be positive" if kind.above and kind.least == 0.0 else f"{name} is out of bounds"
+            raise DescriptionError(what, where=self.where, value=text, rule=rule)
+        return value
+
+    def word(self, name: str, text: str, choices: Collection[str]) -> str:
+        """Take a word that is one of some."""
+        if text not in choices:
+            remedy = nearest(text, choices)
+            raise DescriptionError(f"{name} = {text!r} is unknown", where=self.where, remedy=remedy)
+        return text
+
+    def _number(self, name: str, text: str, unit: str) -> float:
+        if unit == "1":
+            try:
+                return float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
+            except ValueError as error:
+                raise DescriptionError(f"{name} is a pure number", where=self.where, value=text) from error
+        try:
+            if unit != "abs":
+                return parse(text, unit)
+            stated = parse_pressure(text)
+        except DescriptionError as error:
+            what = f"{name}: {error.what}"
+            raise DescriptionError(what, where=self.where, rule=error.rule, remedy=error.remedy) from None
+        if stated.gauge:
+            raise DescriptionError(f"{name} is an absolute pressure", where=self.where, value=text)
+        return stated.value_pa
+
+    def finish(self) -> None:
+        """Refuse what was not read."""
+        for table, rest in self.content.items():
+            if table in TOP:
+                continue
+            if table not in self.known:
+                rule = f"tables: {', '.join(sorted(self.known))}"
+                raise DescriptionError(f"[{table}] is unknown", where=self.where, rule=rule)
+            for key in rest:
+                rule = f"keys: {', '.join(self.known[table])}"
+                raise DescriptionError(f"{table}.{key} is unknown", where=self.where, rule=rule)

@@ -1,0 +1,119 @@
+"""What was true of a cycle on a simulated rig: kept beside its recording for tests, never read by results.
+
+- ``clock_s``, ``travel_m``, ``room_temperature_k``, ``seal_temperature_k``: at the end of the cycle
+- ``levels``: what was mounted
+- ``sensors``: errors of the force sensor: zero, gain (relative), hysteresis
+- ``steps``: one entry for each step that did something
+
+A move says its ``speed_m_s`` and ``direction``; ``friction``, the law with the values in force; ``friction_n``, steady
+friction at that speed and the set pressures; over the part at constant speed, if there is one, the means of the true
+friction force (``friction_mean_n``), of both pressures and of the force of the air on the piston in +x
+(``air_force_n``). A hold says how long it was, whether released, and the force of the sensor at its beginning and end.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.rig.interface import Hold, Move
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.rig.conditions import Past
+    from pneudrive.rig.instruments import Instruments
+    from pneudrive.rig.interface import Step
+    from pneudrive.rig.machine import Machine
+    from pneudrive.rig.motion import Motion
+
+    Array = NDArray[np.float64]
+
+#: The commanded speed counts as reached within this share.
+AT_SPEED = 1e-3
+
+
+def truth_of_step(machine: Machine, before: Past, step: Step, motion: Motion, true: dict[str, Array]) -> dict[str, Any]:
+    """Give what was true of one step.
+
+    Parameters
+    ----------
+    machine : Machine
+        After the step.
+    before : Past
+        Before it.
+    step : Move or Hold
+    motion : Motion
+    true : dict
+        Columns of the core at the samples.
+    """
+    out: dict[str, Any] = {"duration_s": motion.duration_s, "began_s": before.clock_s}
+    force = true["sensor_force_n"]
+    if isinstance(step, Hold):
+        ends = {"force_begin_n": float(force[0]), "force_end_n": float(force[-1])}
+        return out | {"released": step.released, "shut": step.shut, "weight_n": step.weight_n} | ends | _ages(true)
+    return out | _of_move(machine, before, step, motion, true) | _ages(true)
+
+
+def _of_move(machine: Machine, before: Past, step: Move, motion: Motion, true: dict[str, Array]) -> dict[str, Any]:
+    after, machine.past = machine.past, before
+    friction = machine.friction()
+    direction = 1.0 if step.to_m > motion.start_m else -1.0
+    steady = machine.steady_n(friction, direction * step.speed_m_s)
+    machine.past = after
+    out: dict[str, Any] = {
+        "speed_m_s": step.speed_m_s,
+        "direction": int(direction),
+        "friction": friction,
+        "friction_n": steady,
+        "friction_peak_n": float(np.max(direction * true["friction_force_n"])),
+    }
+    commanded = motion.at(true["time_s"])[1]
+    cruise = np.abs(commanded * direction - step.speed_m_s) < AT_SPEED * step.speed_m_s
+    if np.count_nonzero(cruise) < 2:
+        return out
+    time = true["time_s"][cruise]
+
+    def mean(values: Array) -> float:
+        inside = values[cruise]
+        return float(np.sum(0.5 * (inside[1:] + inside[:-1]) * np.diff(time)) / (time[-1] - time[0]))
+
+    area_a, area_b = machine.d.areas_m2
+    ambient = machine.d.ambient_pressure_pa
+    air = (true["pressure_a_pa"] - ambient) * area_a - (true["pressure_b_pa"] - ambient) * area_b
+    return out | {
+        "friction_mean_n": direction * mean(true["friction_force_n"]),
+        "air_force_n": mean(air),
+        "pressure_a_pa": mean(true["pressure_a_pa"]),
+        "pressure_b_pa": mean(true["pressure_b_pa"]),
+    }
+
+
+def _ages(true: dict[str, Array]) -> dict[str, float]:
+    """Give the age of the contact at both ends, where the friction has one."""
+    age = true.get("contact_age_s")
+    return {} if age is None else {"age_begin_s": float(age[0]), "age_end_s": float(age[-1])}
+
+
+def truth_of_cycle(machine: Machine, instruments: Instruments, steps: list[dict[str, Any]]) -> dict[str, Any]:
+    """Give what was true of a whole cycle from that of its steps."""
+    d, past, force = machine.d, machine.past, instruments.force
+    room = float(past.room_k(d))
+    return {
+        "rig": d.name,
+        "key": machine.key,
+        "clock_s": past.clock_s,
+        "travel_m": past.travel_m,
+        "room_temperature_k": room,
+        "seal_temperature_k": room + past.seal_rise_k,
+        "levels": dict(past.levels),
+        "pressure_a_pa": past.pressure_a_pa,
+        "pressure_b_pa": past.pressure_b_pa,
+        "sensors": {
+            "force_zero_n": force.zero + float(past.force_drift_n(d)),
+            "force_gain_error": force.gain_error,
+            "force_hysteresis_n": force.hysteresis,
+        },
+        "steps": steps,
+    }
