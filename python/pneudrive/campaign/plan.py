@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from pneudrive.campaign.order import ordered_blocks, ordered_cells
 from pneudrive.campaign.points import Builder, Cell, Pair, Way, cycle_samples, cycle_time_s, pairs
 from pneudrive.campaign.protocol_values import AMBIENT
+from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
-from pneudrive.rig.interface import Move
+from pneudrive.rig.interface import Hold, Move
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -245,16 +246,18 @@ class _Layout:
             if p.warm_up.cycles:
                 self._add(make.warm_up("warm-up", p.warm_up.cycles, p.warm_up.speed_m_s, block, levels))
         if checks.tare_s is not None:
-            self._add(make.standing("tare", checks.tare_s, VENTED, block, levels, released=True))
+            self._add(make.standing("tare", Hold(checks.tare_s, released=True), VENTED, block, levels))
         weight = checks.known_weight
         if weight is not None:
-            mass = f"{weight.mass_kg:g} kg"
-            on, off = f"Apply the known weight of {mass} in +x.", f"Take the weight of {mass} off."
+            mass, force = f"{weight.mass_kg:g} kg", weight.mass_kg * STANDARD_GRAVITY_M_S2
+            on = f"Uncouple the drive and hang the known weight of {mass} on the force sensor, pulling in +x."
+            off = f"Take the weight of {mass} off and couple the drive again."
             self._add(make.operator("weight-on", on, VENTED, block, levels), wait_s=weight.change_s)
-            self._add(make.standing("weight", weight.time_s, VENTED, block, levels, weight_kg=weight.mass_kg))
+            hold = Hold(weight.time_s, weight_n=force)
+            self._add(make.standing("weight", hold, VENTED, block, levels, weight_kg=weight.mass_kg))
             self._add(make.operator("weight-off", off, VENTED, block, levels), wait_s=weight.change_s)
         if checks.leak_check_s is not None:
-            self._add(make.standing("leak", checks.leak_check_s, self.highest, block, levels))
+            self._add(make.standing("leak", Hold(checks.leak_check_s, shut=True), self.highest, block, levels))
 
     def _add(self, cycle: Cycle, *, wait_s: float = 0.0, cell: Cell | None = None) -> None:
         now = (cycle.pressure_a_pa, cycle.pressure_b_pa)

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Envelope, Identity, Step
     from pneudrive.units import Pressure
 
-#: Where each stroke of a cycle that only prepares is sampled: enough to see that something is wrong.
+#: How a stroke of a cycle that only prepares is sampled: enough to see that something is wrong (assumed).
 PREPARING = Sampling(samples_per_stroke=500, burst_rate_hz=0.0)
-#: Rate at which the axis is sampled while a sensor is checked.
+#: Rate at which the standing axis is sampled while a sensor is checked (assumed).
 CHECK_RATE_HZ = 1000.0
 
 
@@ -231,29 +231,18 @@ class Builder:
         return self._cycle(key, "warm-up", steps, self.first, sampling=PREPARING, block=block, levels=levels)
 
     def standing(
-        self,
-        kind: str,
-        duration_s: float,
-        pair: Pair,
-        block: int,
-        levels: dict[str, str],
-        *,
-        released: bool = False,
-        weight_kg: float | None = None,
+        self, kind: str, hold: Hold, pair: Pair, block: int, levels: dict[str, str], *, weight_kg: float | None = None
     ) -> Cycle:
         """Make a cycle that stands still: tare, leak check or known weight."""
-        steps = (Hold(duration_s, released=released),)
-        sampling = Sampling(hold_rate_hz=CHECK_RATE_HZ, burst_rate_hz=0.0)
-        key = f"b{block}/{kind}"
         return self._cycle(
-            key,
+            f"b{block}/{kind}",
             kind,
-            steps,
+            (hold,),
             pair,
-            sampling=sampling,
+            sampling=Sampling(hold_rate_hz=CHECK_RATE_HZ, burst_rate_hz=0.0),
             block=block,
             levels=levels,
-            released=released,
+            released=hold.released,
             weight_kg=weight_kg,
         )
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.campaign.cautions import cautions
 from pneudrive.campaign.points import Way
+from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.rig.interface import Changeable, Hold, Move
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Envelope, Identity, Rig
     from pneudrive.rig.motion import Limits
 
-GRAVITY_M_S2 = 9.80665  # standard gravity [bipm2019]
 #: What lies within rounding of a limit keeps it.
 ROUNDING = 1e-9
 #: Chambers on a common manifold have the same pressure: to what the keys of cycles tell apart.
@@ -36,7 +36,7 @@ class Violation:
     Attributes
     ----------
     item : str
-        ``speed``, ``ramp``, ``acceleration``, ``stroke``, ``force``, ``pressure`` or ``manifold``.
+        ``speed``, ``ramp``, ``acceleration``, ``stroke``, ``force``, ``release``, ``pressure`` or ``manifold``.
     key : str
         Of the cycle.
     value, limit, remedy : str
@@ -135,17 +135,27 @@ def violations(cycle: Cycle, protocol: Protocol, identity: Identity, envelope: E
 
 def expected_force_n(cycle: Cycle, identity: Identity, envelope: Envelope, limits: Limits) -> dict[str, float]:
     """Return the contributions to the largest force that the sensor will see in a cycle, N, all not negative."""
-    net_a = (cycle.pressure_a_pa - identity.ambient_pressure_pa) * identity.area_a_m2
-    net_b = (cycle.pressure_b_pa - identity.ambient_pressure_pa) * identity.area_b_m2
+    hung = max((step.weight_n for step in cycle.steps if isinstance(step, Hold)), default=0.0)
+    if hung:  # on the sensor, the drive uncoupled
+        return {"known weight": hung}
     peak = max((_peak_acceleration(d, s.speed_m_s, limits) for d, s in _moves(cycle)), default=0.0)
-    mass = identity.mass_beyond_sensor_kg
     return {
         "friction": envelope.expected_friction_n,
-        "difference of the pressure forces": abs(net_a - net_b),
-        "inertia": mass * peak,
-        "weight of the moving parts": mass * GRAVITY_M_S2 * abs(math.sin(identity.incline_rad)),
-        "known weight": (cycle.weight_kg or 0.0) * GRAVITY_M_S2,
+        "difference of the pressure forces": abs(_pressure_force_n(cycle, identity)),
+        "inertia": identity.mass_beyond_sensor_kg * peak,
+        "weight of the moving parts": abs(_weight_n(identity)),
     }
+
+
+def _pressure_force_n(cycle: Cycle, identity: Identity) -> float:
+    """Return what the pressures push in +x, N."""
+    gauge_a, gauge_b = (p - identity.ambient_pressure_pa for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
+    return gauge_a * identity.area_a_m2 - gauge_b * identity.area_b_m2
+
+
+def _weight_n(identity: Identity) -> float:
+    """Return the weight of the moving parts along -x, N."""
+    return identity.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * math.sin(identity.incline_rad)
 
 
 def _bounds(protocol: Protocol, identity: Identity, envelope: Envelope) -> dict[str, float]:
@@ -212,6 +222,16 @@ def _pressures(cycle: Cycle, envelope: Envelope, bounds: dict[str, float]) -> It
 def _force(
     cycle: Cycle, identity: Identity, envelope: Envelope, bounds: dict[str, float], limits: Limits
 ) -> Iterator[Violation]:
+    push = abs(_pressure_force_n(cycle, identity) - _weight_n(identity))
+    holds = envelope.expected_friction_n
+    if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
+        yield Violation(
+            "release",
+            cycle.key,
+            f"pressure and weight push with {push:.3g} N",
+            f"a released axis is held by friction alone, at most {holds:.3g} N",
+            'Take equal pressures, or [stop] axis = "held"; leave out the tare of an inclined rig.',
+        )
     parts = expected_force_n(cycle, identity, envelope, limits)
     total, limit = sum(parts.values()), bounds["force"]
     if total > limit * (1.0 + ROUNDING):

@@ -283,7 +283,7 @@ class SamplingTable(Described):
 
 
 class KnownWeight(Described):
-    """A weight that the operator applies, to check the gain of the force sensor."""
+    """A weight that the operator hangs on the force sensor, the drive uncoupled, to check the sensor's gain."""
 
     table: ClassVar[str] = "before_block.known_weight"
     mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(
@@ -291,7 +291,7 @@ class KnownWeight(Described):
     )
     time_s: Time = Field(default=10.0, alias="time", description="how long it is recorded")
     change_s: Annotated[float, Quantity("s", "min", POSITIVE)] = Field(
-        default=120.0, alias="change", description="what applying it takes, and taking it off"
+        default=120.0, alias="change", description="what hanging it on takes, and taking it off"
     )
 
 
@@ -304,7 +304,9 @@ class BeforeBlock(Described):
     )
     known_weight: KnownWeight | None = Field(default=None, description="see below")
     leak_check_s: MaybeTime = Field(
-        default=None, alias="leak_check", description="standing under the highest pressures of the protocol"
+        default=None,
+        alias="leak_check",
+        description="standing under the highest pressures of the protocol, supply shut",
     )
     blank_stroke_m_s: MaybeSpeed = Field(
         default=None,

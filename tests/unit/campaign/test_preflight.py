@@ -54,10 +54,22 @@ BROKEN = {
     ),
     "force, incline": (SWEEP, {"force_n": 27.0}, {"incline_rad": 1.5707}, ["7.85 N weight of the moving parts"]),
     "force, known weight": (
-        SWEEP + "[before_block]\nknown_weight = { mass = '20 kg' }\n",
+        SWEEP + "[before_block]\nknown_weight = { mass = '21 kg' }\n",
         {},
         {},
-        ["cycle b1/weight", "196 N known weight", "Take a smaller weight"],
+        ["cycle b1/weight", "206 N known weight", "Take a smaller weight"],
+    ),
+    "release, pressure": (
+        UNEQUAL + '[stop]\ndurations = "1 s"\naxis = "released"\n',
+        {},
+        {},
+        ["release: cycle b1/stop/t1/a2/b0/v10/released", "push with 98 N", "friction alone, at most 20 N"],
+    ),
+    "release, weight": (
+        SWEEP + '[before_block]\ntare = "5 s"\n',
+        {"expected_friction_n": 7.0},
+        {"incline_rad": -1.5707963},
+        ["release: cycle b1/tare", "push with 7.85 N"],
     ),
     "pressure": (
         SWEEP + BOTH,
