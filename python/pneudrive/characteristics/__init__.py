@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pneudrive.characteristics.basics import BOTH, Condition, Estimate, FTest
+from pneudrive.characteristics.campaign import characteristics
 from pneudrive.characteristics.result import CampaignCharacteristics, Curve, CycleResult, Skipped, Statement
 
 __all__ = [
@@ -15,4 +16,5 @@ __all__ = [
     "FTest",
     "Skipped",
     "Statement",
+    "characteristics",
 ]

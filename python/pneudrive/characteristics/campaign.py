@@ -1,0 +1,128 @@
+"""From a campaign folder to its characteristics: one call, one result."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.campaign.folder import Campaign
+from pneudrive.characterise.settling import Settled
+from pneudrive.characteristics.curves import Points, curves_of, fit_points, points_of
+from pneudrive.characteristics.effects import SensorZero
+from pneudrive.characteristics.reading import Reading, read_campaign
+from pneudrive.characteristics.result import CampaignCharacteristics, CycleResult, Ranges
+from pneudrive.characteristics.table import friction_map
+
+if TYPE_CHECKING:
+    from pneudrive.characterise.settling import SampleChoice
+
+
+def characteristics(
+    campaign: Campaign | str | Path, protocol: SampleChoice | None = None, processes: int | None = None
+) -> CampaignCharacteristics:
+    """Characterise a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign or path-like
+        An open campaign or its folder.
+    protocol : SampleChoice, optional
+        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+    processes : int, optional
+        That read the cycles; None: as many as there are processors.
+
+    Returns
+    -------
+    CampaignCharacteristics
+
+    Raises
+    ------
+    CampaignError
+        If the folder is no campaign, or no cycle can be used.
+    """
+    opened = campaign if isinstance(campaign, Campaign) else Campaign.open(campaign)
+    choice = protocol if protocol is not None else Settled()
+    reading = read_campaign(opened, choice, processes)
+    points = points_of(reading)
+    fits = fit_points(reading, points) if points is not None else None
+    contains_air = opened.identity.pressure_measured_at != "chamber"
+    curves = curves_of(fits, contains_air=contains_air) if fits is not None else ()
+    cycles = _cycles(reading, points)
+    return CampaignCharacteristics(
+        name=str(opened.about.get("name", opened.path.name)),
+        folder=opened.path,
+        identity=opened.identity,
+        protocol=choice.name,
+        cycles=cycles,
+        skipped=reading.skipped,
+        flags=dict(Counter(flag for cycle in cycles for flag in cycle.flags)),
+        friction_map=friction_map(reading, points, fits, choice.name),
+        curves=curves,
+        sources=(),
+        pressure=(),
+        air=(),
+        position=(),
+        asymmetry=(),
+        loops=(),
+        stick_slip=(),
+        stick_slip_thresholds=(),
+        drift=None,
+        repeatability=None,
+        zero=SensorZero(np.zeros(0), np.zeros(0), np.zeros(0), None, "not measured"),
+        ranges=_ranges(reading),
+        statements=(),
+    )
+
+
+def _cycles(reading: Reading, points: Points | None) -> tuple[CycleResult, ...]:
+    """Give all cycles that were read in short."""
+    days = reading.days()
+    first = min((head.began_s for head in reading.heads), default=0.0)
+    place = {d.head.cycle.key: i for i, d in enumerate(points.reduced.data)} if points is not None else {}
+    found = []
+    for d in sorted((*reading.sliding, *reading.standing), key=lambda d: d.head.index):
+        cycle, i = d.head.cycle, place.get(d.head.cycle.key)
+        paired = points is not None and i is not None
+        reduced = points.reduced if points is not None else None
+        speeds = [abs(side.velocity_m_s) for side in d.sides.values()]
+        reason = points.reasons[i] if points is not None and i is not None else ""
+        found.append(
+            CycleResult(
+                index=d.head.index,
+                key=cycle.key,
+                kind=cycle.kind,
+                block=cycle.block,
+                repeat=cycle.repeat,
+                day=days[cycle.key],
+                condition=d.condition,
+                speed_m_s=float(np.mean(speeds)) if speeds else float("nan"),
+                began_s=d.head.began_s - first,
+                travel_m=reading.travel_m[cycle.key],
+                temperature_k=d.temperature_k,
+                friction_n=float(reduced.friction_n[i]) if paired and reduced is not None else float("nan"),
+                offset_n=float(reduced.offset_n[i]) if paired and reduced is not None else float("nan"),
+                stderr_n=float(reduced.friction_stderr_n[i]) if paired and reduced is not None else float("nan"),
+                flags=(*d.flags, *([reason] if reason else [])),
+            )
+        )
+    return tuple(found)
+
+
+def _ranges(reading: Reading) -> Ranges:
+    """Lowest and highest of what was measured."""
+    sides = [side for d in reading.sliding for side in d.sides.values()]
+    ambient = reading.identity.ambient_pressure_pa
+    temperatures = [d.temperature_k for d in reading.sliding if np.isfinite(d.temperature_k)]
+
+    def span(values: list[float]) -> tuple[float, float]:
+        return (min(values), max(values)) if values else (float("nan"), float("nan"))
+
+    return Ranges(
+        speed_m_s=span([abs(s.velocity_m_s) for s in sides]),
+        gauge_a_pa=span([s.pressure_a_pa - ambient for s in sides]),
+        gauge_b_pa=span([s.pressure_b_pa - ambient for s in sides]),
+        temperature_k=span(temperatures),
+    )

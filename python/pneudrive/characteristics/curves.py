@@ -1,0 +1,346 @@
+"""Curves of friction over speed from the cycles of a campaign, with a band that holds every source seen or stated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.basics import BOTH
+from pneudrive.characteristics.reduction import Reduced, reduce
+from pneudrive.characteristics.result import Curve, ExcludedPoint
+from pneudrive.characteristics.smooth import CARRIED, CurveData, CurveFit, carried_drift, fit_curves
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.characteristics.basics import Condition
+    from pneudrive.characteristics.cycle import CycleData
+    from pneudrive.characteristics.mixed import Predicted
+    from pneudrive.characteristics.reading import Reading
+
+    Array = NDArray[np.float64]
+
+RIPPLE_LIMIT = 0.2  # of the mean speed: above it the mean friction is no point of F(v)
+SATURATED_SHARE = 0.005  # of a cycle's samples: more at the sensor's limit, and the mean is not the friction's
+SAME_SPEED = 0.05  # measured speeds closer than this are one point of the curve
+NORMAL_95 = 1.959964  # two-sided 95 % of the normal distribution
+BETWEEN = 24  # speeds per curve at which it is also given between the measured ones
+POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
+FEWEST = 4  # cycles
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Cycles with both directions, and which of them are points of F(v).
+
+    Attributes
+    ----------
+    reduced : Reduced
+    conditions : tuple of Condition
+        Those that occur.
+    condition : ndarray of int, shape (n,)
+        Index of each cycle's condition.
+    level : ndarray of int, shape (n,)
+        Index of each cycle's speed level; levels ascend.
+    level_speeds_m_s : ndarray, shape (levels,)
+    reasons : tuple of str, length n
+        Why a cycle is no point of F(v); "" where it is one.
+    unpaired : tuple of CycleData
+        With one direction only.
+    """
+
+    reduced: Reduced
+    conditions: tuple[Condition, ...]
+    condition: NDArray[np.int64]
+    level: NDArray[np.int64]
+    level_speeds_m_s: Array
+    reasons: tuple[str, ...]
+    unpaired: tuple[CycleData, ...]
+
+    @property
+    def use(self) -> NDArray[np.bool_]:
+        """Cycles that are points of F(v)."""
+        return np.array([not reason for reason in self.reasons], dtype=bool)
+
+    def __len__(self) -> int:
+        """Give the number of cycles with both directions."""
+        return len(self.reduced.data)
+
+
+def points_of(reading: Reading) -> Points | None:
+    """Sort the sliding cycles; None where none has both directions."""
+    paired = [d for d in reading.sliding if len(d.sides) == 2]
+    unpaired = tuple(d for d in reading.sliding if len(d.sides) != 2)
+    if not paired:
+        return None
+    slipping = [max(np.nan_to_num(s.ripple) for s in d.sides.values()) > RIPPLE_LIMIT for d in paired]
+    reduced = reduce(paired, reading.edges_m, ~np.array(slipping, dtype=bool))
+    conditions = tuple(sorted({d.condition for d in paired}))
+    condition = np.array([conditions.index(d.condition) for d in paired], dtype=np.int64)
+    level, speeds = _levels(reduced.speed_m_s)
+    reasons = _reasons(paired, condition, level)
+    return Points(reduced, conditions, condition, level, speeds, reasons, unpaired)
+
+
+def _levels(speed: Array) -> tuple[NDArray[np.int64], Array]:
+    """Speeds within 5 % of the lowest of a group are one level."""
+    order = np.argsort(speed)
+    level = np.zeros(speed.size, dtype=np.int64)
+    lowest, number = speed[order[0]], 0
+    for i in order:
+        if speed[i] > (1.0 + SAME_SPEED) * lowest:
+            lowest, number = speed[i], number + 1
+        level[i] = number
+    means = np.array([speed[level == k].mean() for k in range(number + 1)])
+    return level, means
+
+
+def _reasons(data: Sequence[CycleData], condition: NDArray[np.int64], level: NDArray[np.int64]) -> tuple[str, ...]:
+    """Say of each cycle why it is no point of F(v). Stick-slip is a matter of a condition and speed, not of a cycle."""
+    slips = np.array([any(s.stick_slip for s in d.sides.values()) for d in data])
+    ripples = np.array([max(np.nan_to_num(s.ripple) for s in d.sides.values()) > RIPPLE_LIMIT for d in data])
+    reasons = [""] * len(data)
+    for i, d in enumerate(data):
+        same = (condition == condition[i]) & (level == level[i])
+        samples = sum(s.samples for s in d.sides.values())
+        if slips[same].mean() > 0.5 or slips[i]:
+            reasons[i] = "stick-slip"
+        elif ripples[same].mean() > 0.5 or ripples[i]:
+            reasons[i] = "speed ripple"
+        elif d.flags.get("saturated", 0) > SATURATED_SHARE * samples:
+            reasons[i] = "saturated"
+    return tuple(reasons)
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """The models behind the curves.
+
+    Attributes
+    ----------
+    points : Points
+    friction : CurveFit
+        Of half the difference of both directions.
+    offset : CurveFit
+        Of half the sum, with the tares.
+    drift_share : float
+        Share of a steady drift that the design cannot tell from the curves.
+    block_groups : ndarray of int or None
+        Groups of cycles whose deviation the friction's model contains; None where the design does not carry one.
+    block_kind : str
+        block, day, or "" where there is none.
+    """
+
+    points: Points
+    friction: CurveFit
+    offset: CurveFit
+    drift_share: float
+    block_groups: NDArray[np.int64] | None
+    block_kind: str
+
+    @property
+    def has_zero(self) -> bool:
+        """Whether tares show the zero of the force sensor."""
+        return bool((self.offset.data.curve < 0).any())
+
+
+def fit_points(reading: Reading, points: Points) -> Fits | None:
+    """Fit the models; None where too few cycles are points of F(v)."""
+    use = points.use
+    if use.sum() < FEWEST:
+        return None
+    reduced = points.reduced
+    order = np.array([reading.order(d.head) for d in reduced.data])
+    kept = sorted(set(points.condition[use]))
+    curve = np.array([kept.index(c) if c in kept else 0 for c in points.condition], dtype=np.int64)
+    groups, kind = block_groups(reading, points)
+    used_groups = groups[use] if groups is not None else None
+
+    def data(y: Array, stderr: Array) -> CurveData:
+        return CurveData(y[use], stderr[use] ** 2, reduced.speed_m_s[use], curve[use], order[use])
+
+    friction = data(reduced.friction_n, reduced.friction_stderr_n)
+    share = carried_drift(friction)
+    fitted = _better(friction, drift=share < CARRIED, blocks=used_groups)
+    offset = _with_tares(reading, data(reduced.offset_n, reduced.offset_stderr_n))
+    tares = (offset.curve < 0).sum()
+    carries = carried_drift(offset) < CARRIED or tares > 1
+    return Fits(points, fitted, fit_curves(offset, logarithmic=False, drift=carries), share, used_groups, kind)
+
+
+def kept_conditions(points: Points) -> list[Condition]:
+    """Give the conditions of the curves, in the order of the models' numbers."""
+    return [points.conditions[i] for i in sorted(set(points.condition[points.use].tolist()))]
+
+
+def block_groups(reading: Reading, points: Points) -> tuple[NDArray[np.int64] | None, str]:
+    """Find groups whose own deviation can be told from the levels: some levels have several blocks, or several days."""
+    data = points.reduced.data
+    use = points.use
+    named = [(d.condition.mounting, d.condition.seal, d.condition.drive) for d in data]
+    levels = np.array([named.index(name) for name in named])
+    days = reading.days()
+    groups = {
+        "block": np.array([d.head.cycle.block for d in data], dtype=np.int64),
+        "day": np.array([days[d.head.cycle.key] for d in data], dtype=np.int64),
+    }
+    for kind, group in groups.items():
+        for level in set(levels[use]):
+            if np.unique(group[use & (levels == level)]).size > 1:
+                return group, kind
+    return None, ""
+
+
+def _better(data: CurveData, *, drift: bool, blocks: NDArray[np.int64] | None) -> CurveFit:
+    """Fit with chance in N or relative to friction, whichever makes the observations more likely."""
+    plain = fit_curves(data, logarithmic=False, drift=drift, blocks=blocks)
+    if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
+        return plain
+    relative = fit_curves(_logarithmic(data), logarithmic=True, drift=drift, blocks=blocks)
+    # Densities of y and of ln y differ by a factor y for each degree of freedom of the restricted likelihood.
+    freedom = len(data) - plain.fit.model.x.shape[1]
+    likelier = relative.fit.log_likelihood() - freedom * float(np.mean(np.log(data.y)))
+    return relative if likelier > plain.fit.log_likelihood() else plain
+
+
+def _logarithmic(data: CurveData) -> CurveData:
+    return CurveData(np.log(data.y), data.noise / data.y**2, data.speed_m_s, data.curve, data.order)
+
+
+def _with_tares(reading: Reading, data: CurveData) -> CurveData:
+    """Add the tares: observations of the zero alone, on no curve."""
+    tares = reading.standing
+    if not tares:
+        return data
+    count = len(tares)
+    return CurveData(
+        np.concatenate([data.y, [t.standing_n for t in tares]]),
+        np.concatenate([data.noise, [t.standing_stderr_n**2 for t in tares]]),
+        np.concatenate([data.speed_m_s, np.full(count, np.nan)]),
+        np.concatenate([data.curve, np.full(count, -1, dtype=np.int64)]),
+        np.concatenate([data.order, [reading.order(t.head) for t in tares]]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Systematic:
+    """Standard uncertainties that all points of a curve share, N, shape (m,)."""
+
+    gain_n: Array
+    position_n: Array
+    state_n: Array
+    zero_n: Array
+
+    def friction_n(self) -> Array:
+        """Of half the difference of both directions."""
+        return np.sqrt(self.gain_n**2 + self.position_n**2 + self.state_n**2)
+
+    def direction_n(self) -> Array:
+        """Of one direction."""
+        return np.hypot(self.friction_n(), self.zero_n)
+
+
+def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> Systematic:
+    """State what all points share, at these frictions and half sums (without zero where tares show it)."""
+    points = fits.points
+    members = points.use & (points.condition == condition)
+    data = [d for d, member in zip(points.reduced.data, members, strict=True) if member]
+    level = float(np.mean(points.reduced.friction_n[members]))
+    gain = float(np.mean([d.u_gain_n for d in data])) / max(abs(level), 1e-12)
+    spread = float(np.std(fits.friction.drift))
+    static = float(np.mean([d.u_offset_n for d in data]))
+    pattern = points.reduced.offset_pattern_n[points.reduced.common]
+    place = points.reduced.unseen * float(np.std(pattern)) if pattern.size else 0.0
+    zero = np.full(friction_n.size, np.hypot(static, place))
+    if not fits.has_zero:
+        zero = np.hypot(zero, np.abs(half_sum_n))
+    return Systematic(
+        gain_n=gain * np.abs(friction_n),
+        position_n=points.reduced.u_position * np.abs(friction_n),
+        state_n=spread * np.abs(friction_n) if fits.friction.logarithmic else np.full(friction_n.size, spread),
+        zero_n=zero,
+    )
+
+
+def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
+    """Give the curves of all conditions: half the difference of both directions, then +x and -x."""
+    points = fits.points
+    curves: list[Curve] = []
+    for number, condition in enumerate(kept_conditions(points)):
+        index = points.conditions.index(condition)
+        speeds, measured, counts = curve_speeds(points, index)
+        value, low, high = in_newton(fits.friction, fits.friction.at(number, speeds))
+        offset = fits.offset.at(number, speeds)
+        shared = systematic(fits, value, offset.mean, index)
+        excluded = _excluded(points, index)
+        for direction in (BOTH, 1, -1):
+            centre, below, above = value, value - low, high - value
+            u = shared.friction_n() if direction == BOTH else shared.direction_n()
+            if direction != BOTH:
+                if fits.has_zero:
+                    centre = value + direction * offset.mean
+                reach = offset.half_width()
+                below, above = np.hypot(below, reach), np.hypot(above, reach)
+            curves.append(
+                Curve(
+                    condition=condition,
+                    direction=direction,
+                    speed_m_s=speeds,
+                    friction_n=centre,
+                    low_n=centre - np.hypot(below, NORMAL_95 * u),
+                    high_n=centre + np.hypot(above, NORMAL_95 * u),
+                    stderr_n=(below + above) / (2.0 * NORMAL_95),
+                    u_systematic_n=u,
+                    measured=measured,
+                    cycles=counts,
+                    excluded=excluded,
+                    contains_air=contains_air,
+                )
+            )
+    return tuple(curves)
+
+
+def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
+    """Value, low and high of the statistical 95 % interval, N."""
+    half = found.half_width()
+    if fit.logarithmic:
+        return np.exp(found.mean), np.exp(found.mean - half), np.exp(found.mean + half)
+    return found.mean, found.mean - half, found.mean + half
+
+
+def curve_speeds(points: Points, condition: int) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
+    """Speeds of a curve: the measured ones and some between, which of them are measured, and by how many cycles."""
+    members = points.use & (points.condition == condition)
+    levels = sorted(set(points.level[members]))
+    speeds = np.array([points.reduced.speed_m_s[members & (points.level == k)].mean() for k in levels])
+    counts = np.array([int((members & (points.level == k)).sum()) for k in levels], dtype=np.int64)
+    between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
+    apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0 if between.size else []
+    between = between[apart] if between.size else between
+    every = np.concatenate([speeds, between])
+    order = np.argsort(every)
+    measured = np.concatenate([np.ones(speeds.size, dtype=bool), np.zeros(between.size, dtype=bool)])
+    number = np.concatenate([counts, np.zeros(between.size, dtype=np.int64)])
+    return every[order], measured[order], number[order]
+
+
+def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
+    found = []
+    for i, reason in enumerate(points.reasons):
+        if reason and points.condition[i] == condition:
+            ripple = max(np.nan_to_num(s.ripple) for s in points.reduced.data[i].sides.values())
+            speed, friction = points.reduced.speed_m_s[i], points.reduced.friction_n[i]
+            found.append(ExcludedPoint(float(speed), float(friction), reason, float(ripple)))
+    return tuple(sorted(found, key=lambda p: p.speed_m_s))
+
+
+def cycle_deviation(fits: Fits, friction_n: Array) -> Array:
+    """Give the standard deviation of a single cycle about the curve, beside its own noise, at these frictions, N."""
+    names = fits.friction.sources
+    total = np.sqrt(sum(fits.friction.sd(name) ** 2 for name in names if name != "drift"))
+    total = np.hypot(total, float(np.std(fits.friction.drift)))
+    return total * np.abs(friction_n) if fits.friction.logarithmic else np.full(friction_n.size, total)

@@ -1,0 +1,450 @@
+"""One cycle of a campaign, from raw samples to what the campaign's models need: friction over bins of position.
+
+Samples may lie at any times: inside a bin they count by the time for which they stand, and bins count alike, so that
+a burst around a reversal weighs no more than the way that it covers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.budget import DirectionMeans, systematic_budget
+from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle
+from pneudrive.characterise.profile import build_profile
+from pneudrive.characterise.recording import Recording
+from pneudrive.characterise.reversal import find_reversal_peaks, usable
+from pneudrive.characterise.samples import clean
+from pneudrive.characterise.settling import Motion, SampleChoice
+from pneudrive.characterise.stick_slip import measure_stick_slip
+from pneudrive.characteristics.autocorrelation import stderr_of_mean
+from pneudrive.characteristics.basics import Condition
+from pneudrive.errors import RecordingError
+from pneudrive.rig.interface import Hold
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.folder import CycleFile, Head
+    from pneudrive.rig.interface import Identity, Samples
+
+    Array = NDArray[np.float64]
+
+BINS = 60  # over the way that a campaign moves along
+#: A pressure is a level of its own where it differs by this much from the others, Pa: 1 mbar.
+PRESSURE_STEP_PA = 100.0
+SAME_SPEED = 0.1  # strokes of one cycle whose speeds differ by more are not one point
+LOST_SHARE = 0.5  # of a cycle's samples: more of them damaged, and the rest is no longer that cycle
+END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed falls below 80 %: left out
+EVEN_SAMPLES = 2000  # on which the ripple of the speed is measured, even in time
+TARE_SETTLING = 0.2  # share of a tare at its beginning that is left out
+MINIMUM_SAMPLES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The strokes of one direction.
+
+    Attributes
+    ----------
+    balance_n : ndarray, shape (bins,)
+        Force balance (see `Recording.balance_n`) in each bin of position, NaN where nothing has settled.
+    air_n : ndarray, shape (bins,)
+        Its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
+    velocity_m_s, pressure_a_pa, pressure_b_pa, force_n : float
+        Means over the settled part.
+    samples, strokes : int
+    breakaway_n, dwell_s, loading_rate_n_s : float
+        Of the reversal before it; NaN where there is no usable peak.
+    ripple, period_s, step_m, swing_n : float
+        Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
+    stick_slip : bool
+    """
+
+    balance_n: Array
+    air_n: Array
+    velocity_m_s: float
+    pressure_a_pa: float
+    pressure_b_pa: float
+    force_n: float
+    samples: int
+    strokes: int
+    breakaway_n: float
+    dwell_s: float
+    loading_rate_n_s: float
+    ripple: float
+    period_s: float
+    step_m: float
+    swing_n: float
+    stick_slip: bool
+
+    def means(self) -> DirectionMeans:
+        """Means at which the systematic uncertainty is taken."""
+        return DirectionMeans(self.force_n, self.pressure_a_pa, self.pressure_b_pa, self.velocity_m_s)
+
+
+@dataclass(frozen=True, eq=False)
+class CycleData:
+    """What a cycle leaves for the campaign's models.
+
+    Attributes
+    ----------
+    head : Head
+        Without the rig's memory.
+    file : str
+    condition : Condition
+    sides : dict of Side
+        By direction +1/-1; empty for a cycle that does not move.
+    flags : dict
+        Counts of damaged samples by kind.
+    temperature_k : float
+        NaN where it was not measured.
+    duration_s : float
+    standing_n, standing_stderr_n : float
+        Mean of force (vented: of the balance) and its standard error while standing released: the sensor's zero.
+    u_gain_n, u_offset_n : float
+        Standard systematic uncertainty of friction, and of half the sum of both directions beside the zero.
+    assumed : bool
+        Whether the accuracy of the force sensor is assumed.
+    """
+
+    head: Head
+    file: str
+    condition: Condition
+    sides: dict[int, Side] = field(default_factory=dict)
+    flags: dict[str, int] = field(default_factory=dict)
+    temperature_k: float = float("nan")
+    duration_s: float = 0.0
+    standing_n: float = float("nan")
+    standing_stderr_n: float = float("nan")
+    u_gain_n: float = 0.0
+    u_offset_n: float = 0.0
+    assumed: bool = False
+
+
+def condition_of(head: Head) -> Condition:
+    """Give the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
+    cycle = head.cycle
+    a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA, 0) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
+    levels = {name: str(cycle.levels.get(name, "")) for name in ("mounting", "seal", "drive")}
+    return Condition(a, b, **levels)
+
+
+def read_sliding(file: CycleFile, identity: Identity, choice: SampleChoice, edges_m: Array) -> CycleData:
+    """Read a cycle that slides.
+
+    Parameters
+    ----------
+    file : CycleFile
+    identity : Identity
+        Of the rig.
+    choice : SampleChoice
+        Which samples count.
+    edges_m : ndarray, shape (bins + 1,)
+        Edges of the campaign's bins of position.
+
+    Raises
+    ------
+    CampaignError, RecordingError
+        If it cannot be read, does not move, or has no settled part.
+    """
+    samples = file.samples()
+    recording, flags = recording_of(file, identity, samples)
+    strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
+    _one_speed(recording, strokes)
+    # In the settled part the piston does not accelerate but for ripple, whose mean is nothing: acceleration from
+    # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
+    acceleration: Array | float = 0.0
+    if not choice.uses_window and recording.mass_beyond_sensor_kg:
+        acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
+    motion = Motion(recording.time_s, recording.position_m, recording.balance_n(acceleration), strokes)
+    settled, balance = choice.choose(motion)
+    if choice.uses_window:
+        settled = settled & ~_ends(motion)
+    sides = {d: side for d in (1, -1) if (side := _side(recording, motion, settled, balance, d, edges_m)) is not None}
+    if not sides:
+        raise RecordingError("no stroke has a settled part", where=recording.name, value=f"{len(strokes)} strokes")
+    u_gain, u_offset, assumed = _systematic(recording, sides)
+    return CycleData(
+        head=file.head,
+        file=file.path.name,
+        condition=condition_of(file.head),
+        sides=sides,
+        flags=flags,
+        temperature_k=_temperature(samples),
+        duration_s=float(recording.time_s[-1] - recording.time_s[0]),
+        u_gain_n=u_gain,
+        u_offset_n=u_offset,
+        assumed=assumed,
+    )
+
+
+def read_standing(file: CycleFile, identity: Identity) -> CycleData:
+    """Read a tare: the mean force while the axis stands released, and how sure it is.
+
+    Raises
+    ------
+    CampaignError, RecordingError
+        If it cannot be read, or has too few samples.
+    """
+    samples = file.samples()
+    recording, flags = recording_of(file, identity, samples)
+    steps = _steps_of(recording, samples)
+    released = [i for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold) and step.released]
+    standing = np.isin(steps, released) if released else np.ones(len(recording), dtype=bool)
+    begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
+    standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
+    if standing.sum() < MINIMUM_SAMPLES:
+        raise RecordingError("too few samples for a tare", where=recording.name, value=int(standing.sum()))
+    vented = max(abs(p - identity.ambient_pressure_pa) for p in _pressures(file.head)) < PRESSURE_STEP_PA
+    force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
+    return CycleData(
+        head=file.head,
+        file=file.path.name,
+        condition=condition_of(file.head),
+        flags=flags,
+        temperature_k=_temperature(samples),
+        duration_s=float(recording.time_s[-1] - recording.time_s[0]),
+        standing_n=float(force.mean()),
+        standing_stderr_n=stderr_of_mean(force),
+    )
+
+
+def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
+    """Make a cleaned recording of a cycle; damaged samples are left out and counted by kind.
+
+    Raises
+    ------
+    RecordingError
+        If more than half of the samples are damaged.
+    """
+    name = file.head.cycle.key
+    count = len(samples)
+    flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
+    with np.errstate(invalid="ignore"):
+        time = np.where(np.isfinite(samples.time_s), samples.time_s, -np.inf)
+        good = time >= np.maximum.accumulate(time)
+    backwards = int((~good & np.isfinite(samples.time_s)).sum())
+    if backwards:
+        flags["time_backwards"] = backwards
+    good &= np.isfinite(samples.time_s)
+    recording = clean(
+        Recording(
+            name=name,
+            time_s=samples.time_s[good],
+            position_m=samples.position_m[good],
+            force_n=samples.force_n[good],
+            pressure_a_pa=samples.pressure_a_pa[good],
+            pressure_b_pa=samples.pressure_b_pa[good],
+            area_a_m2=identity.area_a_m2,
+            area_b_m2=identity.area_b_m2,
+            ambient_pressure_pa=identity.ambient_pressure_pa,
+            mass_beyond_sensor_kg=identity.mass_beyond_sensor_kg,
+            incline_rad=identity.incline_rad,
+            accuracy=dict(identity.accuracy),
+            labels=dict(file.head.cycle.levels),
+            source=file.path,
+            synthetic=identity.synthetic,
+            stiffness_n_m=identity.stiffness_n_m,
+            limits={channel: (float(low), float(high)) for channel, (low, high) in identity.limits.items()},
+            calibration=dict(identity.calibration),
+        )
+    )
+    if len(recording) < (1.0 - LOST_SHARE) * count:
+        found = ", ".join(f"{kind} {number}" for kind, number in {**flags, **recording.flags}.items())
+        raise RecordingError("more than half of the samples are damaged", where=name, value=f"{found} of {count}")
+    for kind, number in recording.flags.items():
+        if kind != "gap":  # bursts are denser than the rest: an interval says nothing by its length
+            flags[kind] = max(flags.get(kind, 0), number)
+    return recording, flags
+
+
+def _steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
+    """Step of the cycle to which each cleaned sample belongs."""
+    order = np.argsort(samples.time_s, kind="stable")
+    place = np.searchsorted(samples.time_s[order], recording.time_s)
+    return samples.step[order[np.minimum(place, order.size - 1)]]
+
+
+def _pressures(head: Head) -> tuple[float, float]:
+    return head.cycle.pressure_a_pa, head.cycle.pressure_b_pa
+
+
+def _temperature(samples: Samples) -> float:
+    known = samples.temperature_k[np.isfinite(samples.temperature_k)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _one_speed(recording: Recording, strokes: list[Stroke]) -> None:
+    speeds = np.abs([stroke.speed_m_s for stroke in strokes])
+    if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
+        raise RecordingError(
+            "the strokes of the cycle have different speeds",
+            where=recording.name,
+            value=f"{1e3 * speeds.min():.4g} to {1e3 * speeds.max():.4g} mm/s",
+            rule="a cycle is one point of the characteristic",
+        )
+
+
+def _ends(motion: Motion) -> NDArray[np.bool_]:
+    """Mark what lies near the end of each stroke, where the axis brakes."""
+    mask = np.zeros(motion.time_s.size, dtype=bool)
+    velocity = local_slope(motion.time_s, motion.position_m)
+    for stroke in motion.strokes:
+        ahead = np.abs(stroke.to_m - motion.position_m[stroke.samples])
+        fast = np.flatnonzero(np.abs(velocity[stroke.samples]) >= 0.8 * abs(stroke.speed_m_s))
+        if fast.size:
+            mask[stroke.samples] = ahead <= END_TRAVELS * ahead[fast[-1]]
+    return mask
+
+
+def _side(
+    recording: Recording,
+    motion: Motion,
+    settled: NDArray[np.bool_],
+    balance_n: Array,
+    direction: int,
+    edges_m: Array,
+) -> Side | None:
+    """Put the strokes of one direction together; None where nothing has settled."""
+    strokes = [s for s in motion.strokes if s.direction == direction and settled[s.samples].sum() >= MINIMUM_SAMPLES]
+    if not strokes:
+        return None
+    index = np.concatenate([np.flatnonzero(settled[s.samples]) + s.start for s in strokes])
+    stands = np.gradient(motion.time_s)[index]
+    place = np.floor((motion.position_m[index] - edges_m[0]) / (edges_m[1] - edges_m[0])).astype(np.int64)
+    inside = (place >= 0) & (place < edges_m.size - 1)
+    if not inside.any():
+        return None
+    index, stands, place = index[inside], stands[inside], place[inside]
+    bins = edges_m.size - 1
+    weight = np.bincount(place, weights=stands, minlength=bins)
+    covered = _covered(motion.position_m[index], edges_m) & (weight > 0)
+    ambient = recording.ambient_pressure_pa
+    air = (recording.pressure_a_pa - ambient) * recording.area_a_m2
+    air -= (recording.pressure_b_pa - ambient) * recording.area_b_m2
+
+    def binned(values: Array) -> Array:
+        total = np.bincount(place, weights=stands * values[index], minlength=bins)
+        return np.where(covered, total / np.where(weight > 0, weight, 1.0), np.nan)
+
+    def mean(values: Array) -> float:
+        return float(stands @ values[index] / stands.sum())
+
+    speeds = [_speed(motion, settled, s) for s in strokes]
+    peaks = _peaks(recording, motion, settled, strokes)
+    slipping, slips = _ripple(motion, balance_n, strokes)
+    return Side(
+        balance_n=binned(balance_n),
+        air_n=binned(air),
+        velocity_m_s=float(np.mean(speeds)),
+        pressure_a_pa=mean(recording.pressure_a_pa),
+        pressure_b_pa=mean(recording.pressure_b_pa),
+        force_n=mean(recording.force_n),
+        samples=index.size,
+        strokes=len(strokes),
+        stick_slip=slipping,
+        **peaks,
+        **slips,
+    )
+
+
+def _covered(position_m: Array, edges_m: Array) -> NDArray[np.bool_]:
+    """Bins whose whole width lies in the settled part: a bin that is cut is not at its own mean position."""
+    width = edges_m[1] - edges_m[0]
+    slack = 0.1 * width
+    return (edges_m[:-1] >= position_m.min() - slack) & (edges_m[1:] <= position_m.max() + slack)
+
+
+def _speed(motion: Motion, settled: NDArray[np.bool_], stroke: Stroke) -> float:
+    index = np.flatnonzero(settled[stroke.samples]) + stroke.start
+    duration = motion.time_s[index[-1]] - motion.time_s[index[0]]
+    return float((motion.position_m[index[-1]] - motion.position_m[index[0]]) / duration) if duration > 0 else np.nan
+
+
+def _peaks(recording: Recording, motion: Motion, settled: NDArray[np.bool_], strokes: list[Stroke]) -> dict[str, float]:
+    """Breakaway after the reversals before these strokes."""
+    low, high = min(motion.position_m), max(motion.position_m)
+    window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
+    profile = build_profile(recording.name, 0, motion.strokes, motion.position_m, motion.balance_n, settled, window)
+    peaks = find_reversal_peaks(recording, strokes, motion.balance_n, profile)
+    good = usable(peaks)
+    dwells = [s.dwell_s for s in strokes if s.index > 0]
+    rates = [p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]
+    return {
+        "breakaway_n": float(np.median([p.friction_n for p in good])) if good else float("nan"),
+        "dwell_s": float(np.median(dwells)) if dwells else float("nan"),
+        "loading_rate_n_s": float(np.median(rates)) if rates else float("nan"),
+    }
+
+
+def _ripple(motion: Motion, balance_n: Array, strokes: list[Stroke]) -> tuple[bool, dict[str, float]]:
+    """Stick-slip in the middle 80 % of the strokes, on samples that are even in time."""
+    found = []
+    swings = []
+    for stroke in strokes:
+        share = (motion.position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
+        inside = np.flatnonzero((share >= 0.1) & (share <= 0.9))
+        if inside.size < MINIMUM_SAMPLES:
+            continue
+        part = slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
+        time, position = _even(motion.time_s[part], motion.position_m[part])
+        found.append(measure_stick_slip(time, position))
+        low, high = np.quantile(balance_n[part], [0.02, 0.98])
+        swings.append(float(high - low))
+    nothing = float("nan")
+    if not found:
+        return False, dict.fromkeys(("ripple", "period_s", "step_m", "swing_n"), nothing)
+    slipping = sum(s.found for s in found) > 0.5 * len(found)
+    return slipping, {
+        "ripple": float(np.median([s.ripple for s in found])),
+        "period_s": float(np.median([s.period_s for s in found])) if slipping else nothing,
+        "step_m": float(np.median([s.step_m for s in found])) if slipping else nothing,
+        "swing_n": float(np.median(swings)) if slipping else nothing,
+    }
+
+
+def _even(time_s: Array, position_m: Array) -> tuple[Array, Array]:
+    """Positions at even times, where the samples were not even: means over equal intervals."""
+    steps = np.diff(time_s)
+    if steps.max() <= 2.0 * middle(steps):
+        return time_s, position_m
+    count = min(EVEN_SAMPLES, max(int((time_s[-1] - time_s[0]) / steps.max()), MINIMUM_SAMPLES))
+    edges = np.linspace(time_s[0], time_s[-1], count + 1)
+    place = np.minimum(np.searchsorted(edges, time_s, side="right") - 1, count - 1)
+    number = np.bincount(place, minlength=count)
+    known = number > 0
+    times = np.bincount(place, weights=time_s, minlength=count)[known] / number[known]
+    return times, np.bincount(place, weights=position_m, minlength=count)[known] / number[known]
+
+
+def _systematic(recording: Recording, sides: dict[int, Side]) -> tuple[float, float, bool]:
+    """State the systematic standard uncertainty of friction and, beside the zero, of the offset; is it assumed.
+
+    The share of hysteresis that the budget of a single recording assumes is left out: the campaign's band holds what
+    is stated or seen.
+    """
+    only = next(iter(sides.values()))
+    up, down = (sides.get(d, only).means() for d in (1, -1))
+    entries = [e for e in systematic_budget(recording, up, down) if not e.source.endswith("hysteresis")]
+    friction = float(np.sqrt(sum(e.friction_n**2 for e in entries)))
+    # A zero is what tares take out; what is left of an accuracy grows with the reading.
+    readings = {
+        "force: common error": _of_range(recording, "force_n", (up.force_n + down.force_n) / 2.0, 0.0),
+        "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, None),
+        "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, None),
+        "bore (area)": 1.0,
+    }
+    offset = float(np.sqrt(sum((e.offset_n * readings.get(e.source, 0.0)) ** 2 for e in entries)))
+    assumed = any(e.source == "force: common error" and e.basis == "assumed" for e in entries)
+    return friction, offset, assumed
+
+
+def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:
+    """Share of the sensor's range at which it is, counted from its zero (None: ambient pressure)."""
+    start = recording.ambient_pressure_pa if zero is None else zero
+    limits = recording.limits.get(channel)
+    reach = max(abs(v - start) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - start))
+    return min(abs(reading - start) / float(reach), 1.0) if reach > 0 else 0.0

@@ -1,0 +1,343 @@
+"""Linear models with several sources of chance at once: restricted likelihood, and what its own uncertainty adds.
+
+    y = X b + sum_i g_i + e,   g_i ~ N(0, s_i^2 K_i),   e ~ N(0, W)
+
+y are the results of cycles; X b what is looked for; each K_i says how a source of chance (a block, a day, the drift,
+the cycle itself, the deviation of a curve from a line) is shared between cycles; W is the known noise within cycles.
+The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior, and then not
+taken as known: every result is averaged over points spread about their estimate, weighted by their probability, so
+that an interval from few cycles is as wide as it has to be [rue2009].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.spread import student
+from pneudrive.characteristics.basics import Estimate, FTest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: Of the largest standard deviation that data allow and the smallest that matters, as factors of a component's scale.
+REACH = (1e-4, 1e2)
+#: Part of the noise that is added to every variance so that equal cycles never make the equations singular.
+JITTER = 1e-10
+#: Step in the logarithm of a standard deviation by which the curvature of the likelihood is taken.
+STEP = 0.05
+#: Cycles beyond which the standard deviations are found from every k-th cycle; results still use all of them.
+MOST_FOR_SEARCH = 500
+LEAST_FREEDOM = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """A source of chance.
+
+    Attributes
+    ----------
+    name : str
+    kernel : ndarray, shape (n, n) or (n,)
+        Covariance between the observations at standard deviation 1; one-dimensional: diagonal.
+    scale : float
+        Standard deviation of which the prior says that it is not much larger: a half-Cauchy scale [gelman2006].
+    """
+
+    name: str
+    kernel: Array
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class MixedModel:
+    """Observations and the model that they are held against.
+
+    Attributes
+    ----------
+    y : ndarray, shape (n,)
+    x : ndarray, shape (n, p)
+        Of full column rank.
+    noise : ndarray, shape (n,)
+        Known variance of each observation.
+    components : tuple of Component
+    """
+
+    y: Array
+    x: Array
+    noise: Array
+    components: tuple[Component, ...]
+
+    def fit(self) -> MixedFit:
+        """Find the standard deviations and the points that stand for their uncertainty."""
+        scales = np.array([c.scale for c in self.components])
+        if not self.components:
+            state = _State.of(self, scales)
+            return MixedFit(self, scales, np.ones(1), (state,))
+        n = self.y.size
+        few = self if n <= MOST_FOR_SEARCH else self._part(np.arange(0, n, -(-n // MOST_FOR_SEARCH)))
+        start = np.log(scales) - 1.0
+        best = _search(few, start, scales)
+        points, weights = _points(few, best, scales)
+        return MixedFit(self, np.exp(best), weights, tuple(_State.of(self, np.exp(p)) for p in points))
+
+    def _part(self, rows: NDArray[np.intp]) -> MixedModel:
+        """Take some observations; columns that these do not determine are left out."""
+        x = self.x[rows]
+        x = x[:, independent(x)]
+        parts = tuple(
+            Component(c.name, c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)], c.scale)
+            for c in self.components
+        )
+        return MixedModel(self.y[rows], x, self.noise[rows], parts)
+
+    def covariance(self, sd: Array) -> Array:
+        """Covariance of the observations at these standard deviations, shape (n, n)."""
+        n = self.y.size
+        diagonal = self.noise.copy()
+        total = np.zeros((n, n))
+        for component, s in zip(self.components, sd, strict=True):
+            if component.kernel.ndim == 1:
+                diagonal += s**2 * component.kernel
+            else:
+                total += s**2 * component.kernel
+        total[np.diag_indices(n)] += diagonal
+        total[np.diag_indices(n)] += JITTER * max(float(np.mean(np.diag(total))), 1e-300)
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """The model at one set of standard deviations, solved."""
+
+    sd: Array
+    solved: Array  # V^-1 (y - X b)
+    beta: Array
+    beta_covariance: Array
+    lower: Array  # Cholesky factor of V
+    half_x: Array  # L^-1 X
+
+    @classmethod
+    def of(cls, model: MixedModel, sd: Array) -> _State:
+        from scipy.linalg import cho_solve, cholesky, solve_triangular
+
+        lower = cholesky(model.covariance(sd), lower=True, check_finite=False)
+        half_x = solve_triangular(lower, model.x, lower=True, check_finite=False)
+        half_y = solve_triangular(lower, model.y, lower=True, check_finite=False)
+        q, r = np.linalg.qr(half_x)
+        beta = solve_triangular(r, q.T @ half_y, check_finite=False) if r.size else np.zeros(0)
+        inverse = solve_triangular(r, np.eye(r.shape[0]), check_finite=False) if r.size else np.zeros((0, 0))
+        solved = cho_solve((lower, True), model.y - model.x @ beta, check_finite=False)
+        return cls(sd, solved, beta, inverse @ inverse.T, lower, half_x)
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """Means and variances of linear functions of the model, shape (m,); `freedom` as of Student's t."""
+
+    mean: Array
+    variance: Array
+    freedom: Array
+
+    def half_width(self) -> Array:
+        """Half of the 95 % interval."""
+        return _quantiles(self.freedom) * np.sqrt(self.variance)
+
+
+@dataclass(frozen=True, eq=False)
+class MixedFit:
+    """A fitted model.
+
+    Attributes
+    ----------
+    model : MixedModel
+    sd : ndarray, shape (k,)
+        Most probable standard deviation of each component.
+    weights : ndarray, shape (q,)
+    states : tuple of _State, length q
+    """
+
+    model: MixedModel
+    sd: Array
+    weights: Array
+    states: tuple[_State, ...]
+
+    def predict(
+        self, x: Array, kernels: dict[str, Array] | None = None, prior: dict[str, Array] | None = None
+    ) -> Predicted:
+        """Predict X* b + sum_i g_i*.
+
+        Parameters
+        ----------
+        x : ndarray, shape (m, p)
+        kernels : dict
+            Name -> covariance of g_i* with the observations' g_i at standard deviation 1, shape (m, n). Components
+            that are left out have no part in what is predicted.
+        prior : dict
+            Name -> variance of g_i* at standard deviation 1, shape (m,).
+        """
+        from scipy.linalg import solve_triangular
+
+        names = [c.name for c in self.model.components]
+        kernels, prior = kernels or {}, prior or {}
+        means, variances = [], []
+        for state in self.states:
+            cross = np.zeros((x.shape[0], self.model.y.size))
+            own = np.zeros(x.shape[0])
+            for name, kernel in kernels.items():
+                s2 = state.sd[names.index(name)] ** 2
+                cross += s2 * kernel
+                own += s2 * prior[name]
+            means.append(x @ state.beta + cross @ state.solved)
+            half = solve_triangular(state.lower, cross.T, lower=True, check_finite=False)
+            left = x - half.T @ state.half_x
+            own = own - np.sum(half**2, axis=0) + np.einsum("ij,jk,ik->i", left, state.beta_covariance, left)
+            variances.append(np.maximum(own, 0.0))
+        return _mixed(np.array(means), np.array(variances), self.weights)
+
+    def contrast(self, row: Array, unit: str = "N") -> Estimate:
+        """Estimate a linear function of b with its interval and the probability that it is zero."""
+        from scipy.special import stdtr
+
+        found = self.predict(np.atleast_2d(row))
+        value, stderr, freedom = float(found.mean[0]), float(np.sqrt(found.variance[0])), float(found.freedom[0])
+        half = float(found.half_width()[0])
+        p = 2.0 * float(stdtr(freedom, -abs(value) / stderr)) if stderr > 0 else float(value == 0.0)
+        return Estimate(value, value - half, value + half, stderr, unit, freedom, p)
+
+    def f_test(self, rows: Array) -> FTest:
+        """Test that several linear functions of b, shape (q, p), are all zero (Wald's test, approximate F)."""
+        from scipy.special import fdtrc
+
+        q = rows.shape[0]
+        mean = np.average([rows @ s.beta for s in self.states], axis=0, weights=self.weights)
+        covariance = np.average([rows @ s.beta_covariance @ rows.T for s in self.states], axis=0, weights=self.weights)
+        single = self.predict(rows)
+        freedom = float(1.0 / np.mean(1.0 / single.freedom))
+        # The mixture's mean covariance is that of Student's t, larger than its scale by freedom / (freedom - 2).
+        shrink = freedom / (freedom - 2.0) if freedom > 4.0 else 1.0
+        f = shrink * float(mean @ np.linalg.solve(covariance, mean)) / q
+        return FTest(f, q, freedom, float(fdtrc(q, freedom, f)))
+
+    def deviation(self, name: str, unit: str = "N") -> Estimate:
+        """Estimate the standard deviation of a component, with its interval."""
+        index = [c.name for c in self.model.components].index(name)
+        logs = np.log([s.sd[index] for s in self.states])
+        mean = float(self.weights @ logs)
+        spread = float(np.sqrt(max(self.weights @ (logs - mean) ** 2, 0.0)))
+        reach = student(0) * spread
+        value = float(self.sd[index])
+        return Estimate(value, float(np.exp(mean - reach)), float(np.exp(mean + reach)), value * spread, unit)
+
+    def log_likelihood(self) -> float:
+        """Restricted log-likelihood at the most probable standard deviations."""
+        return _log_likelihood(self.model, self.sd)
+
+
+def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
+    """Average over the points, shape (q, m) to (m,); variances that scatter over them are those of a Student's t."""
+    mean = weights @ means
+    within = weights @ variances
+    scatter = weights @ (variances - within) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = np.where(scatter > 0.0, 4.0 + 2.0 * within**2 / scatter, np.inf)
+    scale = np.where(np.isfinite(freedom), within * (1.0 - 2.0 / freedom), within)
+    return Predicted(mean, scale + weights @ (means - mean) ** 2, np.minimum(freedom, 1e6))
+
+
+def _quantiles(freedom: Array) -> Array:
+    from scipy.special import stdtrit
+
+    return np.asarray(stdtrit(np.maximum(freedom, LEAST_FREEDOM), 0.975), dtype=float)
+
+
+def independent(x: Array, tolerance: float = 1e-9) -> NDArray[np.intp]:
+    """Columns that stay when each that is a sum of earlier ones is left out."""
+    kept: list[int] = []
+    basis = np.zeros((x.shape[0], 0))
+    for k in range(x.shape[1]):
+        column = x[:, k] / max(float(np.linalg.norm(x[:, k])), 1e-300)
+        rest = column - basis @ (basis.T @ column)
+        rest -= basis @ (basis.T @ rest)
+        size = float(np.linalg.norm(rest))
+        if size > tolerance:
+            kept.append(k)
+            basis = np.column_stack([basis, rest / size])
+    return np.array(kept, dtype=np.intp)
+
+
+# --- restricted likelihood -------------------------------------------------------------------
+
+
+def _log_likelihood(model: MixedModel, sd: Array) -> float:
+    state = _State.of(model, sd)
+    r = np.linalg.qr(state.half_x, mode="r")
+    log_det = 2.0 * float(np.sum(np.log(np.diag(state.lower)))) + 2.0 * float(np.sum(np.log(np.abs(np.diag(r)))))
+    return -0.5 * (log_det + float((model.y - model.x @ state.beta) @ state.solved))
+
+
+def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array]:
+    """Negative log posterior of the log standard deviations and its gradient."""
+    from scipy.linalg import cho_solve
+
+    sd = np.exp(log_sd)
+    state = _State.of(model, sd)
+    n = model.y.size
+    r = np.linalg.qr(state.half_x, mode="r")
+    log_det = 2.0 * float(np.sum(np.log(np.diag(state.lower)))) + 2.0 * float(np.sum(np.log(np.abs(np.diag(r)))))
+    quadratic = float((model.y - model.x @ state.beta) @ state.solved)
+    inverse = cho_solve((state.lower, True), np.eye(n), check_finite=False)
+    vx = inverse @ model.x
+    p = inverse - vx @ state.beta_covariance @ vx.T
+    gradient = np.empty(sd.size)
+    for i, (component, s) in enumerate(zip(model.components, sd, strict=True)):
+        k = component.kernel
+        if k.ndim == 1:
+            trace, form = float(np.diag(p) @ k), float(state.solved**2 @ k)
+        else:
+            trace, form = float(np.sum(p * k)), float(state.solved @ k @ state.solved)
+        gradient[i] = s**2 * (trace - form)
+    share = (sd / scales) ** 2
+    prior = float(np.sum(np.log1p(share) - log_sd))
+    return 0.5 * (log_det + quadratic) + prior, gradient + 2.0 * share / (1.0 + share) - 1.0
+
+
+def _search(model: MixedModel, start: Array, scales: Array) -> Array:
+    """Most probable log standard deviations."""
+    from scipy.optimize import fmin_l_bfgs_b
+
+    bounds = [(np.log(REACH[0] * s), np.log(REACH[1] * s)) for s in scales]
+    return np.asarray(fmin_l_bfgs_b(lambda q: _cost(model, q, scales), start, bounds=bounds)[0], dtype=float)
+
+
+def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array], Array]:
+    """Points about the best, on the axes of the likelihood's curvature, weighted by their probability.
+
+    The rule of 2 d + 1 points integrates cubics under a normal distribution exactly; the true probability over the
+    normal one corrects for its skew.
+    """
+    d = best.size
+    curvature = np.empty((d, d))
+    for i in range(d):
+        step = np.zeros(d)
+        step[i] = STEP
+        high, low = _cost(model, best + step, scales)[1], _cost(model, best - step, scales)[1]
+        curvature[i] = (high - low) / (2.0 * STEP)
+    values, axes = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    spread = axes / np.sqrt(np.maximum(values, 0.1))
+    reach = np.sqrt(d + 1.0)
+    points = [best]
+    for i in range(d):
+        points += [best + reach * spread[:, i], best - reach * spread[:, i]]
+    bounds = np.log(REACH[0] * scales), np.log(REACH[1] * scales)
+    points = [np.clip(p, *bounds) for p in points]
+    costs = np.array([_cost(model, p, scales)[0] for p in points])
+    normal = np.concatenate([[0.0], np.full(2 * d, 0.5 * reach**2)])
+    share = np.concatenate([[1.0 / (d + 1.0)], np.full(2 * d, 0.5 / (d + 1.0))])
+    # A point far more probable than the normal distribution says must not take over.
+    weights = share * np.exp(np.clip(normal - (costs - costs[0]), -50.0, 3.0))
+    return points, weights / weights.sum()

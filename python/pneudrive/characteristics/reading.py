@@ -1,0 +1,186 @@
+"""All cycles of a campaign folder, read in several processes; what cannot be read is named and left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.campaign.folder import CycleFile
+from pneudrive.characterise.pool import in_processes, workers
+from pneudrive.characteristics.cycle import BINS, CycleData, read_sliding, read_standing
+from pneudrive.characteristics.result import Skipped
+from pneudrive.errors import CampaignError, PneudriveError
+from pneudrive.rig.interface import Identity, Move
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.folder import Campaign
+    from pneudrive.campaign.head import Head
+    from pneudrive.characterise.settling import SampleChoice
+
+    Array = NDArray[np.float64]
+
+SLIDING = ("sweep", "sentinel")  # kinds of cycles that are points of a characteristic over speed
+STANDING = ("tare",)
+WORTH_WORKERS = 100  # cycles below which starting processes costs more than it saves
+LOOKED_AT = 8  # cycles from which the way that the campaign moves along is taken
+ENDS = (0.001, 0.999)  # quantiles of position: what single damaged samples show does not count
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """Everything that was read of a campaign.
+
+    Attributes
+    ----------
+    identity : Identity
+    heads : tuple of Head
+        Of all usable files, whatever they are for, in the order in which they were run.
+    sliding, standing : tuple of CycleData
+    skipped : tuple of Skipped
+    notes : tuple of str
+    edges_m : ndarray, shape (bins + 1,)
+        Bins of position.
+    travel_m : dict
+        Key -> way that the seal has gone up to the middle of the cycle.
+    """
+
+    identity: Identity
+    heads: tuple[Head, ...]
+    sliding: tuple[CycleData, ...]
+    standing: tuple[CycleData, ...]
+    skipped: tuple[Skipped, ...]
+    notes: tuple[str, ...]
+    edges_m: Array
+    travel_m: dict[str, float]
+
+    def order(self, head: Head) -> float:
+        """Place of a cycle in the campaign, 0 to 1."""
+        last = max(h.index for h in self.heads)
+        first = min(h.index for h in self.heads)
+        return (head.index - first) / max(last - first, 1)
+
+    def days(self) -> dict[str, int]:
+        """Key -> day on which the cycle was run, from 1; all 1 where the dates are not told."""
+        dates = {head.cycle.key: _date(head.started) for head in self.heads}
+        known = sorted({date for date in dates.values() if date})
+        return {key: known.index(date) + 1 if date else 1 for key, date in dates.items()}
+
+
+def _date(started: str) -> str:
+    try:
+        return datetime.fromisoformat(started).date().isoformat()
+    except ValueError:
+        return ""
+
+
+def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None = None) -> Reading:
+    """Read all cycles of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    choice : SampleChoice
+        Which samples count.
+    processes : int, optional
+        None: as many as there are processors, for 100 cycles or more.
+
+    Raises
+    ------
+    CampaignError
+        If no cycle can be used at all.
+    """
+    files, problems = campaign.scan()
+    skipped = [Skipped("", p.where, p.what) for p in problems if p.lost]
+    notes = [str(p) for p in problems if not p.lost]
+    if not files:
+        raise CampaignError(
+            "the campaign has no cycle that can be used",
+            where=str(campaign.path),
+            value="; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/",
+            remedy="run it, or see docs/reference/campaign-folder.md for what a cycle's file holds",
+        )
+    travel = _travel([file.head for file in files])
+    wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING)]
+    edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
+    number = processes or workers()
+    if len(wanted) < WORTH_WORKERS or number < 2:
+        found = read_part(wanted, campaign.identity, choice, edges)
+    else:
+        parts = [wanted[i::number] for i in range(number)]
+        found = in_processes(read_part, [(part, campaign.identity, choice, edges) for part in parts])
+    data = sorted((d for d in found if isinstance(d, CycleData)), key=lambda d: d.head.index)
+    skipped += [s for s in found if isinstance(s, Skipped)]
+    return Reading(
+        identity=campaign.identity,
+        heads=tuple(file.head for file in files),
+        sliding=tuple(d for d in data if d.head.cycle.kind in SLIDING),
+        standing=tuple(d for d in data if d.head.cycle.kind in STANDING),
+        skipped=tuple(sorted(skipped, key=lambda s: s.file)),
+        notes=tuple(notes),
+        edges_m=edges,
+        travel_m=travel,
+    )
+
+
+def read_part(
+    files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array
+) -> list[CycleData | Skipped]:
+    """Read some cycles one after the other; one that cannot be used leaves its reason."""
+    return [_read(file, identity, choice, edges_m) for file in files]
+
+
+def _read(file: CycleFile, identity: Identity, choice: SampleChoice, edges_m: Array) -> CycleData | Skipped:
+    try:
+        if file.head.cycle.kind in STANDING:
+            return read_standing(file, identity)
+        return read_sliding(file, identity, choice, edges_m)
+    except PneudriveError as error:
+        reason = f"{error.what} ({error.value})" if error.value is not None else error.what
+    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
+        # Samples that no check has foreseen cost their own cycle, not the campaign.
+        reason = f"{type(error).__name__}: {error}"
+    return Skipped(file.head.cycle.key, file.path.name, reason)
+
+
+def _light(file: CycleFile) -> CycleFile:
+    """Leave the rig's memory behind: nobody needs it here, and it would go to every process."""
+    return CycleFile(file.path, replace(file.head, memory={}))
+
+
+def _travel(heads: Sequence[Head]) -> dict[str, float]:
+    """Way of all moves up to the middle of each cycle, as planned."""
+    travel: dict[str, float] = {}
+    total, at = 0.0, None
+    for head in heads:
+        here = 0.0
+        for step in head.cycle.steps:
+            if isinstance(step, Move):
+                here += abs(step.to_m - at) if at is not None else 0.0
+                at = step.to_m
+        travel[head.cycle.key] = total + here / 2.0
+        total += here
+    return travel
+
+
+def _edges(files: Sequence[CycleFile]) -> Array:
+    """Bins over the way that sliding cycles move along, from the positions of some of them."""
+    low, high = np.inf, -np.inf
+    for i in np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int)) if files else ():
+        try:
+            position = files[i].samples().position_m
+        except PneudriveError:
+            continue
+        position = position[np.isfinite(position)]
+        if position.size:
+            ends = np.quantile(position, ENDS)
+            low, high = min(low, float(ends[0])), max(high, float(ends[1]))
+    if not high > low:
+        low, high = 0.0, 1.0  # nothing moves: the cycles themselves say so
+    return np.linspace(low, high, BINS + 1)

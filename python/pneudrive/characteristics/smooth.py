@@ -1,0 +1,221 @@
+"""Curves over speed with the chance that lies between cycles: a smoothing spline inside a mixed model.
+
+A curve is a line and a deviation from it that is as smooth as the data say: an integrated Wiener process, whose
+estimate is the cubic smoothing spline and whose posterior gives the band [wahba1983]. Curves of one campaign share
+their shape as far as the data say so. Smoothness is meant over a stretched speed, in which the Stribeck part
+(decades) and the viscous part (proportion) both bend slowly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, Predicted, independent
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: Speed from which on a stretched speed grows with speed itself; below, with its logarithm (assumed).
+PROPORTIONAL_FROM_M_S = 0.1
+CYCLE_SCALE = 0.02  # of the response: standard deviations that are usual from cycle to cycle, block to block, in drift
+CARRIED = 0.98  # share of a drift that the curves could take for their own, beyond which the design does not carry it
+CURVE_DEGREE = 5  # polynomials in stretched speed that stand for all curves in that question
+
+
+def stretched(speed_m_s: Array, lowest_m_s: float) -> Array:
+    """Stretched speed: logarithmic at low, proportional at high speed; zero at the lowest.
+
+    Examples
+    --------
+    >>> stretched(np.array([1e-3, 1e-2]), 1e-3).round(3).tolist()
+    [0.0, 2.393]
+    """
+    speed = np.maximum(np.asarray(speed_m_s, dtype=float), 1e-12)
+    return np.log(speed / lowest_m_s) + (speed - lowest_m_s) / PROPORTIONAL_FROM_M_S
+
+
+@dataclass(frozen=True, eq=False)
+class CurveData:
+    """Observations of curves, shape (n,) each.
+
+    Attributes
+    ----------
+    y, noise : ndarray
+        Response and the variance of its noise within the cycle.
+    speed_m_s : ndarray
+        NaN where an observation lies on no curve: a tare, which shows the zero alone.
+    curve : ndarray of int
+        Which curve, from 0; -1: none.
+    order : ndarray
+        Place of the cycle in the campaign, 0 to 1.
+    """
+
+    y: Array
+    noise: Array
+    speed_m_s: Array
+    curve: NDArray[np.int64]
+    order: Array
+
+    def __len__(self) -> int:
+        return self.y.size
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFit:
+    """Fitted curves.
+
+    Attributes
+    ----------
+    data : CurveData
+    fit : MixedFit
+    logarithmic : bool
+        The response is the logarithm: chance is relative.
+    sources : tuple of str
+        Names of the components of chance that the design carries.
+    drift : ndarray, shape (n,)
+        Best estimate of the drift at each observation, mean zero.
+    drift_half : ndarray, shape (n,)
+        Half of its 95 % interval.
+    """
+
+    data: CurveData
+    fit: MixedFit
+    logarithmic: bool
+    sources: tuple[str, ...]
+    drift: Array
+    drift_half: Array
+
+    def at(self, curve: int, speed_m_s: Array) -> Predicted:
+        """Curve at these speeds, in the unit of the response (its logarithm where `logarithmic`)."""
+        basis = _Basis.of(self.data)
+        number = np.full(speed_m_s.size, curve, dtype=np.int64)
+        x = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept]
+        kernels, prior = basis.kernels(speed_m_s, number)
+        names = [c.name for c in self.fit.model.components]
+        return self.fit.predict(
+            x, {k: v for k, v in kernels.items() if k in names}, {k: v for k, v in prior.items() if k in names}
+        )
+
+    def sd(self, name: str) -> float:
+        """Most probable standard deviation of a component; 0 where there is none."""
+        names = [c.name for c in self.fit.model.components]
+        return float(self.fit.sd[names.index(name)]) if name in names else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Basis:
+    """Columns and kernels of the curves."""
+
+    data: CurveData
+    lowest: float
+    width: float
+    curves: int
+    kept: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, data: CurveData) -> _Basis:
+        on = data.curve >= 0
+        lowest = float(data.speed_m_s[on].min())
+        width = max(float(stretched(data.speed_m_s[on], lowest).max()), 1e-6)
+        basis = cls(data, lowest, width, int(data.curve.max()) + 1, np.zeros(0, dtype=np.intp))
+        kept = independent(basis.fixed(data.speed_m_s, data.curve, observed=True))
+        return cls(data, lowest, width, basis.curves, kept)
+
+    def place(self, speed_m_s: Array) -> Array:
+        """Stretched speed from 0 to 1 over the measured range."""
+        return np.nan_to_num(stretched(speed_m_s, self.lowest) / self.width)
+
+    def fixed(self, speed_m_s: Array, curve: NDArray[np.int64], *, observed: bool) -> Array:
+        """One level per curve, a common slope, and the zero where there is one: seen, but no part of a curve."""
+        levels = (curve[:, None] == np.arange(self.curves)[None, :]).astype(float)
+        slope = np.where(curve >= 0, self.place(speed_m_s) - 0.5, 0.0)
+        zero = np.full((curve.size, int((self.data.curve < 0).any())), float(observed))
+        return np.column_stack([zero, levels, slope])
+
+    def kernels(self, speed_m_s: Array, curve: NDArray[np.int64]) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Covariance with the observations, and own variance, of the smooth deviations."""
+        own, seen = self.place(speed_m_s), self.place(self.data.speed_m_s)
+        on = (curve >= 0)[:, None] & (self.data.curve >= 0)[None, :]
+        same = on & (curve[:, None] == self.data.curve[None, :])
+        bend = _integrated_wiener(own, seen)
+        tilt = 3.0 * (own - 0.5)[:, None] * (seen - 0.5)[None, :]
+        common = {"shape": bend * on}
+        prior = {"shape": own**3}
+        if self.curves > 1:
+            common["own shape"] = (bend + tilt) * same
+            prior["own shape"] = own**3 + 3.0 * (own - 0.5) ** 2
+        return common, prior
+
+
+def _integrated_wiener(s: Array, t: Array) -> Array:
+    """Covariance of an integrated Wiener process with variance 1 at 1, shape (m, n)."""
+    low = np.minimum(s[:, None], t[None, :])
+    high = np.maximum(s[:, None], t[None, :])
+    return low**2 * (3.0 * high - low) / 2.0
+
+
+def carried_drift(data: CurveData) -> float:
+    """Share of a steady drift that curves could take for their own: 1 where order and speed are one thing."""
+    on = data.curve >= 0
+    if on.sum() < 3 or np.ptp(data.order[on]) == 0:
+        return 1.0
+    basis = _Basis.of(data)
+    place = basis.place(data.speed_m_s[on])
+    curve = data.curve[on]
+    speeds = np.unique(np.round(np.log(data.speed_m_s[on]), 2)).size
+    degree = min(CURVE_DEGREE, speeds - 1)
+    levels = (curve[:, None] == np.arange(basis.curves)[None, :]).astype(float)
+    columns = np.hstack([levels * place[:, None] ** k for k in range(degree + 1)])
+    time = data.order[on]
+    left = time - columns @ np.linalg.lstsq(columns, time, rcond=None)[0]
+    away = time - time.mean()
+    return 1.0 - float(left @ left) / float(away @ away)
+
+
+def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArray[np.int64] | None = None) -> CurveFit:
+    """Fit all curves of a campaign.
+
+    Parameters
+    ----------
+    data : CurveData
+        With logarithms in `y` where `logarithmic`.
+    logarithmic : bool
+    drift : bool
+        Whether the design carries a drift (see `carried_drift`).
+    blocks : ndarray of int, optional
+        Groups that share a deviation of their own (blocks or days), where the design carries it.
+    """
+    basis = _Basis.of(data)
+    on = data.curve >= 0
+    spread = max(float(np.std(data.y[on])), 1e-9 * float(np.abs(data.y[on]).max() + 1e-12), 1e-12)
+    usual = CYCLE_SCALE if logarithmic else CYCLE_SCALE * max(float(np.abs(data.y[on]).mean()), spread)
+    kernels, _ = basis.kernels(data.speed_m_s, data.curve)
+    components = [Component("shape", kernels["shape"], 5.0 * spread)]
+    if "own shape" in kernels:
+        components.append(Component("own shape", kernels["own shape"], spread))
+    components.append(Component("cycle", on.astype(float), usual))
+    if drift:
+        components.append(Component("drift", _centred_walk(data.order), usual))
+    if blocks is not None:
+        components.append(Component("block", (blocks[:, None] == blocks[None, :]).astype(float), usual))
+    x = basis.fixed(data.speed_m_s, data.curve, observed=True)[:, basis.kept]
+    fit = MixedModel(data.y, x, data.noise, tuple(components)).fit()
+    estimate, half = np.zeros(len(data)), np.zeros(len(data))
+    if drift:
+        kernel = components[[c.name for c in components].index("drift")].kernel
+        found = fit.predict(np.zeros((len(data), x.shape[1])), {"drift": kernel}, {"drift": np.diag(kernel)})
+        estimate, half = found.mean, found.half_width()
+    names = tuple(c.name for c in components if c.name in {"cycle", "drift", "block"})
+    return CurveFit(data, fit, logarithmic, names, estimate, half)
+
+
+def _centred_walk(order: Array) -> Array:
+    """Covariance of a random walk over the campaign, less its mean over the observations."""
+    walk = np.minimum(order[:, None], order[None, :])
+    walk = walk - walk.mean(axis=0, keepdims=True)
+    return walk - walk.mean(axis=1, keepdims=True)
