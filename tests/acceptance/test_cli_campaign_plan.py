@@ -95,15 +95,17 @@ def test_a_protocol_that_takes_too_long_gets_a_fraction_that_fits(capsys, tmp_pa
         (["plan", "nowhere.toml"], "there is no file nowhere.toml"),
         (["plan", "quick-look", "--rig", "default1"], "Did you mean 'default'?"),
         (["plan", "quick-look", "--fraction", "no/such/folder.toml"], "no place for a protocol"),
+        (["plan", "quick-look", "--fraction", "part.toml"], "fits as it is"),
         (["plann"], "Did you mean 'plan'?"),
     ],
 )
 def test_what_is_mistyped_is_named(capsys, monkeypatch, tmp_path, arguments, says):
     monkeypatch.chdir(tmp_path)
     assert run(["campaign", *arguments]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
+    err = capsys.readouterr().err
     assert says in err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_level_that_the_simulated_rig_does_not_have_is_refused(capsys, tmp_path):

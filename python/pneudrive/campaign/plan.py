@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity
 
-#: Bytes that a sample takes in a cycle's file: measured on cycles of the simulated default rig as `write_cycle` writes
-#: them (seven columns, zstd); `test_plan` holds it against a file.
+#: Bytes that a sample takes in a cycle's file: 15 (long stops) to 21 (fast sweeps) on simulated rigs, as `write_cycle`
+#: writes it; `test_plan_on_rig` holds the estimate against files.
 BYTES_PER_SAMPLE = 20.0
-#: Bytes of a cycle's file beside its samples: Parquet's own and the head, measured likewise.
+#: Bytes of a cycle's file beside its samples, measured likewise: Parquet's own and the head.
 BYTES_PER_CYCLE = 6000.0
 VENTED = Pair(AMBIENT, AMBIENT)
 

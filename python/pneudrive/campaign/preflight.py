@@ -206,7 +206,7 @@ def _pressures(cycle: Cycle, envelope: Envelope, bounds: dict[str, float]) -> It
     low, high = envelope.pressure_pa[0], bounds["pressure"]
     for chamber, value in (("a", cycle.pressure_a_pa), ("b", cycle.pressure_b_pa)):
         if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
-            limit = f"{_bar(low)} to {_bar(high)}"
+            limit = f"{_bar(low)} to {_bar(high)}" if low < high else f"the chambers are open to ambient, {_bar(low)}"
             yield Violation("pressure", cycle.key, f"{_bar(value)} in chamber {chamber}", limit, "Change [pressure].")
     difference = abs(cycle.pressure_a_pa - cycle.pressure_b_pa)
     if not envelope.separate_pressures and difference > SAME_PRESSURE_PA:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pneudrive.cli.groups import group
+from pneudrive.errors import CommandError
 
 campaign = group(
     {
@@ -38,18 +39,24 @@ def plan(
     from pneudrive.campaign.plan import lay_out
     from pneudrive.campaign.preflight import check_levels
     from pneudrive.campaign.protocol import parse_protocol, read_protocol
-    from pneudrive.cli.campaign_plan import check_target, proposal_lines, show
+    from pneudrive.cli.campaign_plan import check_target, duration, opened, proposal_lines, show
     from pneudrive.rig import load_rig
 
     asked = read_protocol(protocol)
     if fraction is not None:
         check_target(fraction, asked)
-    bench = load_rig(rig, asked.seed)
-    check_levels(asked, bench)
-    whole = lay_out(asked, bench.identity(), bench.limits())
+    with opened(load_rig(rig, asked.seed)) as bench:
+        check_levels(asked, bench)
+        whole = lay_out(asked, bench.identity(), bench.limits())
     typer.echo(show(whole))
     limit_s = asked.limits.time_s
-    if fraction is None and (whole.time_s <= limit_s or asked.fraction is not None):
+    if whole.time_s <= limit_s or asked.fraction is not None:
+        if fraction is not None:
+            raise CommandError(
+                f"--fraction: {asked.name} fits as it is",
+                rule=f"{duration(whole.time_s)} of limits.time = {duration(limit_s)}",
+                remedy="Lower [limits] time where it is still too long.",
+            )
         return
     proposal = propose(whole, limit_s)
     text = write_fraction(asked, proposal)

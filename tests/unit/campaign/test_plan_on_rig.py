@@ -1,0 +1,38 @@
+"""What a plan says of time, samples and size is what a rig then does; synthetic: the rig is the simulated one."""
+
+import pytest
+
+from pneudrive.campaign.folder import Head, write_cycle
+from pneudrive.campaign.plan import lay_out
+from pneudrive.campaign.protocol import parse_protocol
+from pneudrive.rig import Samples, load_rig
+
+TEXT = """
+directions = "+x"
+[speed]
+list = ["40 mm/s", "300 mm/s"]
+[stop]
+durations = "3 s"
+preconditioning = { strokes = 1, speed = "200 mm/s" }
+[pressure]
+both = "0.5 bar gauge"
+[before_block]
+tare = "2 s"
+"""
+
+
+@pytest.mark.parametrize("name", ["default", "common-manifold"])
+def test_a_rig_does_what_the_plan_says(tmp_path, name):
+    rig = load_rig(name, seed=1)
+    plan = lay_out(parse_protocol(TEXT), rig.identity(), rig.limits())
+    written = 0.0
+    for index, one in enumerate(plan.planned, start=1):
+        cycle = one.cycle
+        rig.set_pressure(cycle.pressure_a_pa, cycle.pressure_b_pa)
+        if rig.state().position_m != cycle.start_m:
+            rig.move(cycle.start_m, 0.1)
+        samples = Samples.join(list(rig.acquire(cycle.steps, cycle.sampling)))
+        assert samples.time_s[-1] == pytest.approx(one.axis_s, abs=1e-6)
+        assert abs(len(samples) - one.samples) <= len(cycle.steps)  # a sample more where a border rounds up
+        written += write_cycle(tmp_path, Head(index, cycle), samples).stat().st_size
+    assert 0.5 < written / plan.bytes < 1.5
