@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 #: writes it; `test_plan_on_rig` holds the estimate against files.
 BYTES_PER_SAMPLE = 20.0
 #: Bytes of a cycle's file beside its samples, measured likewise: Parquet's own and the head.
-BYTES_PER_CYCLE = 6000.0
+BYTES_PER_CYCLE = 5000.0
 VENTED = Pair(AMBIENT, AMBIENT)
 
 
