@@ -13,6 +13,7 @@ from pneudrive.campaign.protocol_tables import (
     Conditions,
     Count,
     Design,
+    DriveUnderTest,
     Filter,
     Fraction,
     HardFactor,
@@ -25,7 +26,6 @@ from pneudrive.campaign.protocol_tables import (
     Sentinel,
     Speeds,
     Stops,
-    TestedDrive,
     Tightened,
     WarmUp,
 )
@@ -69,7 +69,7 @@ class Protocol(Described):
     stop: Stops | None = None
     mounting: Mounting | None = None
     seal: Seal | None = None
-    drive: TestedDrive | None = None
+    drive: DriveUnderTest | None = None
     order: Order = Order()
     warm_up: WarmUp | None = None
     samples: SamplingTable = Field(default=SamplingTable(), alias="sampling")

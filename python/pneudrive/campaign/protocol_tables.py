@@ -229,7 +229,7 @@ class Seal(HardFactor):
     table: ClassVar[str] = "seal"
 
 
-class TestedDrive(HardFactor):
+class DriveUnderTest(HardFactor):
     """Which drive is on the rig; a change is followed by the run-in."""
 
     table: ClassVar[str] = "drive"
