@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
 from pneudrive.rig.conditions import Past, friction_in_force
 from pneudrive.rig.core import core_rig
@@ -133,7 +134,7 @@ class Machine:
         area_a, area_b = d.areas_m2
         ambient = d.ambient_pressure_pa
         push = (past.pressure_a_pa - ambient) * area_a - (past.pressure_b_pa - ambient) * area_b
-        push -= d.moving_mass_kg * 9.80665 * np.sin(d.incline_rad)
+        push -= d.moving_mass_kg * STANDARD_GRAVITY_M_S2 * np.sin(d.incline_rad)
         holds = self.steady_n(friction, CREEP_M_S)
         if abs(push) > holds:
             raise RigError(

@@ -176,7 +176,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
 
     Examples
     --------
-    >>> brake(0.0, 0.5, 0.0, Limits(5.0, 1000.0)).duration_s
+    >>> round(brake(0.0, 0.5, 0.0, Limits(5.0, 1000.0)).duration_s, 12)
     0.105
     """
     a, j = limits.acceleration_m_s2, limits.jerk_m_s3

@@ -312,7 +312,7 @@ class RigSession:
     def _acquire(self, run: _Run, steps: list[Step], sampling: Sampling) -> Iterator[Samples]:
         began, done_s = time.monotonic(), 0.0
         kept: list[dict[str, Any]] = []
-        last = len(steps) - 1
+        last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)
         try:
             for i, step in enumerate(steps):
                 with self._lock:

@@ -1,0 +1,161 @@
+"""A rig on which something goes wrong, on purpose: for tests of what a campaign makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import RigError, nearest
+from pneudrive.rig.interface import CHANNELS, RigState, Samples
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.rig.interface import Rig, Sampling, Step
+
+#: Kind -> what happens to the samples of the interval, or to the state that is shown.
+KINDS = {
+    "stuck": "a channel keeps the value that it had at the beginning",
+    "nan": "a channel shows no number",
+    "saturated": "a channel shows the upper end of its range, or `value`",
+    "offset": "a channel shows `value` more",
+    "dropped": "samples are lost",
+    "duplicated": "samples come twice",
+    "clock": "the clock shows `value` s less",
+    "lost": "the connection is lost: RigError in the middle of a cycle",
+    "state": "the state shows `value` as its `channel`, or the fault `text`, for a number of looks",
+}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that goes wrong.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    cycles : container of int, optional
+        Which calls of `acquire` it strikes, counted from 1; None: all.
+    begin_s, end_s : float
+        Interval within the cycle.
+    channel : str
+        Of the samples, or of `RigState` for kind ``state``.
+    value : float, optional
+    text : str
+        Fault that the state tells, or message of the lost connection.
+    looks : int
+        Kind ``state``: how many calls of `state` it lasts, counted from the first one since the cycle before it ended.
+    """
+
+    kind: str
+    cycles: tuple[int, ...] | range | None = None
+    begin_s: float = 0.0
+    end_s: float = float("inf")
+    channel: str = "force_n"
+    value: float | None = None
+    text: str = ""
+    looks: int = 3
+
+    def __post_init__(self) -> None:
+        """Refuse a kind or a channel that there is not."""
+        if self.kind not in KINDS:
+            raise RigError(f"fault {self.kind!r} is unknown", remedy=nearest(self.kind, KINDS))
+        shown = {entry.name for entry in fields(RigState)}
+        known = shown if self.kind == "state" else set(CHANNELS)
+        if self.channel not in known:
+            raise RigError(f"channel {self.channel!r} is unknown", remedy=nearest(self.channel, known))
+
+    def strikes(self, cycle: int) -> bool:
+        """Tell whether it strikes a cycle."""
+        return self.cycles is None or cycle in self.cycles
+
+
+@dataclass
+class FaultyRig:
+    """A rig with faults; everything else is as on the rig itself, memory and truth included.
+
+    Parameters
+    ----------
+    rig : Rig
+    faults : sequence of Fault
+
+    Examples
+    --------
+    >>> from pneudrive.rig import Hold, Samples, Sampling, load_rig
+    >>> rig = FaultyRig(load_rig(), [Fault("nan", cycles=(2,), begin_s=0.5, end_s=0.6)])
+    >>> [bool(np.isnan(Samples.join(list(rig.acquire([Hold(1.0)], Sampling()))).force_n).any()) for _ in range(2)]
+    [False, True]
+    """
+
+    rig: Rig
+    faults: Sequence[Fault]
+    cycle: int = field(default=0, init=False)
+    looks: int = field(default=0, init=False)
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the rig has
+        """Pass on what is not changed here."""
+        if name.startswith("__") or name == "rig":
+            raise AttributeError(name)
+        return getattr(self.rig, name)
+
+    def state(self) -> RigState:
+        """Tell where the rig stands; a fault may show something else, before the cycle that it strikes."""
+        state = self.rig.state()
+        self.looks += 1
+        for fault in self.faults:
+            if fault.kind == "state" and fault.strikes(self.cycle + 1) and self.looks <= fault.looks:
+                shown = fault.text or fault.value
+                state = replace(state, **{"fault" if fault.text else fault.channel: shown})
+        return state
+
+    def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
+        """Run the steps; what goes wrong goes wrong in the samples."""
+        self.cycle += 1
+        self.looks = 0
+        struck = [fault for fault in self.faults if fault.kind != "state" and fault.strikes(self.cycle)]
+        return self._spoil(self.rig.acquire(steps, sampling), struck)
+
+    def _spoil(self, parts: Iterator[Samples], faults: Iterable[Fault]) -> Iterator[Samples]:
+        kept: dict[int, float] = {}
+        limits = self.rig.identity().limits
+        try:
+            for samples in parts:
+                time, spoiled = samples.time_s, samples
+                for i, fault in enumerate(faults):
+                    inside = (fault.begin_s <= time) & (time < fault.end_s)
+                    if not inside.any():
+                        continue
+                    if fault.kind == "lost":
+                        raise RigError(fault.text or "the connection to the rig is lost")
+                    if fault.kind in ("dropped", "duplicated"):
+                        spoiled, time = _repeat(spoiled, time, inside, fault.kind)
+                        continue
+                    values = getattr(spoiled, "time_s" if fault.kind == "clock" else fault.channel).copy()
+                    if fault.kind == "stuck":
+                        values[inside] = kept.setdefault(i, float(values[inside][0]))
+                    elif fault.kind == "saturated":
+                        values[inside] = limits[fault.channel][1] if fault.value is None else fault.value
+                    elif fault.kind == "nan":
+                        values[inside] = np.nan
+                    else:
+                        values[inside] += (fault.value or 0.0) * (-1.0 if fault.kind == "clock" else 1.0)
+                    spoiled = replace(spoiled, **{"time_s" if fault.kind == "clock" else fault.channel: values})
+                yield spoiled
+        finally:
+            close = getattr(parts, "close", None)
+            if close is not None:
+                close()
+
+
+def _repeat(
+    samples: Samples, time: NDArray[np.float64], inside: NDArray[np.bool_], kind: str
+) -> tuple[Samples, NDArray[np.float64]]:
+    """Take the samples inside twice, or not at all."""
+    times = np.where(inside, 2 if kind == "duplicated" else 0, 1)
+    names = (*CHANNELS, "step")
+    return Samples(**{name: np.repeat(getattr(samples, name), times) for name in names}), np.repeat(time, times)
