@@ -49,9 +49,9 @@ class Protocol(Described):
 
     Examples
     --------
-    >>> protocol = read_protocol("quick-look")
+    >>> protocol = read_protocol("paper-speed")
     >>> protocol.speed.levels_m_s[0]
-    0.002
+    0.001
     """
 
     schema_version: Literal[1] = Field(default=1, alias="schema", description="of this file")
