@@ -32,6 +32,10 @@ STATE = ("position", "force", "pressure_a", "pressure_b", "supply_pressure", "te
 CHUNK = ("time", "position", "force", "pressure_a", "pressure_b", "temperature", "step")
 
 
+class _EndedError(RigError):
+    """Another thread of this program has stopped the axis."""
+
+
 class OpcUaRig:
     """The verbs of `Rig` over the nodes of a map; `open_rig` makes one.
 
@@ -128,6 +132,9 @@ class OpcUaRig:
                 if running:
                     self._wait(look, deadline, Verb.ACQUIRE)
             self._check_fault(Verb.ACQUIRE)
+        except _EndedError:
+            running = False
+            raise
         except LinkError as error:
             running = False  # nobody there who could be told to halt
             self._lost("the acquisition", str(error))
@@ -139,7 +146,7 @@ class OpcUaRig:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
         try:
             if self._link.lost is not None:
-                self._link.connect()
+                self._connect()
                 self._gone = True
             self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
         except LinkError as error:
@@ -173,6 +180,8 @@ class OpcUaRig:
 
     def _ended(self, identity: int) -> bool:
         done, current = self._link.read("answer.done", "command.id")
+        if current != identity and current == self._id:
+            raise _EndedError("it was ended by another command of this program", where=self._link.url)
         if current != identity:
             what = "another client commands this rig"
             raise RigError(what, where=self._link.url, rule="one client at a time", remedy="end the other one")
@@ -268,9 +277,7 @@ class OpcUaRig:
         deadline, wait = time.monotonic() + self.reconnect_s, FIRST_WAIT_S
         while True:
             with contextlib.suppress(LinkError):
-                self._link.connect()
-                self._id = int(self._link.read("command.id")[0])
-                self._same_rig()
+                self._connect()
                 return
             if time.monotonic() + wait > deadline:
                 what = f"the connection to the rig was lost and did not come back within {self.reconnect_s:g} s"
@@ -284,7 +291,10 @@ class OpcUaRig:
             time.sleep(wait)
             wait = min(2.0 * wait, LONGEST_WAIT_S)
 
-    def _same_rig(self) -> None:
+    def _connect(self) -> None:
+        """Connect again, to the same rig."""
+        self._link.connect()
+        self._id = int(self._link.read("command.id")[0])
         if "rig.identity" in self._link.nodes:
             found = self._described("rig.identity", identity_of)
             if found.name != self._identity.name and self._identity.name:
@@ -381,7 +391,7 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
     if str(source).startswith(f"{SCHEME}://"):
         return open_rig(str(source))
     file = RigFile.load(source)
-    file.only("", KEYS)
+    file.only("", {*KEYS, "password"})  # which has a message of its own
     if file.get("schema") not in (None, SCHEMA):
         raise file.fail("the rig file is of another version", "schema", rule=f"schema = {SCHEMA}")
     url = file.needed("url", file.string("url"), '"opc.tcp://192.168.0.10:4840"')

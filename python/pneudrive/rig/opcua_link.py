@@ -24,7 +24,7 @@ BEATS = 4  # heartbeats sent within the heartbeat time
 NODES_A_REQUEST = 64  # what small PLCs still take
 CLOSING_S = 2.0
 # Words in the status codes of a server that does not want us: trying again does not help.
-REFUSALS = ("Certificate", "Identity", "UserAccess", "Security", "Signature", "NoMatch", "Nonce")
+REFUSALS = ("ertificate", "Identity", "UserAccess", "Security", "Signature", "No matching endpoints", "Nonce")
 
 
 class LinkError(Exception):
@@ -141,7 +141,7 @@ class Link:
         except ua.UaError as error:
             await _hang_up(client)
             name = type(error).__name__
-            if any(word in name for word in REFUSALS) or "ertificate" in str(error):
+            if any(word in name + str(error) for word in REFUSALS):
                 raise RigError(
                     f"the server refuses us: {_reason(error)}",
                     where=self.url,
@@ -150,7 +150,9 @@ class Link:
             raise LinkError(_reason(error)) from None
         except (OSError, TimeoutError, asyncio.TimeoutError) as error:
             await _hang_up(client)
-            raise LinkError(_reason(error)) from None
+            silent = isinstance(error, TimeoutError) and self.access.certificate is not None
+            hint = " (a server is silent where server_certificate is not its own)" if silent else ""
+            raise LinkError(f"{_reason(error)}{hint}") from None
         self._client = client
         self.lost = None
         try:
@@ -306,4 +308,7 @@ async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
 
 
 def _reason(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}".rstrip(": ") if str(error) else type(error).__name__
+    """Say what went wrong in a line; asyncua repeats the name of a status at the end."""
+    name = type(error).__name__
+    text = str(error).replace(f"({name})", "").strip()
+    return f"{name}: {text}" if text else name

@@ -19,7 +19,7 @@ from pneudrive.rig.opcua_link import COUNTER, Loop
 from pneudrive.rig.opcua_nodes import HOLD, IN_RING, RELEASED, SHUT, Node, NodeMap, Verb
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from pneudrive.rig.interface import Rig, Step
 
@@ -142,7 +142,8 @@ class RigServer:
     async def _start(self) -> None:
         asyncua, ua = opcua(), opcua("asyncua.ua")
         server = self._server = asyncua.Server()
-        await server.init()
+        with _without_collector():  # half of the start otherwise: the standard nodes are many small objects
+            await server.init()
         server.set_server_name("pneudrive rig")
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}")
         server.set_match_discovery_client_ip(False)
@@ -224,8 +225,9 @@ class RigServer:
             self._interrupt.set()
             self._taken.notify_all()
         if stop and (self._stopper is None or not self._stopper.is_alive()):
-            self._stopper = threading.Thread(target=self._stop_rig, name="stop", daemon=True)  # it may block
-            self._stopper.start()
+            stopper = threading.Thread(target=self._stop_rig, name="stop", daemon=True)  # it may block
+            stopper.start()
+            self._stopper = stopper
 
     def _stop_rig(self) -> None:
         """Stop until no verb runs: one may have been about to begin."""
@@ -384,6 +386,19 @@ class RigServer:
             data = ua.DataValue(ua.Variant(raw, ua.VariantType[node.type]))
             place = places[slot if name in IN_RING else 0]
             await self._server.iserver.aspace.write_attribute_value(place, ua.AttributeIds.Value, data)
+
+
+@contextlib.contextmanager
+def _without_collector() -> Iterator[None]:
+    import gc
+
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _steps(arguments: dict[str, Any]) -> list[Step]:

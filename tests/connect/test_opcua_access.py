@@ -1,0 +1,122 @@
+"""Who may command a rig: a stranger's certificate, a wrong user or password is refused, on both sides."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+import pytest
+
+from pneudrive.cli.main import run
+from pneudrive.errors import CommandError, RigError
+from pneudrive.rig import Move, Samples, Sampling, load_rig
+from pneudrive.rig.opcua_access import Access, Protection, add_user, make_certificate
+from pneudrive.rig.opcua_client import open_rig
+from pneudrive.rig.opcua_nodes import load_map
+from pneudrive.rig.opcua_server import RigServer
+
+PASSWORD = "correct horse"
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("certificates")
+    for name in ("server", "client", "stranger"):
+        make_certificate(folder, name, ["localhost"])
+    add_user(folder / "users", "anna", "old")
+    add_user(folder / "users", "bert", "another")
+    add_user(folder / "users", "anna", PASSWORD)
+    (folder / "password").write_text(f"{PASSWORD}\n")
+    (folder / "password").chmod(0o600)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def served(files):
+    protection = Protection.of(files / "server.pem", None, [files / "client.pem"], files / "users")
+    with RigServer(load_rig("default", seed=3), load_map(), port=0, protection=protection) as server:
+        yield server
+
+
+def access(files: Path, certificate: str = "client", server: str = "server", **fields: object) -> Access:
+    return Access(
+        certificate=files / f"{certificate}.pem",
+        key=files / f"{certificate}.key",
+        server_certificate=files / f"{server}.pem",
+        **{"user": "anna", "password_file": files / "password", **fields},  # type: ignore[arg-type]
+    )
+
+
+def test_the_right_client_gets_all_samples(served, files, tmp_path, monkeypatch):
+    monkeypatch.setenv("RIG_PASSWORD", PASSWORD)
+    names = {"certificate": "client.pem", "key": "client.key", "server_certificate": "server.pem"}
+    lines = [f'{key} = "{files / name}"' for key, name in names.items()]
+    text = "\n".join(
+        ['kind = "opc-ua"', f'url = "{served.url}"', 'user = "anna"', 'password_env = "RIG_PASSWORD"', *lines]
+    )
+    (tmp_path / "bench.toml").write_text(text)
+    rig, direct = load_rig(tmp_path / "bench.toml"), load_rig("default", seed=3)
+    there, here = (Samples.join(list(r.acquire([Move(0.2, 0.1)], Sampling()))) for r in (rig, direct))
+    assert (there.force_n == here.force_n).all()
+    rig.close()
+
+
+@pytest.mark.parametrize(
+    ("who", "words"),
+    [
+        ({"certificate": "stranger"}, "refuses us: BadUserAccessDenied"),
+        ({"user": "carl"}, "refuses us: BadUserAccessDenied"),
+        ({"user": "bert"}, "refuses us: BadUserAccessDenied"),
+        ({"user": None, "password_file": None}, "refuses us: BadIdentityTokenRejected"),
+        ({"server": "stranger"}, "server_certificate is not its own"),
+        (None, "refuses us: .*No matching endpoints"),
+    ],
+    ids=["certificate", "user", "password", "no user", "server", "nothing"],
+)
+def test_others_are_refused(served, files, who, words):
+    with pytest.raises(RigError, match=words):
+        open_rig(served.url, access=Access() if who is None else access(files, **who))
+
+
+def test_secrets_stay_secret(files, tmp_path):
+    for name in ("server.key", "users"):
+        assert stat.S_IMODE((files / name).stat().st_mode) == 0o600
+    assert PASSWORD not in (files / "users").read_text()
+    with pytest.raises(RigError, match="is there already"):
+        make_certificate(files, "server")
+    (tmp_path / "password").write_text(PASSWORD)
+    (tmp_path / "password").chmod(0o644)
+    with pytest.raises(RigError, match=r"(?s)others may read.*chmod 600"):
+        Access(user="anna", password_file=tmp_path / "password").password()
+    with pytest.raises(RigError, match="holds no password"):
+        Access(user="anna", password_env="NO_SUCH_VARIABLE").password()
+
+
+START = 'kind = "opc-ua"\nurl = "opc.tcp://127.0.0.1:1"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('password = "x"', "no password stands in a rig file"),
+        ('user = "anna"', "a password is sent over an encrypted connection only"),
+        ('certificate = "c.pem"', "named together"),
+        ('certificat = "c.pem"', "Did you mean 'certificate'"),
+    ],
+)
+def test_rig_files_that_would_give_a_secret_away(tmp_path, text, words):
+    (tmp_path / "bench.toml").write_text(START + text)
+    with pytest.raises(RigError, match=rf"(?s)bench.toml:3.*{words}"):
+        load_rig(tmp_path / "bench.toml")
+    (tmp_path / "bench.toml").write_text(START.replace("opc.tcp://", "opc.tcp://anna:x@"))
+    with pytest.raises(RigError, match="without user and password"):
+        load_rig(tmp_path / "bench.toml")
+
+
+def test_a_server_is_not_open_to_the_network_by_mistake(files, capsys):
+    assert run(["rig", "serve", "--bind", "0.0.0.0"]) == 2
+    assert "whoever reaches this address could move the axis" in capsys.readouterr().err
+    with pytest.raises(CommandError, match="need --certificate"):
+        Protection.of(None, None, None, files / "users")
+    with pytest.raises(CommandError, match="without --trust"):
+        Protection.of(files / "server.pem", None, None, None)
