@@ -97,7 +97,7 @@ temperature = "15 degC .. 30 degC"
 
 
 def plc_map() -> str:
-    """Write the default map as a small PLC would have it: own ids, REAL and INT, daily units, a force that points back."""
+    """Write the default map as a small PLC has it: own ids, REAL and INT, daily units, a force that points back."""
     text = re.sub(r'"s=([\w.{}]+)"', r'"ns=4;s=GVL.\1"', DEFAULT_MAP.read_text())
     text = re.sub(r"(?s)\[(rig|simulation|sampling)\].*?(?=\n\[|\Z)", "", text).replace(
         'namespace = "urn:pneudrive:rig"', ""
