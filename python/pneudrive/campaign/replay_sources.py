@@ -113,7 +113,7 @@ def campaign_rig(
     if not takes:
         raise RigError("the campaign has no finished cycle to play", where=str(folder))
     identity = identity or campaign.identity
-    told = campaign.about.get("limits")
+    told = campaign.about.get("envelope")
     limits = limits or (envelope_of(told) if isinstance(told, dict) else _envelope(takes, identity))
     return ReplayRig(takes, identity, limits, pace, tolerance)
 

@@ -27,7 +27,7 @@ CLOSING_S = 2.0
 REFUSALS = ("ertificate", "Identity", "UserAccess", "Security", "Signature", "No matching endpoints", "Nonce")
 
 
-class LinkError(Exception):
+class LinkError(ConnectionError):
     """The connection is lost."""
 
 

@@ -1,0 +1,100 @@
+"""A campaign over OPC UA is the direct one, to the bit; a server that is killed costs at most the running cycle."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.run import run_campaign
+from pneudrive.rig import load_rig
+from pneudrive.rig.opcua_nodes import load_map
+from pneudrive.rig.opcua_server import RigServer
+
+PROTOCOL = "quick-look"
+KILLS = 10
+
+
+@pytest.fixture(scope="module")
+def direct(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("campaigns") / "direct"
+    run_campaign(PROTOCOL, "default", folder)
+    return folder
+
+
+def assert_same_campaign(one: Path, other: Path) -> list[int]:
+    """Hold every file of both against each other, but for when and how often it was begun; give the attempts."""
+    here, there = (list(Campaign.open(folder).cycles()) for folder in (one, other))
+    assert [file.name for file in here] == [file.name for file in there]
+    for a, b in zip(here, there, strict=True):
+        assert a.head.sha256 == b.head.sha256, a.name  # every bit of every sample
+        for what in ("cycle", "began_s", "flags", "memory"):
+            assert getattr(a.head, what) == getattr(b.head, what), (a.name, what)
+        truths = [json.loads((folder / "truth" / f"{a.name}.json").read_text()) for folder in (one, other)]
+        assert truths[0] == truths[1]
+    assert Campaign.open(one).identity == Campaign.open(other).identity
+    return [file.head.attempts for file in there]
+
+
+def test_a_campaign_over_a_connection_is_the_direct_one(direct, tmp_path):
+    seed = Campaign.open(direct).about["seed"]
+    with RigServer(load_rig("default", seed=seed), load_map(), port=0) as server:
+        run_campaign(PROTOCOL, server.url, tmp_path / "there")
+    assert set(assert_same_campaign(direct, tmp_path / "there")) == {1}
+
+
+class Server:
+    """`pneudrive rig serve` in a process of its own, killed and started again."""
+
+    def __init__(self, seed: int) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        options = ["--port", str(self.port), "--pace", "0", "--seed", str(seed)]
+        self.command = [sys.executable, "-m", "pneudrive", "rig", "serve", "default", *options]
+        self.kills, self.over = 0, threading.Event()
+        self.start()
+
+    def start(self) -> None:
+        self.process = subprocess.Popen(self.command, stdout=subprocess.PIPE, text=True)
+        assert "opc.tcp" in self.process.stdout.readline()  # type: ignore[union-attr]
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()  # type: ignore[union-attr]
+
+    def keep_killing(self, folder: Path, rng: np.random.Generator) -> None:
+        """Kill it in the middle of one cycle after the other."""
+        cycles = folder / "cycles"
+        while self.kills < KILLS and not self.over.is_set():
+            finished = len(list(cycles.glob("*.parquet"))) if cycles.is_dir() else 0
+            if finished > self.kills:
+                time.sleep(rng.uniform(0.0, 0.15))
+                self.kill()
+                self.kills += 1
+                self.start()
+            time.sleep(0.002)
+
+
+def test_a_server_that_is_killed_costs_at_most_the_running_cycle(direct, tmp_path):
+    server = Server(Campaign.open(direct).about["seed"])
+    killer = threading.Thread(target=server.keep_killing, args=(tmp_path / "there", np.random.default_rng(5)))
+    killer.start()
+    try:
+        run_campaign(PROTOCOL, f"opc.tcp://127.0.0.1:{server.port}", tmp_path / "there")
+    finally:
+        server.over.set()
+        killer.join()
+        server.kill()
+    assert server.kills == KILLS
+    attempts = assert_same_campaign(direct, tmp_path / "there")
+    assert sum(attempts) - len(attempts) <= KILLS
