@@ -1,0 +1,343 @@
+"""What is run next: the plan, and what the finished cycles say about it.
+
+`next_cycle` is a pure function of plan and finished cycles, so that going on after an interruption needs nothing else,
+and the same cycles follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.campaign.checks import serious
+from pneudrive.campaign.points import Builder
+from pneudrive.errors import RecordingError
+from pneudrive.rig.interface import Hold
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.plan import Plan, Planned
+    from pneudrive.campaign.protocol import Adaptive
+    from pneudrive.rig.interface import Identity, Samples
+
+    Array = NDArray[np.float64]
+
+#: Kinds whose mean friction counts.
+LEVELS = ("sweep", "sentinel")
+#: Added speeds lie apart from measured ones by at least this ratio: nearer ones would count as one level.
+APART = 1.05
+#: Speeds that are tried, and digits of the one that is taken.
+CANDIDATES, DIGITS = 400, 4
+#: Speeds that a fit of the Stribeck curve needs before it may choose: two more than its parameters.
+LEAST_FOR_FIT = 6
+#: Condition of the information matrix, scaled, beyond which the fit does not say where to measure.
+WORST_CONDITION = 1e8
+
+
+@dataclass(frozen=True)
+class Point:
+    """What one cycle says about the characteristic, quickly: for decisions and for the live map, not for results.
+
+    Attributes
+    ----------
+    friction_n, stderr_n : float
+        Mean friction of a sweep; of a stop the greatest force after it. NaN where nothing can be said.
+    settled_s : float
+        Settled time in the direction that has less of it.
+    why : str
+        Why nothing can be said.
+    """
+
+    friction_n: float = float("nan")
+    stderr_n: float = float("nan")
+    settled_s: float = 0.0
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A finished cycle, as decisions see it."""
+
+    cycle: Cycle
+    flags: dict[str, int]
+    point: Point
+
+
+def measure(samples: Samples, cycle: Cycle, identity: Identity) -> Point:
+    """Say what a cycle says; nothing for kinds that are no points of a characteristic."""
+    from pneudrive.characterise.extract import extract
+    from pneudrive.characterise.settling import Settled
+
+    if cycle.kind not in (*LEVELS, "stop"):
+        return Point()
+    try:
+        recording = _recording(samples, cycle, identity)
+        if cycle.kind == "stop":
+            return _after_stop(samples, cycle, identity)
+        found = extract(recording, Settled())
+    except RecordingError as error:
+        return Point(why=error.what)
+    wanted = cycle.speed_m_s or 0.0
+    level = min(found.levels, key=lambda one: abs(one.speed_m_s - wanted))
+    steps = np.diff(found.recording.time_s, append=found.recording.time_s[-1])
+    times = {
+        direction: sum(
+            float(steps[s.samples][found.settled[s.samples]].sum()) for s in level.strokes if s.direction == direction
+        )
+        for direction in {s.direction for s in level.strokes}
+    }
+    return Point(level.friction_n, level.stderr_n, min(times.values()))
+
+
+def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN202 - see Recording
+    from pneudrive.characterise.recording import Recording
+
+    with np.errstate(invalid="ignore"):
+        time = np.where(np.isfinite(samples.time_s), samples.time_s, -np.inf)
+        good = (time >= np.maximum.accumulate(time)) & np.isfinite(time)
+    channels = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
+    return Recording(
+        name=cycle.key,
+        **{name: getattr(samples, name)[good] for name in channels},
+        area_a_m2=identity.area_a_m2,
+        area_b_m2=identity.area_b_m2,
+        ambient_pressure_pa=identity.ambient_pressure_pa,
+        mass_beyond_sensor_kg=identity.mass_beyond_sensor_kg,
+        incline_rad=identity.incline_rad,
+        accuracy=dict(identity.accuracy),
+        limits=dict(identity.limits),
+    )
+
+
+def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> Point:
+    """Give the greatest force in the move after the longest hold, against that move's direction."""
+    holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
+    number = max(holds)[1] + 1 if holds else len(cycle.steps) - 2
+    part = np.flatnonzero((samples.step == number) & np.isfinite(samples.force_n) & np.isfinite(samples.position_m))
+    if part.size < 2:
+        return Point(why="there are no samples after the stop")
+    ambient = identity.ambient_pressure_pa
+    force = (
+        samples.force_n[part]
+        + (samples.pressure_a_pa[part] - ambient) * identity.area_a_m2
+        - (samples.pressure_b_pa[part] - ambient) * identity.area_b_m2
+    )
+    way = samples.position_m[part[-1]] - samples.position_m[part[0]]
+    return Point(float(np.max(np.sign(way) * force)), settled_s=float("inf"))
+
+
+def next_cycle(plan: Plan, finished: Sequence[Finished]) -> tuple[Cycle, str] | None:
+    """Say which cycle is run next, and why where the protocol does not list it.
+
+    Parameters
+    ----------
+    plan : Plan
+    finished : sequence of Finished
+        In the order in which they were run.
+
+    Returns
+    -------
+    (Cycle, str) or None
+        None where the campaign is done.
+    """
+    rules = plan.protocol.adaptive
+    if rules is not None and finished:
+        again = _again(plan, finished, rules) or _added(plan, finished, rules)
+        if again is not None:
+            return again
+    done = {one.cycle.key for one in finished}
+    for planned in plan.planned:
+        if planned.cycle.key not in done and not (rules is not None and _is_tight(planned, finished, rules)):
+            return planned.cycle, ""
+    return None
+
+
+def dropped(plan: Plan, finished: Sequence[Finished]) -> set[str]:
+    """Give the keys of planned cycles that are not needed any more, as their point is known well enough."""
+    rules = plan.protocol.adaptive
+    done = {one.cycle.key for one in finished}
+    if rules is None:
+        return set()
+    return {p.cycle.key for p in plan.planned if p.cycle.key not in done and _is_tight(p, finished, rules)}
+
+
+def whats_bad(one: Finished, rules: Adaptive) -> str:
+    """Say why a cycle is no good point, in words; empty where it is one."""
+    flags = serious(one.flags)
+    if flags:
+        return f"flagged {', '.join(flags)}"
+    if one.cycle.kind not in LEVELS:
+        return ""
+    if one.point.why:
+        return one.point.why
+    if rules.settled_time_s is not None and one.point.settled_s < rules.settled_time_s:
+        return f"settled for {one.point.settled_s:.3g} s, less than {rules.settled_time_s:g} s"
+    if rules.noise_n is not None and not one.point.stderr_n <= rules.noise_n:
+        return f"standard error {one.point.stderr_n:.3g} N, more than {rules.noise_n:g} N"
+    return ""
+
+
+def _cell(cycle: Cycle) -> str:
+    """Name what the repeats of a point share: its key without the repeat."""
+    return cycle.key.partition("+again")[0] if cycle.kind == "sentinel" else cycle.key.rpartition("/")[0]
+
+
+def _again(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[Cycle, str] | None:
+    """Repeat the last cycle where it is no good point."""
+    last = finished[-1]
+    if last.cycle.kind not in (*LEVELS, "stop") or not rules.repeats:
+        return None
+    bad = whats_bad(last, rules)
+    if not bad:
+        return None
+    cell = _cell(last.cycle)
+    planned = {p.cycle.key for p in plan.planned}
+    here = [one.cycle for one in finished if one.cycle.kind == last.cycle.kind and _cell(one.cycle) == cell]
+    further = sum("again" in cycle.key.rpartition("/")[2] for cycle in here)
+    if further >= rules.repeats:
+        return None
+    key = f"{cell}+again{further + 1}" if last.cycle.kind == "sentinel" else f"{cell}/again{further + 1}"
+    repeat = max([c.repeat for c in here] + [p.cycle.repeat for p in plan.planned if _cell(p.cycle) == cell])
+    assert key not in planned
+    return replace(last.cycle, key=key, repeat=repeat + 1), f"repeats {last.cycle.key}: {bad}"
+
+
+def _is_tight(planned: Planned, finished: Sequence[Finished], rules: Adaptive) -> bool:
+    """Whether the mean of a point is known well enough without this repeat."""
+    from pneudrive.characterise.spread import student
+
+    if rules.interval_n is None or planned.cell is None:
+        return False
+    cell = _cell(planned.cycle)
+    values = [
+        one.point.friction_n
+        for one in finished
+        if one.cycle.kind == planned.cycle.kind and _cell(one.cycle) == cell and not whats_bad(one, rules)
+    ]
+    values = [value for value in values if np.isfinite(value)]
+    if len(values) < rules.least_repeats:
+        return False
+    half = student(len(values) - 1) * float(np.std(values, ddof=1)) / len(values) ** 0.5
+    return half <= rules.interval_n
+
+
+def _added(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[Cycle, str] | None:
+    """Add a speed where all planned ones of a block are done."""
+    if not rules.added_speeds or plan.protocol.speed is None:
+        return None
+    block = finished[-1].cycle.block
+    done = {one.cycle.key for one in finished}
+    here = [p for p in plan.planned if p.cycle.block == block and p.cycle.kind == "sweep" and p.cell is not None]
+    if any(p.cycle.key not in done and not _is_tight(p, finished, rules) for p in here):
+        return None
+    planned_keys = {_cell(p.cycle) for p in plan.planned}
+    builder = Builder(plan.protocol, plan.identity, plan.envelope)
+    for pair in dict.fromkeys((p.cycle.pressure_a_pa, p.cycle.pressure_b_pa) for p in here):
+        members = [one for one in finished if one.cycle.block == block and one.cycle.kind == "sweep"]
+        members = [one for one in members if (one.cycle.pressure_a_pa, one.cycle.pressure_b_pa) == pair]
+        added = {_cell(one.cycle) for one in members} - planned_keys
+        if len(added) >= rules.added_speeds:
+            continue
+        chosen = choose_speed([one for one in members if not whats_bad(one, rules)])
+        if chosen is None:
+            continue
+        speed, why = chosen
+        model = next(p for p in here if (p.cycle.pressure_a_pa, p.cycle.pressure_b_pa) == pair)
+        assert model.cell is not None
+        cycle = builder.point(replace(model.cell, speed_m_s=speed, turn=""), block, 1, model.cycle.levels)
+        return cycle, why
+    return None
+
+
+def choose_speed(members: Sequence[Finished]) -> tuple[float, str] | None:
+    """Choose the next speed of a characteristic.
+
+    Where a Stribeck curve can be fitted, the speed at which the variance of its prediction is largest: that one
+    raises the determinant of the information most (sequential D-optimal design [fedorov1972]). Otherwise the middle,
+    on a logarithmic scale, of the interval in which the measured curve bends most.
+
+    Parameters
+    ----------
+    members : sequence of Finished
+        Sweeps at one pair of pressures.
+
+    Returns
+    -------
+    (float, str) or None
+        Speed in m/s and the reason; None where no speed lies apart from all measured ones.
+    """
+    usable = [m for m in members if np.isfinite(m.point.friction_n) and m.cycle.speed_m_s]
+    speed = np.array([m.cycle.speed_m_s or np.nan for m in usable])
+    levels = np.unique(speed)
+    if levels.size < 3:
+        return None
+    candidates = np.geomspace(levels[0], levels[-1], CANDIDATES)
+    ratio = np.exp(np.min(np.abs(np.log(candidates[:, None] / levels)), axis=1))
+    candidates = candidates[ratio >= APART]
+    if not candidates.size:
+        return None
+    gain = None
+    if levels.size >= LEAST_FOR_FIT:
+        gain = _prediction_variance(speed, usable, candidates)
+    if gain is not None:
+        return _rounded(candidates[int(np.argmax(gain))]), "adds the D-optimal speed of the Stribeck curve so far"
+    means = np.array(
+        [np.mean([m.point.friction_n for m in usable if m.cycle.speed_m_s == v]) for v in levels], dtype=np.float64
+    )
+    gaps = _bend(np.log(levels), means)
+    for gap in np.argsort(-gaps, kind="stable"):
+        middle = float(np.sqrt(levels[gap] * levels[gap + 1]))
+        if min(middle / levels[gap], levels[gap + 1] / middle) >= APART:
+            return _rounded(middle), "adds a speed where the curve bends most"
+    return None
+
+
+def _bend(x: Array, y: Array) -> Array:
+    """Estimate the error of a straight line across each interval: its width squared times the second derivative."""
+    second = np.zeros(x.size)
+    slopes = np.diff(y) / np.diff(x)
+    second[1:-1] = 2.0 * np.diff(slopes) / (x[2:] - x[:-2])
+    bent = np.maximum(np.abs(second[:-1]), np.abs(second[1:]))
+    return bent * np.diff(x) ** 2
+
+
+def _prediction_variance(speed: Array, usable: Sequence[Finished], candidates: Array) -> Array | None:
+    """Give the variance of the fitted Stribeck curve at the candidates, up to a factor; None where there is no fit."""
+    from pneudrive.errors import FitError
+    from pneudrive.identify.model import FrictionModel, Observations
+    from pneudrive.identify.robust import estimate
+
+    friction = np.array([m.point.friction_n for m in usable])
+    stated = np.array([m.point.stderr_n for m in usable])
+    known = stated[np.isfinite(stated) & (stated > 0.0)]
+    stderr = np.full(speed.size, float(np.median(known)) if known.size else 1.0)
+
+    def observations(at: Array, value: Array, error: Array) -> Observations:
+        zero = np.zeros(at.size)
+        return Observations(at, value, error, zero, zero, zero, np.arange(at.size))
+
+    model = FrictionModel("stribeck")
+    data = observations(speed, friction, stderr)
+    try:
+        found = estimate(model, data)
+    except (FitError, ValueError, np.linalg.LinAlgError):
+        return None
+    size = np.linalg.norm(found.jacobian, axis=0)
+    if found.active.any() or (size == 0.0).any():
+        return None
+    information = (found.jacobian / size).T @ (found.jacobian / size)
+    if not np.linalg.cond(information) < WORST_CONDITION:
+        return None
+    ones = np.ones(candidates.size)
+    gradient = model.value_and_jacobian(found.q, observations(candidates, ones, ones))[1] / size
+    return np.einsum("ij,ij->i", gradient, np.linalg.solve(information, gradient.T).T)
+
+
+def _rounded(speed: float) -> float:
+    return float(f"{speed:.{DIGITS}g}")

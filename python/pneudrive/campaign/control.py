@@ -1,0 +1,187 @@
+"""Pause, resume and abort: from the keyboard, by a signal, and from another process by files in the folder.
+
+A request is a file in ``control/`` of the campaign folder, written whole; the process that runs the campaign looks for
+one five times a second, takes it and removes it. That works on any file system that the campaign itself works on, over
+the network too, and costs one system call each time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pneudrive.campaign.lock import Holder, holder, now
+from pneudrive.campaign.storage import PART, make_folder, write_whole
+from pneudrive.errors import CampaignError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+    from types import FrameType
+
+FOLDER = "control"
+#: What can be asked for: pause after the cycle, stop the axis now and pause, go on, end.
+PAUSE, STOP, RESUME, ABORT = "pause", "stop", "resume", "abort"
+WORDS = (PAUSE, STOP, RESUME, ABORT)
+LOOK_S = 0.2
+#: Presses of Ctrl-C nearer than this are one, s.
+BOUNCE_S = 0.2
+
+
+@dataclass(frozen=True)
+class Request:
+    """What somebody wants of a running campaign.
+
+    Attributes
+    ----------
+    word : str
+        One of `WORDS`.
+    by : str
+        Who asked, in words.
+    leave : bool
+        Nobody will be there to go on: pausing means ending.
+    """
+
+    word: str
+    by: str
+    leave: bool = False
+
+
+class Requests:
+    """Requests to one campaign, from whatever side they come.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the campaign.
+    someone_there : bool
+        Whether a prompt would be answered.
+    """
+
+    def __init__(self, folder: Path, *, someone_there: bool) -> None:
+        self._folder = folder / FOLDER
+        self._someone_there = someone_there
+        self._queue: deque[Request] = deque()
+        self._presses, self._last_press = 0, 0.0
+        self.arrived = threading.Event()
+        with contextlib.suppress(OSError):
+            make_folder(self._folder)
+        for path in self._waiting():  # meant for a process that is gone
+            with contextlib.suppress(OSError):
+                path.unlink()
+
+    def put(self, request: Request) -> None:
+        """Add one."""
+        self._queue.append(request)
+        self.arrived.set()
+
+    def take(self) -> Request | None:
+        """Give the oldest one, or None."""
+        self.arrived.clear()
+        if self._queue:
+            return self._queue.popleft()
+        for path in self._waiting():
+            request = self._take_file(path)
+            if request is not None:
+                return request
+        return None
+
+    def wait(self) -> None:
+        """Wait until there may be one."""
+        self.arrived.wait(LOOK_S)
+
+    def began_again(self) -> None:
+        """Forget how often Ctrl-C was pressed."""
+        self._presses = 0
+
+    def _waiting(self) -> list[Path]:
+        try:
+            names = sorted(os.listdir(self._folder))  # noqa: PTH208 - one system call, five times a second
+        except OSError:
+            return []
+        return [self._folder / name for name in names if not name.endswith((PART, ".taken"))]
+
+    @staticmethod
+    def _take_file(path: Path) -> Request | None:
+        taken = path.with_name(path.name + ".taken")
+        try:
+            path.rename(taken)
+            data = json.loads(taken.read_bytes())
+            request = Request(str(data["word"]), str(data["by"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            request = None
+        with contextlib.suppress(OSError):
+            taken.unlink()
+        return request if request is not None and request.word in WORDS else None
+
+    @contextlib.contextmanager
+    def signals(self) -> Iterator[None]:
+        """Turn signals into requests: Ctrl-C finishes the cycle and pauses, twice stops now; SIGTERM and SIGHUP end."""
+        if threading.current_thread() is not threading.main_thread():
+            yield  # only the main thread may
+            return
+        handlers: dict[signal.Signals, Callable[[int, FrameType | None], None]] = {signal.SIGINT: self._pressed}
+        for name in ("SIGTERM", "SIGHUP"):
+            if hasattr(signal, name):
+                handlers[getattr(signal, name)] = self._told
+        before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _pressed(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        since, self._last_press = time.monotonic() - self._last_press, time.monotonic()
+        if since < BOUNCE_S:
+            return
+        self._presses += 1
+        word = {1: PAUSE, 2: STOP}.get(self._presses, ABORT)
+        self.put(Request(word, "Ctrl-C", leave=not self._someone_there))
+
+    def _told(self, number: int, frame: FrameType | None) -> None:
+        del frame
+        self.put(Request(ABORT, signal.Signals(number).name))
+
+
+def ask(folder: Path, word: str, by: str) -> Holder:
+    """Ask the process that runs a campaign for something.
+
+    Returns
+    -------
+    Holder
+        That process, as it was before.
+
+    Raises
+    ------
+    CampaignError
+        If no process runs it, or the request cannot be written.
+    """
+    running = holder(folder)
+    if running is None:
+        raise CampaignError(
+            "no process works in this campaign folder",
+            where=str(folder),
+            remedy=f"Go on with it: pneudrive campaign resume {folder}",
+        )
+    make_folder(folder / FOLDER)
+    write_whole(
+        folder / FOLDER / f"{time.time_ns()}-{word}", json.dumps({"word": word, "by": by, "at": now()}).encode()
+    )
+    return running
+
+
+def wait_for(folder: Path, states: tuple[str, ...], seconds: float) -> Holder | None:
+    """Wait until the process that runs a campaign is in one of these states, or gone; give what it is then."""
+    until = time.monotonic() + seconds
+    while (running := holder(folder)) is not None and running.state not in states and time.monotonic() < until:
+        time.sleep(LOOK_S)
+    return running

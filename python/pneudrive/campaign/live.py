@@ -1,0 +1,314 @@
+"""What a running campaign shows: remaining time, the current cycle and the growing map; or plain lines."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
+
+import numpy as np
+
+from pneudrive.campaign.textplot import text_plot
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pneudrive.campaign.adaptive import Finished
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.plan import Plan
+    from pneudrive.rig.interface import Samples
+
+#: Points of the current cycle that are kept for its curve.
+SHOWN = 4000
+REFRESHED_HZ = 5.0
+LINES = 6  # of the latest messages
+
+
+class Display(Protocol):
+    """What a campaign tells whoever watches."""
+
+    #: Whether quick estimates of the friction are wanted.
+    wants_points: bool
+
+    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
+        """Begin."""
+        ...
+
+    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
+        """Tell that a cycle begins."""
+        ...
+
+    def part(self, samples: Samples) -> None:
+        """Tell what has come; on the rig's thread."""
+        ...
+
+    def finished(self, one: Finished) -> None:
+        """Tell that a cycle is on the disk."""
+        ...
+
+    def say(self, text: str) -> None:
+        """Show a line."""
+        ...
+
+    def suspend(self) -> None:
+        """Give the terminal free for a prompt."""
+        ...
+
+    def go_on(self) -> None:
+        """Take the terminal back."""
+        ...
+
+    def ended(self) -> None:
+        """End."""
+        ...
+
+
+class Remaining:
+    """The time that a campaign still takes: what is planned, at the pace that it had so far.
+
+    A rig's own time goes by as planned; a simulated rig without a pace takes time by the number of its samples.
+
+    Parameters
+    ----------
+    plan : Plan
+    done : set of str
+        Keys of cycles that were finished before.
+    """
+
+    def __init__(self, plan: Plan, done: set[str]) -> None:
+        self._plan, self._done = plan, set(done)
+        self._planned = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
+        self._began, self._passed = time.monotonic(), np.zeros(2)
+
+    def finished(self, key: str) -> None:
+        """Take a cycle as done."""
+        self._passed += self._planned.get(key, (0.0, 0.0))
+        self._done.add(key)
+
+    @property
+    def seconds(self) -> float:
+        """What is left, s of the clock on the wall."""
+        left = np.sum([size for key, size in self._planned.items() if key not in self._done] or [(0.0, 0.0)], axis=0)
+        took = time.monotonic() - self._began
+        if self._passed[0] <= 0.0:
+            return float(left[0])
+        in_virtual_time = took < 0.5 * self._passed[0] and self._passed[1] > 0.0
+        return float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
+
+
+class Silent:
+    """Shows nothing."""
+
+    wants_points = False
+
+    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
+        """Begin."""
+
+    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
+        """Take note of nothing."""
+
+    def part(self, samples: Samples) -> None:
+        """Take note of nothing."""
+
+    def finished(self, one: Finished) -> None:
+        """Take note of nothing."""
+
+    def say(self, text: str) -> None:
+        """Say nothing."""
+
+    def suspend(self) -> None:
+        """Do nothing."""
+
+    def go_on(self) -> None:
+        """Do nothing."""
+
+    def ended(self) -> None:
+        """Do nothing."""
+
+
+class Lines(Silent):
+    """One line per finished cycle, for files and pipes.
+
+    Parameters
+    ----------
+    out : text stream, optional
+        Standard output where it is not given.
+    """
+
+    def __init__(self, out: TextIO | None = None) -> None:
+        self._out = out or sys.stdout  # now: while the engine runs, what its thread prints goes into the journal
+        self._remaining: Remaining | None = None
+        self._count, self._planned = 0, 0
+
+    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
+        """Begin."""
+        self._remaining = Remaining(plan, {one.cycle.key for one in finished})
+        self._count, self._planned = len(finished), len(plan.planned)
+
+    def finished(self, one: Finished) -> None:
+        """Tell that a cycle is on the disk."""
+        self._count += 1
+        assert self._remaining is not None
+        self._remaining.finished(one.cycle.key)
+        flags = f"  flags: {', '.join(one.flags)}" if one.flags else ""
+        left = duration(self._remaining.seconds)
+        self.say(f"{self._count}/{max(self._planned, self._count)} {one.cycle.key}  {left} left{flags}")
+
+    def say(self, text: str) -> None:
+        """Write a line."""
+        try:
+            self._out.write(text + "\n")
+            self._out.flush()
+        except (OSError, ValueError):
+            pass  # the terminal is gone: the campaign is not
+
+
+class Screen(Silent):
+    """A live picture on a terminal.
+
+    Parameters
+    ----------
+    console : rich.console.Console, optional
+        The terminal where it is not given.
+    """
+
+    wants_points = True
+
+    def __init__(self, console: Any = None) -> None:  # noqa: ANN401 - rich is imported on use
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+        self._console = console or Console(file=sys.stdout, highlight=False)  # this one, whoever redirects it
+        self._progress = Progress(
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
+        )
+        self._task = self._progress.add_task("campaign", total=None, left="")
+        self._lock = threading.Lock()
+        self._live: Any = None
+        self._remaining: Remaining | None = None
+        self._said: list[str] = []
+        self._parts: list[Samples] = []
+        self._map: dict[tuple[float, float], list[tuple[float, float]]] = {}
+        self._cycle: Cycle | None = None
+        self._count = 0
+
+    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
+        """Begin."""
+        self._remaining = Remaining(plan, {one.cycle.key for one in finished})
+        self._range = plan.envelope.position_m
+        self._count = len(finished)
+        self._progress.update(
+            self._task, total=len(plan.planned), completed=self._count, description=plan.protocol.name
+        )
+        for one in finished:
+            self._add(one)
+        self.go_on()
+
+    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
+        """Tell that a cycle begins."""
+        with self._lock:
+            self._cycle, self._parts = cycle, []
+        self._progress.update(self._task, total=max(planned, done + 1))
+        if reason:
+            self.say(f"{cycle.key} {reason}")
+
+    def part(self, samples: Samples) -> None:
+        """Take what has come."""
+        with self._lock:
+            self._parts.append(samples)
+
+    def finished(self, one: Finished) -> None:
+        """Tell that a cycle is on the disk."""
+        self._count += 1
+        assert self._remaining is not None
+        self._remaining.finished(one.cycle.key)
+        left = f"{duration(self._remaining.seconds)} left"
+        self._progress.update(self._task, completed=self._count, left=left)
+        self._add(one)
+        if one.flags:
+            self.say(f"{one.cycle.key}: {', '.join(f'{flag} {count}' for flag, count in one.flags.items())}")
+
+    def _add(self, one: Finished) -> None:
+        if one.cycle.kind == "sweep" and one.cycle.speed_m_s and np.isfinite(one.point.friction_n):
+            pressures = (one.cycle.pressure_a_pa, one.cycle.pressure_b_pa)
+            with self._lock:
+                self._map.setdefault(pressures, []).append((1e3 * one.cycle.speed_m_s, one.point.friction_n))
+
+    def say(self, text: str) -> None:
+        """Show a line."""
+        with self._lock:
+            self._said = [*self._said, text][-LINES:]
+        if self._live is None:
+            self._console.print(text, markup=False)
+
+    def suspend(self) -> None:
+        """Give the terminal free for a prompt."""
+        self._stop(keep=False)
+
+    def _stop(self, *, keep: bool) -> None:
+        if self._live is not None:
+            live, self._live = self._live, None
+            live.transient = not keep
+            live.stop()
+
+    def go_on(self) -> None:
+        """Take the terminal back."""
+        from rich.live import Live
+
+        with self._lock:
+            self._said = []
+        if self._live is None:
+            self._live = Live(
+                get_renderable=self._picture,
+                console=self._console,
+                refresh_per_second=REFRESHED_HZ,
+                redirect_stdout=False,
+                redirect_stderr=False,
+            )
+            self._live.start()
+
+    def ended(self) -> None:
+        """End; the last picture stays."""
+        self._stop(keep=True)
+
+    def _picture(self) -> Any:  # noqa: ANN401 - of rich
+        from rich.console import Group
+        from rich.text import Text
+
+        with self._lock:
+            parts, cycle, said = list(self._parts), self._cycle, list(self._said)
+            points = {pressures: list(values) for pressures, values in self._map.items()}
+        width = max((self._console.width - 3) // 2, 24)
+        height = max(min(14, self._console.height - LINES - 5), 5)
+        left = [f"{'now: ' + cycle.key if cycle else '':<{width}}"[:width], *self._curve(parts, width, height)]
+        right = [f"{len(points)} pair(s) of pressures so far", *self._speeds(points, width, height)]
+        both = [f"{a:<{width}}   {b}" for a, b in zip(left, right, strict=True)]
+        return Group(self._progress, Text("\n".join(both)), Text("\n".join(said)))
+
+    def _curve(self, parts: list[Samples], width: int, height: int) -> list[str]:
+        total = sum(map(len, parts))
+        stride = max(total // SHOWN, 1)
+        series = [(1e3 * part.position_m[::stride], part.force_n[::stride]) for part in parts]
+        low, high = self._range
+        return text_plot(series, width, height, x_label="mm", y_label="force, N,", x_range=(1e3 * low, 1e3 * high))
+
+    @staticmethod
+    def _speeds(points: dict[tuple[float, float], list[tuple[float, float]]], width: int, height: int) -> list[str]:
+        series = [tuple(zip(*values, strict=True)) for values in points.values() if values]
+        return text_plot(series, width, height, x_label="mm/s", y_label="friction, N,", log_x=True, joined=True)  # type: ignore[arg-type]
+
+
+def duration(seconds: float) -> str:
+    """Write a duration as people say it.
+
+    Examples
+    --------
+    >>> duration(4.2), duration(190), duration(7300), duration(200_000)
+    ('4 s', '3 min 10 s', '2 h 1 min', '2 d 7 h')
+    """
+    whole = round(seconds)
+    for name, size, below, part in (("d", 86400, "h", 3600), ("h", 3600, "min", 60), ("min", 60, "s", 1)):
+        if whole >= size:
+            return f"{whole // size} {name} {whole % size // part} {below}"
+    return f"{whole} s"

@@ -1,0 +1,431 @@
+"""Run a campaign on bluesky's RunEngine, and go on with one that was interrupted."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import threading
+import time
+from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.campaign.control import ABORT, LOOK_S, PAUSE, RESUME, STOP, Requests
+from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
+from pneudrive.campaign.head import plain
+from pneudrive.campaign.journal import Journal
+from pneudrive.campaign.live import Silent
+from pneudrive.campaign.lock import FolderLock, now
+from pneudrive.campaign.options import Options
+from pneudrive.campaign.plan import Plan, lay_out
+from pneudrive.campaign.preflight import check_levels
+from pneudrive.campaign.prompt import Terminal, go_on
+from pneudrive.campaign.protocol import Protocol, parse_protocol, read_protocol
+from pneudrive.campaign.storage import make_folder
+from pneudrive.errors import CampaignError, CommandError, RigError
+from pneudrive.rig.interface import Envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from bluesky import RunEngine
+
+    from pneudrive.campaign.live import Display
+    from pneudrive.campaign.prompt import Prompt
+    from pneudrive.campaign.session import Session
+    from pneudrive.rig.interface import Identity, Rig
+
+#: How a run can end without an error.
+DONE, ENDED = "done", "ended"
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a run of a campaign ended.
+
+    Attributes
+    ----------
+    campaign : Campaign
+    finished, planned : int
+        Cycles on the disk, and of the plan.
+    ended : str
+        ``done``, or ``ended`` where somebody ended it; it can be resumed.
+    """
+
+    campaign: Campaign
+    finished: int
+    planned: int
+    ended: str
+
+
+def run_campaign(
+    protocol: Protocol | str | Path,
+    rig: Rig | str | Path,
+    into: str | Path,
+    *,
+    options: Options | None = None,
+    labels: Mapping[str, str] | None = None,
+    pace: float | None = None,
+    display: Display | None = None,
+    prompt: Prompt | None = None,
+    subscribers: Sequence[Callable[[str, dict], None]] = (),
+) -> Result:
+    """Run a campaign into a folder; go on with it where the folder has it already.
+
+    Parameters
+    ----------
+    protocol : Protocol, str or Path
+        Or its file, or the name of a ready one.
+    rig : Rig, str or Path
+        Or what `pneudrive.rig.load_rig` takes: it gets the protocol's seed.
+    into : str or Path
+        The campaign folder; made where it is not there.
+    options : Options, optional
+    labels : mapping, optional
+        Free text, beside the protocol's.
+    pace : float, optional
+        Seconds of a simulated rig per second of the clock on the wall; as fast as it goes where it is not given.
+    display : Display, optional
+        Nothing is shown where it is not given.
+    prompt : Prompt, optional
+        Who is asked in a pause and for operator's steps; the terminal where it is not given.
+    subscribers : sequence of callable
+        Get bluesky's documents (name, document): a start, an event for each finished cycle, a stop.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    ProtocolError
+        The rig must not be asked to do that.
+    CampaignError
+        Another process works in the folder, it holds something else, it cannot be written, conditions were not met in
+        time.
+    RigError
+        What the rig cannot do. In each case it is at rest then, and what was finished is kept.
+    """
+    need_bluesky()
+    asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
+    folder = Path(into)
+    if (folder / ABOUT).exists():
+        return _go_on(folder, rig, asked, options, pace, display, prompt, subscribers)
+    bench, source = _rig(rig, asked.seed, pace)
+    check_levels(asked, bench)
+    plan = lay_out(asked, bench.identity(), bench.limits())
+    options = _with_operator(options, asked.operator)
+    make_folder(folder)
+    with FolderLock(folder) as lock:
+        if (folder / ABOUT).exists():  # another process was faster
+            raise CampaignError("another process has begun a campaign in this folder", where=str(folder))
+        about = _about(plan, options, {**asked.labels, **(labels or {})}, source)
+        campaign = create(folder, asked.text, plan.identity, about)
+        return _run(campaign, plan, bench, options, lock, display, prompt, subscribers)
+
+
+def resume_campaign(
+    folder: str | Path,
+    rig: Rig | str | Path | None = None,
+    *,
+    options: Options | None = None,
+    pace: float | None = None,
+    display: Display | None = None,
+    prompt: Prompt | None = None,
+    subscribers: Sequence[Callable[[str, dict], None]] = (),
+) -> Result:
+    """Go on with a campaign; see `run_campaign`.
+
+    Parameters
+    ----------
+    folder : str or Path
+    rig : Rig, str or Path, optional
+        Another way to the same rig than the one that the folder remembers.
+    options, pace, display, prompt, subscribers
+        As in `run_campaign`.
+    """
+    need_bluesky()
+    return _go_on(Path(folder), rig, None, options, pace, display, prompt, subscribers)
+
+
+def need_bluesky() -> None:
+    """Say which extra is missing.
+
+    Raises
+    ------
+    CommandError
+    """
+    if find_spec("bluesky") is None:
+        raise CommandError(
+            "campaigns run on bluesky, which is not installed", remedy='Install it: pip install "pneudrive[rig]"'
+        )
+
+
+def can_be_resumed(error: BaseException) -> bool:
+    """Tell whether an error ended a campaign that had begun; otherwise what was asked for is wrong."""
+    return getattr(error, "while_running", False)
+
+
+def plan_of(campaign: Campaign) -> Plan:
+    """Lay out the plan of a campaign folder anew, from what the folder says of protocol and rig.
+
+    Raises
+    ------
+    CampaignError
+        If the folder does not say it: somebody else has written it.
+    """
+    text, limits = campaign.protocol, campaign.about.get("envelope")
+    if not text or not isinstance(limits, dict):
+        raise CampaignError(
+            "the folder does not say what was planned",
+            where=str(campaign.path),
+            rule="campaign.toml and campaign.json: envelope",
+        )
+    protocol = parse_protocol(text, str(campaign.path / "campaign.toml"))
+    try:
+        given: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in limits.items()}
+        envelope = Envelope(**given)
+    except TypeError as error:
+        raise CampaignError(
+            "the rig's envelope is not one", where=str(campaign.path / ABOUT), value=str(error)
+        ) from None
+    return lay_out(protocol, campaign.identity, envelope)
+
+
+def _go_on(
+    folder: Path,
+    rig: Rig | str | Path | None,
+    protocol: Protocol | None,
+    options: Options | None,
+    pace: float | None,
+    display: Display | None,
+    prompt: Prompt | None,
+    subscribers: Sequence[Callable[[str, dict], None]],
+) -> Result:
+    campaign = Campaign.open(folder)
+    if protocol is not None and protocol.text.strip() != campaign.protocol.strip():
+        raise CampaignError(
+            "this folder holds a campaign of another protocol",
+            where=str(folder),
+            value=f"in it: {campaign.about.get('name', '')!r}; asked for: {protocol.name!r}",
+            remedy=f"Name another folder; or go on with the one in it: pneudrive campaign resume {folder}",
+        )
+    plan = plan_of(campaign)
+    given = rig if rig is not None else campaign.about.get("rig")
+    if not given:
+        raise CampaignError(
+            "the folder does not say how its rig is reached", where=str(folder), remedy="Say --rig RIG."
+        )
+    with FolderLock(folder) as lock:
+        bench, source = _rig(given, plan.protocol.seed, pace)
+        _same_rig(campaign, bench.identity(), source)
+        options = _with_operator(options, str(campaign.about.get("operator", "")))
+        return _run(campaign, plan, bench, options, lock, display, prompt, subscribers)
+
+
+def _rig(rig: Rig | str | Path, seed: int, pace: float | None) -> tuple[Rig, str]:
+    """Give the rig, and how it is found again; empty where it was made elsewhere."""
+    from pneudrive.rig import load_rig
+
+    if not isinstance(rig, str | Path):
+        return rig, ""
+    path = Path(rig)
+    return load_rig(rig, seed=seed, pace=pace), str(path.resolve() if path.exists() else rig)
+
+
+def _about(plan: Plan, options: Options, labels: dict[str, str], source: str) -> dict[str, Any]:
+    from pneudrive import __version__
+
+    protocol = plan.protocol
+    return {
+        "name": protocol.name,
+        "seed": protocol.seed,
+        "operator": options.operator,
+        "labels": labels,
+        "synthetic": plan.identity.synthetic,
+        "created": now(),
+        "version": __version__,
+        "filter": {"average": protocol.filter.average, "ignore_initial": protocol.filter.ignore_initial},
+        "rig": source,
+        "rig_sha256": _digest(source),
+        "envelope": asdict(plan.envelope),
+    }
+
+
+def _digest(source: str) -> str:
+    path = Path(source)
+    return hashlib.sha256(path.read_bytes()).hexdigest() if source and path.is_file() else ""
+
+
+def _same_rig(campaign: Campaign, identity: Identity, source: str) -> None:
+    """Refuse to go on with another rig: the cycles would not belong together."""
+    here = json.loads(json.dumps(identity.to_dict(), default=plain))
+    there = json.loads(json.dumps(campaign.identity.to_dict(), default=plain))
+    other = [name for name in here if here[name] != there[name]]
+    before = str(campaign.about.get("rig_sha256", ""))
+    if not other and identity.synthetic and before and _digest(source) not in ("", before):
+        other = [f"the file {source}"]
+    if other:
+        raise CampaignError(
+            "this is another rig than the one of the cycles that are there",
+            where=str(campaign.path),
+            value=f"different: {', '.join(other)}",
+            rule="one campaign, one rig, one calibration",
+            remedy="Bring the rig back to what rig.json says, or run into another folder.",
+        )
+
+
+def _with_operator(options: Options | None, operator: str) -> Options:
+    options = options or Options()
+    return options if options.operator else replace(options, operator=operator)
+
+
+def _run(
+    campaign: Campaign,
+    plan: Plan,
+    rig: Rig,
+    options: Options,
+    lock: FolderLock,
+    display: Display | None,
+    prompt: Prompt | None,
+    subscribers: Sequence[Callable[[str, dict], None]],
+) -> Result:
+    from pneudrive.campaign.session import Session
+
+    display, prompt = display or Silent(), prompt or Terminal()
+    journal = Journal(campaign.path / LOG)
+    files, tidied = tidy(campaign)
+    for line in tidied:
+        journal.write(line)
+        display.say(line)
+    requests = Requests(campaign.path, someone_there=prompt.there)
+    session = Session(campaign, plan, rig, options, lock, journal, display, files)
+    journal.write(f"{'resumed' if files else 'began'} after {session.now}; rig {campaign.identity.name}")
+    display.began(plan, session.finished)
+    ended = "failed"
+    try:
+        with journal.engine_output(), requests.signals(), _engine() as engine:
+            for subscriber in subscribers:
+                engine.subscribe(subscriber)
+            ended = _drive(engine, session, requests, prompt)
+    except BaseException as error:
+        journal.write(f"{type(error).__name__}: {error}")
+        error.while_running = True  # type: ignore[attr-defined]  # `can_be_resumed` looks at it
+        raise
+    finally:
+        trouble = session.axis.rest()
+        session.thread.close()
+        display.ended()
+        journal.write(f"{ended} after {session.now}" + (f"; the rig may not be at rest: {trouble}" if trouble else ""))
+        if trouble:
+            display.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
+    if trouble:
+        raise RigError("the rig could not be brought to rest", value=trouble, remedy="See to it by hand.")
+    return Result(campaign, len(session.finished), len(plan.planned), ended)
+
+
+@contextlib.contextmanager
+def _engine() -> Iterator[RunEngine]:
+    """Make a RunEngine, and end its thread with it."""
+    import asyncio
+
+    from bluesky import RunEngine
+    from bluesky.utils import DuringTask
+
+    class Waiting(DuringTask):
+        """Wakes the main thread now and then: a signal that another thread took is handled by this one alone."""
+
+        def block(self, blocking_event: threading.Event) -> None:
+            while not blocking_event.wait(LOOK_S):
+                pass
+
+    loop = asyncio.new_event_loop()
+    try:
+        yield RunEngine({}, loop=loop, context_managers=[], during_task=Waiting())
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        while loop.is_running():
+            time.sleep(0.001)
+        loop.close()
+
+
+def _drive(engine: RunEngine, session: Session, requests: Requests, prompt: Prompt) -> str:
+    """Run the plan through all its pauses; tell whether it was done or somebody ended it."""
+    over = threading.Event()
+    watcher = threading.Thread(
+        target=_serve, args=(engine, session, requests, over), name="pneudrive-requests", daemon=True
+    )
+    watcher.start()
+    try:
+        call: Callable[[], Any] = lambda: engine(session.messages())  # noqa: E731
+        while not _went_through(call):
+            if str(engine.state) != "paused":
+                return ENDED
+            if session.leaving or not go_on(session, requests, prompt):
+                engine.abort("ended while paused")
+                return ENDED
+            requests.began_again()
+            session.state("running")
+            call = engine.resume
+        return DONE
+    finally:
+        over.set()
+        requests.arrived.set()
+        watcher.join()
+
+
+def _went_through(call: Callable[[], Any]) -> bool:
+    """Run the engine until the plan is done, or interrupted."""
+    from bluesky.utils import RunEngineInterrupted
+
+    try:
+        call()
+    except RunEngineInterrupted:
+        return False
+    return True
+
+
+def _serve(engine: RunEngine, session: Session, requests: Requests, over: threading.Event) -> None:
+    """Pass requests on while the engine runs; in a pause the prompt takes them."""
+    from bluesky._vendor.super_state_machine.errors import TransitionError
+
+    while not over.is_set():
+        requests.wait()
+        if str(engine.state) != "running":
+            time.sleep(LOOK_S)
+            continue
+        request = requests.take()
+        if request is None:
+            continue
+        session.leaving = request.leave
+        with contextlib.suppress(TransitionError):  # it has just paused or ended by itself
+            if request.word == PAUSE:
+                session.state("pausing", "after the cycle")
+                what = "ending" if request.leave else "pausing"
+                session.tell(f"{what} after this cycle ({request.by}); Ctrl-C again stops the axis now")
+                engine.request_pause(defer=True)
+            elif request.word == STOP:
+                session.state("pausing", "now")
+                session.tell(f"stopping now ({request.by})")
+                engine.request_pause(defer=False)
+            elif request.word == ABORT:
+                session.state("stopping")
+                session.tell(f"ending now ({request.by}); what is finished is kept")
+                engine.abort(request.by)
+            elif request.word == RESUME:
+                session.tell(f"{request.by} asked to go on, but nothing is paused")
+
+
+__all__ = [
+    "DONE",
+    "ENDED",
+    "Options",
+    "Result",
+    "can_be_resumed",
+    "need_bluesky",
+    "plan_of",
+    "resume_campaign",
+    "run_campaign",
+]

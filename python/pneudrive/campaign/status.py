@@ -1,0 +1,81 @@
+"""How far a campaign is, from its folder alone."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.lock import Holder, holder
+from pneudrive.campaign.run import plan_of
+from pneudrive.errors import CampaignError, ProtocolError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pneudrive.campaign.folder import CycleFile, Problem
+
+
+@dataclass(frozen=True)
+class Status:
+    """How far a campaign is.
+
+    Attributes
+    ----------
+    campaign : Campaign
+    files : tuple of CycleFile
+        Finished cycles.
+    planned : int or None
+        Cycles of the plan; None where the folder does not say.
+    extra : int
+        Finished cycles that the plan does not list: repeats and added speeds.
+    remaining_s : float or None
+        What the rest takes on the rig's own clock.
+    flags : dict
+        Flag -> number of cycles that carry it.
+    problems : tuple of Problem
+    holder : Holder or None
+        Who works on it now.
+    """
+
+    campaign: Campaign
+    files: tuple[CycleFile, ...]
+    planned: int | None
+    extra: int
+    remaining_s: float | None
+    flags: dict[str, int]
+    problems: tuple[Problem, ...]
+    holder: Holder | None
+
+    @property
+    def to_do(self) -> int | None:
+        """Planned cycles that are not finished."""
+        return None if self.planned is None else self.planned - (len(self.files) - self.extra)
+
+
+def status_of(folder: str | Path) -> Status:
+    """Look at a campaign folder, whoever works in it, and check every file to its last sample.
+
+    Raises
+    ------
+    CampaignError
+        If it is not a campaign.
+    """
+    campaign = Campaign.open(folder)
+    problems = campaign.problems()
+    broken = {problem.where for problem in problems if problem.lost}
+    files = [file for file in campaign.cycles() if f"cycles/{file.path.name}" not in broken]
+    done = {file.head.cycle.key for file in files}
+    planned, remaining, extra = None, None, 0
+    try:
+        plan = plan_of(campaign)
+    except (CampaignError, ProtocolError):
+        pass  # written by somebody else: nothing is known of a plan
+    else:
+        keys = {cycle.key for cycle in plan.cycles}
+        planned, remaining, extra = len(keys), plan.remaining_s(done), len(done - keys)
+    flags = Counter(flag for file in files for flag, count in file.head.flags.items() if count)
+    return Status(
+        campaign, tuple(files), planned, extra, remaining, dict(flags), tuple(problems), holder(campaign.path)
+    )

@@ -1,0 +1,101 @@
+"""Conditions under which measuring goes on, and what becomes of a cycle when they are not met."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pneudrive.campaign.protocol import Protocol
+    from pneudrive.rig.interface import Envelope, Rig, RigState, Samples
+
+#: Samples in a row that show a force near its limit before a cycle is given up: one alone is a disturbance.
+IN_A_ROW = 3
+#: How a fault and a rig that does not answer are told.
+FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Conditions under which measuring goes on.
+
+    Parameters
+    ----------
+    supply_pressure_pa : float
+        Least absolute supply pressure; 0: not watched.
+    temperature_k : (float, float)
+    force_n : float
+        Magnitude at which a cycle is given up, before the sensor or the rig suffers.
+    resume_force_n : float
+        Magnitude below which the next attempt begins.
+    """
+
+    supply_pressure_pa: float
+    temperature_k: tuple[float, float]
+    force_n: float
+    resume_force_n: float
+
+    @classmethod
+    def of(cls, protocol: Protocol, envelope: Envelope, ambient_pa: float) -> Bounds:
+        """Take the tighter of what the protocol asks for and what the rig says of itself."""
+        asked = protocol.conditions
+        supply = asked.supply_pressure.absolute_pa(ambient_pa) if asked.supply_pressure is not None else 0.0
+        low, high = envelope.temperature_k
+        if asked.temperature_k is not None:
+            low, high = max(low, asked.temperature_k[0]), min(high, asked.temperature_k[1])
+        force = asked.force_share * min(envelope.force_n, protocol.limits.force_n or math.inf)
+        return cls(max(supply, envelope.supply_pressure_pa), (low, high), force, 0.9 * force)
+
+    def broken_by(self, state: RigState) -> str:
+        """Say which condition is not met, in words; empty where all are. A value that is no number meets none."""
+        if state.fault:
+            return f"{FAULT}: {state.fault}"
+        if self.supply_pressure_pa > 0.0 and not state.supply_pressure_pa >= self.supply_pressure_pa:
+            return (
+                f"the supply pressure is {state.supply_pressure_pa / 1e5:.3g} bar absolute, "
+                f"less than {self.supply_pressure_pa / 1e5:.3g} bar"
+            )
+        low, high = self.temperature_k
+        if math.isfinite(high - low) and not low <= state.temperature_k <= high:
+            return f"the temperature is {_celsius(state.temperature_k)}, not {_celsius(low)} to {_celsius(high)}"
+        if not abs(state.force_n) < self.resume_force_n:
+            return f"the force is {state.force_n:.4g} N, near the limit of {self.force_n:.4g} N"
+        return ""
+
+    def broken_by_samples(self, samples: Samples) -> str:
+        """Say which condition the samples of a running cycle break; values that are no numbers are not judged here."""
+        with np.errstate(invalid="ignore"):
+            force = np.abs(samples.force_n)
+            high = force >= self.force_n
+            if np.convolve(high, np.ones(IN_A_ROW), "valid").max(initial=0.0) >= IN_A_ROW:
+                return f"the force reached {float(force[high].max()):.4g} N, near the limit of {self.force_n:.4g} N"
+            temperature = samples.temperature_k
+            outside = (temperature < self.temperature_k[0]) | (temperature > self.temperature_k[1])
+            if outside.any():
+                low, top = (_celsius(limit) for limit in self.temperature_k)
+                return f"the temperature went to {_celsius(float(temperature[outside][0]))}, not {low} to {top}"
+        return ""
+
+    def during(self, samples: Samples, rig: Rig) -> str:
+        """Judge a running cycle by its latest samples and by the rig's state."""
+        state = rig.state()
+        if state.fault:
+            return f"{FAULT}: {state.fault}"
+        if self.supply_pressure_pa > 0.0 and state.supply_pressure_pa < self.supply_pressure_pa:
+            return self.broken_by(state)
+        return self.broken_by_samples(samples)
+
+
+def look(rig: Rig, bounds: Bounds) -> str:
+    """Ask the rig whether measuring can go on; say why not, in words. A rig that does not answer is one reason."""
+    try:
+        return bounds.broken_by(rig.state())
+    except Exception as error:  # whatever a lab's own code raises where the connection is gone
+        return f"{NO_ANSWER}: {str(error).splitlines()[0] if str(error) else type(error).__name__}"
+
+
+def _celsius(kelvin: float) -> str:
+    return f"{kelvin - 273.15:.4g} degC"

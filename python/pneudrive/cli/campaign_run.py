@@ -1,0 +1,189 @@
+"""``pneudrive campaign run``, ``resume``, ``status``, ``pause`` and ``abort``."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pneudrive.campaign.live import Display
+    from pneudrive.campaign.run import Options, Result
+
+EXIT_OTHER, EXIT_INTERRUPTED = 1, 130
+
+Folder = Annotated[Path, typer.Argument(help="Campaign folder.", metavar="DIR")]
+Operator = Annotated[str, typer.Option(help="Who is at the rig; kept with the campaign and with each operator's step.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Take operator's steps as done: nobody is there.")]
+Pace = Annotated[
+    float | None,
+    typer.Option(help="Seconds of a simulated rig per second on the wall; 1: real time. Absent: as fast as it goes."),
+]
+Patience = Annotated[
+    str,
+    typer.Option(help="How long to wait for conditions (supply pressure, temperature, force, a fault) to come back."),
+]
+
+
+def run(
+    protocol: Annotated[str, typer.Argument(help="Protocol file (TOML), or a ready one by name.", metavar="PROTOCOL")],
+    into: Annotated[Path, typer.Option(help="Campaign folder.", metavar="DIR")],
+    rig: Annotated[str, typer.Option(help="Rig file, ready rig, or address.", metavar="RIG")] = "default",
+    operator: Operator = "",
+    label: Annotated[
+        list[str] | None, typer.Option(help="Free text kept with the campaign; repeatable.", metavar="KEY=VALUE")
+    ] = None,
+    yes: Yes = False,
+    pace: Pace = None,
+    patience: Patience = "10 min",
+) -> None:
+    """Run a campaign on a rig into a folder; Ctrl-C pauses after the running cycle, twice stops the axis now."""
+    from pneudrive.campaign.run import run_campaign
+
+    labels = _labels(label or [])
+    options = _options(operator, yes, patience)
+    with _running(into):
+        result = run_campaign(protocol, rig, into, options=options, labels=labels, pace=pace, display=_display())
+    _end(result, into)
+
+
+def resume(
+    folder: Folder,
+    rig: Annotated[str, typer.Option(help="Another way to the same rig than the folder says.", metavar="RIG")] = "",
+    operator: Operator = "",
+    yes: Yes = False,
+    pace: Pace = None,
+    patience: Patience = "10 min",
+) -> None:
+    """Go on with a campaign: one that is paused in another process, or one whose process has ended."""
+    from pneudrive.campaign.control import RESUME, ask, wait_for
+    from pneudrive.campaign.lock import holder
+    from pneudrive.campaign.run import resume_campaign
+
+    running = holder(folder)
+    if running is not None and running.state in ("paused", "operator"):
+        ask(folder, RESUME, _me(operator))
+        after = wait_for(folder, ("running", "waiting", "pausing", "stopping"), 10.0)
+        typer.echo(f"It goes on: {after}" if after else "It has ended.")
+        return
+    options = _options(operator, yes, patience)
+    with _running(folder):
+        result = resume_campaign(folder, rig or None, options=options, pace=pace, display=_display())
+    _end(result, folder)
+
+
+def status(folder: Folder) -> None:
+    """Show how far a campaign is, what is flagged or damaged in it, and who works on it."""
+    from pneudrive.campaign.live import duration
+    from pneudrive.campaign.status import status_of
+
+    found = status_of(folder)
+    about = found.campaign.about
+    synthetic = " (synthetic)" if found.campaign.synthetic else ""
+    typer.echo(f"{about.get('name') or folder}{synthetic}, rig {found.campaign.identity.name}")
+    if found.planned is None:
+        typer.echo(f"{len(found.files)} cycles; the folder does not say what was planned")
+    else:
+        extra = f", {found.extra} beyond the plan" if found.extra else ""
+        left = f"; {duration(found.remaining_s or 0.0)} left on the rig" if found.to_do else "; done"
+        typer.echo(f"{len(found.files) - found.extra} of {found.planned} planned cycles{extra}{left}")
+    for flag, count in found.flags.items():
+        typer.echo(f"flag {flag}: {count} {'cycle' if count == 1 else 'cycles'}")
+    for problem in found.problems:
+        typer.echo(f"{'problem' if problem.lost else 'note'}: {problem}")
+    typer.echo(f"in work by {found.holder}" if found.holder else "no process works on it")
+
+
+def pause(
+    folder: Folder,
+    now: Annotated[bool, typer.Option("--now", help="Stop the axis now; the running cycle is repeated later.")] = False,
+) -> None:
+    """Pause a campaign that runs in another process: after its cycle, or now."""
+    from pneudrive.campaign.control import PAUSE, STOP, ask, wait_for
+
+    before = ask(folder, STOP if now else PAUSE, _me(""))
+    after = wait_for(folder, ("pausing", "paused", "operator"), 10.0)
+    typer.echo(str(after) if after else f"It has ended ({before}).")
+
+
+def abort(folder: Folder) -> None:
+    """End a campaign that runs in another process; the axis is brought to rest, what is finished is kept."""
+    from pneudrive.campaign.control import ABORT, ask, wait_for
+    from pneudrive.errors import CampaignError
+
+    before = ask(folder, ABORT, _me(""))
+    after = wait_for(folder, (), 90.0)
+    if after is not None:
+        raise CampaignError("it has not ended yet", value=str(after), where=str(folder))
+    typer.echo(f"Ended: {before}. What is finished is kept.")
+
+
+def _labels(given: list[str]) -> dict[str, str]:
+    from pneudrive.errors import CommandError
+
+    labels = {}
+    for one in given:
+        name, equals, value = one.partition("=")
+        if not (name.strip() and equals):
+            raise CommandError(f"--label {one} is no label", rule="KEY=VALUE")
+        labels[name.strip()] = value.strip()
+    return labels
+
+
+def _options(operator: str, yes: bool, patience: str) -> Options:
+    from pneudrive import units
+    from pneudrive.campaign.options import Options
+    from pneudrive.errors import CommandError, PneudriveError
+
+    try:
+        seconds = units.parse(patience, "s")
+    except PneudriveError as error:
+        raise CommandError(f"--patience {patience} is no time", value=str(error)) from None
+    return Options(operator=operator, yes=yes, patience_s=seconds)
+
+
+def _display() -> Display:
+    from pneudrive.campaign.live import Lines, Screen
+
+    return Screen() if sys.stdout.isatty() else Lines()
+
+
+@contextmanager
+def _running(folder: Path) -> Iterator[None]:
+    """End with status 1 where a campaign that ran has ended by an error, and say how to go on."""
+    from pneudrive.campaign.run import can_be_resumed
+    from pneudrive.errors import PneudriveError
+
+    try:
+        yield
+    except PneudriveError as error:
+        if not can_be_resumed(error):
+            raise
+        sys.stderr.write(f"{type(error).__name__}: {error}\n")
+        sys.stderr.write(f"What is finished is kept. Go on: pneudrive campaign resume {folder}\n")
+        raise typer.Exit(EXIT_OTHER) from error
+
+
+def _end(result: Result, folder: Path) -> None:
+    """Say how it ended; 130 where somebody ended it."""
+    from pneudrive.campaign.run import DONE
+
+    if result.ended == DONE:
+        typer.echo(f"{result.finished} cycles in {folder}")
+        return
+    typer.echo(f"Ended after {result.finished} of {result.planned} cycles. Go on: pneudrive campaign resume {folder}")
+    raise typer.Exit(EXIT_INTERRUPTED)
+
+
+def _me(operator: str) -> str:
+    import getpass
+
+    try:
+        return operator or getpass.getuser()
+    except (OSError, KeyError):
+        return "another process"
