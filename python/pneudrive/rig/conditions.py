@@ -30,6 +30,8 @@ class Past:
 
     Attributes
     ----------
+    key : str
+        Of the last cycle: the level of friction is drawn from it.
     clock_s : float
         The rig's own clock.
     travel_m : float
@@ -50,6 +52,7 @@ class Past:
         How often each factor was changed by hand.
     """
 
+    key: str = ""
     clock_s: float = 0.0
     travel_m: float = 0.0
     seal_rise_k: float = 0.0
@@ -109,7 +112,7 @@ def stream(seed: int, *words: str) -> np.random.Generator:
     return np.random.default_rng([seed, int.from_bytes(digest[:8], "little")])
 
 
-def level(d: RigDescription, past: Past, seed: int, key: str) -> float:
+def level(d: RigDescription, past: Past, seed: int) -> float:
     """Level of friction relative to the rig file: what cycle, day, mounting and seal make of it, and run-in.
 
     Random factors are lognormal, each drawn from the seed and what it belongs to.
@@ -117,7 +120,7 @@ def level(d: RigDescription, past: Past, seed: int, key: str) -> float:
     spread, run_in = d.repeatability, d.run_in
     changed = {factor: past.changes.get(factor, 0) for factor in ("mounting", "seal")}
     drawn = {
-        "cycle": key,
+        "cycle": past.key,
         "day": str(int(past.clock_s // DAY_S)),
         "mounting": f"{past.levels.get('mounting', RIGID)} {changed['mounting']}",
         "seal": f"{past.levels.get('seal', '')} {changed['seal']}",
@@ -129,7 +132,7 @@ def level(d: RigDescription, past: Past, seed: int, key: str) -> float:
     return math.exp(exponent) * (1.0 + run_in["excess"] * math.exp(-past.travel_m / run_in["distance"]))
 
 
-def friction_in_force(d: RigDescription, past: Past, seed: int, key: str) -> dict[str, Any]:
+def friction_in_force(d: RigDescription, past: Past, seed: int) -> dict[str, Any]:
     """Return the friction of the present cycle, as the core takes it.
 
     All forces carry the `level`; dry friction and viscous friction change with the temperature of the seal as
@@ -137,7 +140,7 @@ def friction_in_force(d: RigDescription, past: Past, seed: int, key: str) -> dic
     """
     table = core_friction(d, d.mountings[past.levels.get("mounting", RIGID)])
     warmer = float(past.room_k(d)) - d.ambient_temperature_k + past.seal_rise_k
-    all_of_it = level(d, past, seed, key)
+    all_of_it = level(d, past, seed)
     dry = all_of_it * math.exp(d.thermal["coulomb"] * warmer)
     wet = all_of_it * math.exp(d.thermal["viscous"] * warmer)
     factor = {"coulomb": dry, "breakaway": dry, "viscous": wet}

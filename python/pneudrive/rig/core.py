@@ -5,8 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from pneudrive.rig.description import Mounting, RigDescription
+
+    Array = NDArray[np.float64]
 
 
 def core_friction(d: RigDescription, mounting: Mounting | None = None) -> dict[str, Any]:
@@ -15,6 +21,32 @@ def core_friction(d: RigDescription, mounting: Mounting | None = None) -> dict[s
     if mounting is not None and mounting.side_load_n > 0.0:
         table["side_load"] = {"force_n": mounting.side_load_n, "coefficient": mounting.coefficient}
     return table
+
+
+def steady_friction_n(
+    friction: dict[str, Any], velocity_m_s: float | Array, gauges_pa: tuple[float, float] = (0.0, 0.0)
+) -> Array:
+    """Return the friction of steady sliding, N, of the sign of the velocity.
+
+    Parameters
+    ----------
+    friction : dict
+        As `core_friction` gives it.
+    velocity_m_s : float or ndarray
+    gauges_pa : (float, float)
+        Gauge pressures in the chambers.
+
+    Returns
+    -------
+    ndarray
+        One-dimensional.
+    """
+    from pneudrive import _core
+
+    velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=np.float64))
+    return np.asarray(
+        _core.steady_friction(friction["law"], friction["parameters"], velocity, *gauges_pa, friction.get("pressure"))
+    )
 
 
 def core_rig(

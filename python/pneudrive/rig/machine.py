@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
 from pneudrive.rig.conditions import Past, friction_in_force
-from pneudrive.rig.core import core_rig
+from pneudrive.rig.core import core_rig, steady_friction_n
 from pneudrive.rig.interface import Hold, Move, Step
 from pneudrive.rig.motion import Motion, brake, dwell, move
 
@@ -42,7 +42,7 @@ class Machine:
     """
 
     def __init__(self, d: RigDescription, seed: int) -> None:
-        self.d, self.seed, self.key = d, seed, ""
+        self.d, self.seed = d, seed
         ambient = d.ambient_pressure_pa
         self.past = Past(commanded_m=d.margin_m, pressure_a_pa=ambient, pressure_b_pa=ambient)
 
@@ -57,17 +57,13 @@ class Machine:
 
     def friction(self) -> dict[str, Any]:
         """Return the friction in force, as the core takes it."""
-        return friction_in_force(self.d, self.past, self.seed, self.key)
+        return friction_in_force(self.d, self.past, self.seed)
 
     def steady_n(self, friction: dict[str, Any], velocity_m_s: float) -> float:
         """Steady friction at a velocity and the set pressures, N, positive against the motion."""
-        from pneudrive import _core
-
         d, past = self.d, self.past
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
-        velocity = np.array([velocity_m_s])
-        force = _core.steady_friction(friction["law"], friction["parameters"], velocity, *gauges, friction["pressure"])
-        return float(abs(force[0]))
+        return float(abs(steady_friction_n(friction, velocity_m_s, gauges)[0]))
 
     def run(self, step: Step, motion: Motion, times: Array) -> dict[str, Array]:
         """Run one step; what it leaves behind goes into `past`.

@@ -227,7 +227,7 @@ class RigSession:
 
     def begin_cycle(self, key: str) -> None:
         """Let the noise of the next cycle depend on the rig's seed and this key alone."""
-        self._machine.key = key
+        self.past.key = key
         self._rng = stream(self.seed, "noise", key)
         self._truth = {}
 

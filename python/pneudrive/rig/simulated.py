@@ -11,7 +11,7 @@ import numpy as np
 
 from pneudrive.characterise.recording import Recording
 from pneudrive.errors import CommandError, SimulationError
-from pneudrive.rig.core import core_rig
+from pneudrive.rig.core import core_friction, core_rig, steady_friction_n
 from pneudrive.rig.description import DEFAULT, RigDescription, read_description
 from pneudrive.rig.motion import Limits, Motion, cycles
 
@@ -226,13 +226,10 @@ class SimulatedRig:
         self, speed_m_s: float | Array, pressure_a_pa: float | None = None, pressure_b_pa: float | None = None
     ) -> Array:
         """Friction of steady sliding at these speeds and absolute pressures (None: ambient), N."""
-        from pneudrive import _core
-
         d = self.description
         a, b = (d.ambient_pressure_pa if p is None else p for p in (pressure_a_pa, pressure_b_pa))
-        gauge_a, gauge_b = a - d.ambient_pressure_pa, b - d.ambient_pressure_pa
-        speed = np.atleast_1d(np.asarray(speed_m_s, dtype=np.float64))
-        friction = np.asarray(_core.steady_friction(d.law, d.parameters, speed, gauge_a, gauge_b, d.pressure))
+        gauges = (a - d.ambient_pressure_pa, b - d.ambient_pressure_pa)
+        friction = steady_friction_n(core_friction(d), speed_m_s, gauges)
         return friction if np.ndim(speed_m_s) else friction[0]
 
     def _absolute(self, gauge_pa: float | tuple[float, float]) -> tuple[float, float]:

@@ -102,7 +102,7 @@ def truth_of_cycle(machine: Machine, instruments: Instruments, steps: list[dict[
     room = float(past.room_k(d))
     return {
         "rig": d.name,
-        "key": machine.key,
+        "key": past.key,
         "clock_s": past.clock_s,
         "travel_m": past.travel_m,
         "room_temperature_k": room,

@@ -1,0 +1,63 @@
+"""Rig files extend one another; what does not fit together is refused with one message."""
+
+from __future__ import annotations
+
+import pytest
+
+from pneudrive.errors import DescriptionError
+from pneudrive.rig import SimulatedRig, shipped_rigs
+from pneudrive.rig.description import DEFAULT, read_description
+
+ASSUMED = 'source = "assumed", reason = "for this test"'
+
+
+def written(tmp_path, text, name="rig.toml"):
+    path = tmp_path / name
+    path.write_text("schema = 1\n" + text, encoding="utf-8")
+    return path
+
+
+def test_a_file_takes_what_it_does_not_say_from_the_one_that_it_extends(tmp_path):
+    text = f'extends = "common-manifold"\nname = "Mine"\n[cylinder]\nbore = {{ value = "32 mm", {ASSUMED} }}\n'
+    base = read_description(shipped_rigs()["common-manifold"])
+    mine = read_description(written(tmp_path, text))
+    assert mine.name == "Mine"
+    assert mine.bore_m == 0.032
+    assert mine.chambers == base.chambers
+    assert mine.sources["cylinder.bore"].reason == "for this test"
+    again = f'extends = "rig.toml"\n[cylinder]\nstroke = {{ value = "200 mm", {ASSUMED} }}\n'
+    beside = read_description(written(tmp_path, again, "second.toml"))
+    assert (beside.bore_m, beside.stroke_m) == (0.032, 0.2)
+
+
+def test_another_law_takes_no_values_of_the_old_one(tmp_path):
+    text = f'extends = "default"\n[friction]\nlaw = "coulomb"\ncoulomb = {{ value = "7 N", {ASSUMED} }}\n'
+    mine = read_description(written(tmp_path, text))
+    assert mine.parameters == {"coulomb": 7.0, "viscous": 0.0}
+    assert mine.pressure == read_description(DEFAULT).pressure
+    assert SimulatedRig(mine).true_friction(0.1) == pytest.approx(7.0)
+
+
+def extending(table, key, value):
+    return f'extends = "default"\n[{table}]\n{key} = {{ value = "{value}", {ASSUMED} }}\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('extends = "rig.toml"\n', "extends itself"),
+        ('extends = "nothing"\n', "cannot be read"),
+        (extending("chambers", "kind", "common"), "chambers.dead_volume is missing"),
+        (extending("servo", "bandwidth", "50 Hz"), "go together"),
+        (extending("servo", "ripple", "1 %"), "needs servo.pitch"),
+        (extending("servo", "ripple", "-1 %"), "(?s)servo.ripple is out of bounds.*at least 0"),
+        (extending("cylinder", "rod_diameter", "25 mm"), "leaves no piston"),
+        (extending("mounting.odd", "side_lode", "5 N"), "side_lode is unknown"),
+        (extending("friction", "coulomb", "9 mm"), "friction.coulomb"),
+        (extending("friction", "sigma", "9 N"), "friction.sigma is unknown"),
+        (extending("encoder", "resolution", "1 um").replace(" }", ', sauce = "x" }'), "'sauce' is unknown"),
+    ],
+)
+def test_files_that_do_not_fit_together(tmp_path, text, message):
+    with pytest.raises(DescriptionError, match=message):
+        read_description(written(tmp_path, text))
