@@ -18,7 +18,7 @@ from pneudrive.rig.opcua_nodes import HOLD, RELEASED, SHUT, NodeMap, Verb, load_
 from pneudrive.rig.rig_file import RigFile, envelope_of, identity_of, read_identity, read_limits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
 SCHEME = "opc.tcp"
@@ -115,29 +115,29 @@ class OpcUaRig:
         patience = SLACK * self._expected_s(steps) + self._link.nodes.patience_s
         running = True
         try:
-            (taken,) = self._link.read("samples.written")
-            arguments = {**self._program(steps), **self._sampling(sampling), "samples.acknowledged": taken}
-            identity = self._start(Verb.ACQUIRE, arguments)
-            deadline, look = time.monotonic() + patience, FIRST_LOOK_S
-            while running:
-                running = not self._ended(identity)
-                (written,) = self._link.read("samples.written")
-                look = FIRST_LOOK_S if written != taken else min(2.0 * look, self._link.nodes.poll_s)
-                while taken < written:
-                    taken += 1
-                    part = self._chunk(taken)
-                    self._link.write({"samples.acknowledged": taken})
-                    yield part
-                    deadline = time.monotonic() + patience
-                if running:
-                    self._wait(look, deadline, Verb.ACQUIRE)
-            self._check_fault(Verb.ACQUIRE)
-        except _EndedError:
-            running = False
+            with self._one_connection("the acquisition") as same:
+                (taken,) = self._link.read("samples.written")
+                arguments = {**self._program(steps), **self._sampling(sampling), "samples.acknowledged": taken}
+                identity = self._start(Verb.ACQUIRE, arguments)
+                deadline, look = time.monotonic() + patience, FIRST_LOOK_S
+                while running:
+                    running = not self._ended(identity)
+                    (written,) = self._link.read("samples.written")
+                    look = FIRST_LOOK_S if written != taken else min(2.0 * look, self._link.nodes.poll_s)
+                    while taken < written:
+                        same()
+                        taken += 1
+                        part = self._chunk(taken)
+                        self._link.write({"samples.acknowledged": taken})
+                        yield part
+                        deadline = time.monotonic() + patience
+                    if running:
+                        self._wait(look, deadline, Verb.ACQUIRE)
+                same()
+                self._check_fault(Verb.ACQUIRE)
+        except (_EndedError, ConnectionLostError):
+            running = False  # somebody else has ended it, or nobody is there who could
             raise
-        except LinkError as error:
-            running = False  # nobody there who could be told to halt
-            self._lost("the acquisition", str(error))
         finally:
             if running:
                 self._halt()
@@ -147,8 +147,8 @@ class OpcUaRig:
         try:
             if self._link.lost is not None:
                 self._connect()
-                self._gone = True
             self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
+            self._gone = False  # whoever stops begins anew anyway
         except LinkError as error:
             beat = self._link.nodes.heartbeat_s
             what = f"the rig cannot be told to stop: {error}"
@@ -158,10 +158,8 @@ class OpcUaRig:
     def _do(self, verb: Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
         """Run one command to its end."""
         self._check_back()
-        try:
+        with self._one_connection(_words(verb)):
             self._await(self._start(verb, arguments or {}), expected_s, verb)
-        except LinkError as error:
-            self._lost(_words(verb), str(error))
 
     def _start(self, verb: Verb, arguments: dict[str, Any]) -> int:
         """Write arguments, then the id that starts the command."""
@@ -268,9 +266,35 @@ class OpcUaRig:
             self._gone = False
             raise _back("waiting", "the server was gone meanwhile", self._link.url)
 
-    def _lost(self, doing: str, reason: str) -> None:
-        self._reconnect(reason)
-        raise _back(doing, reason, self._link.url)
+    @contextlib.contextmanager
+    def _one_connection(self, doing: str) -> Iterator[Callable[[], None]]:
+        """Have what runs within one connection; it is given a function that makes sure of it.
+
+        Raises
+        ------
+        ConnectionLostError
+            The connection was lost; it is back, maybe because another call has found it lost and made a new one.
+        RigError
+            It did not come back; or whatever was raised within one connection.
+        """
+        number = self._link.number
+
+        def same() -> None:
+            if self._link.number != number:
+                raise RigError("what was asked of another connection cannot be told")
+
+        try:
+            yield same
+        except LinkError as error:
+            if self._link.number == number:
+                self._reconnect(str(error))
+            self._gone = False
+            raise _back(doing, str(error), self._link.url) from None
+        except RigError as error:
+            if self._link.number == number:
+                raise
+            self._gone = False
+            raise _back(doing, error.what, self._link.url) from None
 
     def _reconnect(self, reason: str) -> None:
         """Connect again with growing waits, within the time that was allowed."""
@@ -335,11 +359,12 @@ class SimulatedOpcUaRig(OpcUaRig):
         self._ask(Verb.CHANGE, levels)
 
     def _ask(self, verb: Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
-        self._do(verb, {"simulation.text": json.dumps(question)})
-        try:
-            return json.loads(self._link.read("simulation.answer")[0] or "null")
-        except LinkError as error:
-            self._lost(_words(verb), str(error))
+        self._check_back()
+        with self._one_connection(_words(verb)) as same:
+            self._await(self._start(verb, {"simulation.text": json.dumps(question)}), 0.0, verb)
+            (answer,) = self._link.read("simulation.answer")
+            same()
+            return json.loads(answer or "null")
 
 
 def open_rig(

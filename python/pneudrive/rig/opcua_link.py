@@ -96,6 +96,7 @@ class Link:
         self.timeout_s = max(2.0 * nodes.heartbeat_s, 2.0)
         self.places: dict[str, Place] = {}
         self.lost: str | None = "there is no connection yet"
+        self.number = 0  # of the connection
         self._loop = Loop()
         self._client: Any = None
         self._heart: asyncio.Task[None] | None = None
@@ -154,6 +155,7 @@ class Link:
             hint = " (a server is silent where server_certificate is not its own)" if silent else ""
             raise LinkError(f"{_reason(error)}{hint}") from None
         self._client = client
+        self.number += 1
         self.lost = None
         try:
             await self._find_nodes()
