@@ -12,7 +12,7 @@ import numpy as np
 
 from pneudrive.errors import RigError
 from pneudrive.rig.core import core_friction
-from pneudrive.rig.description import RIGID
+from pneudrive.rig.keys import RIGID
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

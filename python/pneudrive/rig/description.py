@@ -7,117 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from pneudrive.describe import friction_laws
-from pneudrive.describe.geometry import KINDS, piston_areas
+from pneudrive.describe.geometry import piston_areas
 from pneudrive.errors import DescriptionError, nearest
 from pneudrive.rig.interface import Sampling
+from pneudrive.rig.keys import KEYS, MOUNTING, NEEDED, RIGID
 from pneudrive.rig.motion import Limits
-from pneudrive.rig.reader import Key, Reader, Source, not_negative, open_file, positive, word
+from pneudrive.rig.reader import Reader, Source, open_file
 from pneudrive.rig.sensors import CLOCKS, AnalogSensor, Encoder, EncoderClock, TimeClock
 
 DEFAULT = Path(__file__).with_name("default.toml")
 
-#: table -> key -> what it holds. The parameters of friction are those of the law, which the core knows.
-KEYS: dict[str, dict[str, Key]] = {
-    "cylinder": {
-        "kind": word(*KINDS, default="rodless"),
-        "bore": positive("m"),
-        "rod_diameter": not_negative("m", 0.0),
-        "stroke": positive("m"),
-        "moving_mass": positive("kg"),
-        "incline": Key("rad"),
-    },
-    "ambient": {"pressure": positive("abs"), "temperature": positive("K", 293.15)},
-    "servo": {
-        "acceleration": positive("m/s^2"),
-        "jerk": positive("m/s^3"),
-        "margin": not_negative("m"),
-        "speed": positive("m/s", None),
-        "bandwidth": positive("1/s", None),
-        "damping_ratio": positive("1", None),
-        "ripple": not_negative("1", 0.0),
-        "pitch": positive("m", None),
-        "release_time": positive("s", 0.02),
-    },
-    "chambers": {
-        "kind": word("held", "open", "common", "separate", default="held"),
-        "dead_volume": positive("m^3", None),
-        "heat_transfer": not_negative("W/(m^2 K)", None),
-        "line_conductance": positive("m^3/(s Pa)", None),
-        "regulator_conductance": positive("m^3/(s Pa)", None),
-        "critical_pressure_ratio": positive("1", None),
-        "manifold_volume": positive("m^3", None),
-        "hose_diameter": positive("m", None),
-        "leakage": not_negative("m^3/(s Pa)", 0.0),
-        "piston_leakage": not_negative("m^3/(s Pa)", 0.0),
-    },
-    "sampling": {
-        "clock": word(*CLOCKS),
-        "samples_per_cycle": positive("1"),
-        "samples_per_stroke": positive("1", 5000.0),
-        "burst_rate": not_negative("1/s", 5000.0),
-        "burst_before": not_negative("s", 0.05),
-        "burst_after": not_negative("s", 0.2),
-        "hold_rate": positive("1/s", 20.0),
-    },
-    "force_sensor": {
-        "stiffness": positive("N/m"),
-        "damping": not_negative("N s/m"),
-        "range": positive("N"),
-        "bits": positive("1"),
-        "noise": not_negative("N"),
-        "zero": Key("N"),
-        "accuracy": not_negative("N"),
-        "zero_drift_temperature": Key("N/K", 0.0),
-        "zero_drift_time": Key("N/s", 0.0),
-    },
-    "pressure_sensor": {
-        "at": word("chamber", "regulator", default="chamber"),
-        "range": positive("Pa"),
-        "bits": positive("1"),
-        "noise": not_negative("Pa"),
-        "zero": Key("Pa"),
-        "accuracy": not_negative("Pa"),
-    },
-    "temperature_sensor": {
-        "noise": not_negative("K", 0.02),
-        "accuracy": not_negative("K", 0.1),
-        "share": not_negative("1", 0.5),
-    },
-    "encoder": {"resolution": positive("m")},
-    "thermal": {
-        "room_amplitude": not_negative("K", 0.0),
-        "room_period": positive("s", 86400.0),
-        "seal_rise": not_negative("K/W", 0.0),
-        "seal_time": positive("s", 600.0),
-        "viscous": Key("1/K", 0.0),
-        "coulomb": Key("1/K", 0.0),
-    },
-    "run_in": {"excess": not_negative("1", 0.0), "distance": positive("m", 100.0)},
-    "repeatability": {
-        "cycle": not_negative("1", 0.0),
-        "day": not_negative("1", 0.0),
-        "mounting": not_negative("1", 0.0),
-        "seal": not_negative("1", 0.0),
-    },
-    "supply": {"pressure": positive("abs", None)},
-    "safety": {
-        "force": positive("N", None),
-        "pressure": positive("abs", None),
-        "least_supply": positive("abs", None),
-        "least_temperature": positive("K", None),
-        "greatest_temperature": positive("K", None),
-    },
-}
-MOUNTING = {"side_load": not_negative("N", 0.0), "coefficient": not_negative("1", 0.0)}
-#: The mounting that every rig has, without side load.
-RIGID = "rigid"
-#: What chambers need beside their kind.
-NEEDED = {
-    "held": (),
-    "open": ("dead_volume", "heat_transfer", "line_conductance", "critical_pressure_ratio"),
-    "common": (*(k for k in KEYS["chambers"] if k not in ("kind", "leakage", "piston_leakage")),),
-}
-NEEDED["separate"] = NEEDED["common"]
 #: Share of its range that a gauge transducer still shows below zero before it saturates (assumed).
 BELOW_ZERO = 0.02
 #: Range and resolution of the thermometer (assumed): a 4-wire Pt100 with a 16-bit converter.

@@ -47,6 +47,7 @@ class Key:
     unit : str
         SI unit as `pneudrive.units` writes it; "1": a pure number or a percentage, "abs": an absolute pressure,
         "word": one of `choices`.
+    meaning : str
     default : float, str, None or ...
         Where the key is absent; ``...``: it must be there.
     least : float
@@ -56,25 +57,26 @@ class Key:
     """
 
     unit: str
+    meaning: str
     default: Any = ...
     least: float = -math.inf
     above: bool = False
     choices: tuple[str, ...] = ()
 
 
-def positive(unit: str, default: Any = ...) -> Key:  # noqa: ANN401
+def positive(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
     """Make a key whose value is above zero."""
-    return Key(unit, default, 0.0, above=True)
+    return Key(unit, meaning, default, 0.0, above=True)
 
 
-def not_negative(unit: str, default: Any = ...) -> Key:  # noqa: ANN401
+def not_negative(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
     """Make a key whose value is zero or above."""
-    return Key(unit, default, 0.0)
+    return Key(unit, meaning, default, 0.0)
 
 
-def word(*choices: str, default: Any = ...) -> Key:  # noqa: ANN401
+def word(*choices: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
     """Make a key that is one of some words."""
-    return Key("word", default, choices=choices)
+    return Key("word", meaning, default, choices=choices)
 
 
 def open_file(path: str | Path) -> dict[str, Any]:

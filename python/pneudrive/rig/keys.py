@@ -1,0 +1,153 @@
+"""The keys of a rig file, each listed once: unit, meaning, bounds, default.
+
+The parameters of friction are those of the law, which the core knows; what acts on it is as in a drive file.
+"""
+
+from __future__ import annotations
+
+from pneudrive.describe.geometry import KINDS
+from pneudrive.rig.reader import Key, not_negative, positive, word
+from pneudrive.rig.sensors import CLOCKS
+
+CONDUCTANCE = "m^3/(s Pa)"
+
+#: table -> what it is about
+TABLES: dict[str, str] = {
+    "cylinder": "The drive under test.",
+    "ambient": "The room at the beginning.",
+    "servo": "The axis: position controlled and infinitely strong. Its commanded motion has piecewise constant jerk.",
+    "chambers": "Where the air in the chambers comes from and goes to.",
+    "sampling": "Clock of `SimulatedRig.drag` (`clock`, `samples_per_cycle`), and what is usual in a campaign (the others).",
+    "force_sensor": "Spring and damper between axis and piston, and what it shows.",
+    "pressure_sensor": "One in each chamber, or at each regulator.",
+    "temperature_sensor": "On the barrel.",
+    "encoder": "On the carriage.",
+    "thermal": "Temperatures of room and seal, and what they do to friction: exp(coefficient * difference).",
+    "run_in": "Friction that a new seal loses with its way.",
+    "repeatability": "Relative standard deviation of the level of all friction; the deviates are lognormal.",
+    "supply": "The air before the regulators.",
+    "safety": "What may be asked of the rig, where it is less than what axis and sensors can do.",
+}
+
+KEYS: dict[str, dict[str, Key]] = {
+    "cylinder": {
+        "kind": word(*KINDS, default="rodless", meaning="where it has a rod; that of a single rod is in chamber b"),
+        "bore": positive("m", "bore"),
+        "rod_diameter": not_negative("m", "diameter of the rod", 0.0),
+        "stroke": positive("m", "stroke"),
+        "moving_mass": positive("kg", "mass beyond the force sensor, piston included"),
+        "incline": Key("rad", "positive: x points up"),
+    },
+    "ambient": {
+        "pressure": positive("abs", "pressure of the room"),
+        "temperature": positive("K", "temperature of room, air and walls", 293.15),
+    },
+    "servo": {
+        "acceleration": positive("m/s^2", "largest acceleration"),
+        "jerk": positive("m/s^3", "largest jerk"),
+        "margin": not_negative("m", "distance of the reversals from the ends of the stroke"),
+        "speed": positive("m/s", "largest speed; absent: what the stroke allows", None),
+        "bandwidth": positive("1/s", "natural frequency of the position loop; absent: a rigid axis", None),
+        "damping_ratio": positive("1", "damping ratio of the position loop, with `bandwidth`", None),
+        "ripple": not_negative("1", "relative velocity ripple, of screw or motor", 0.0),
+        "pitch": positive("m", "way after which the ripple repeats", None),
+        "release_time": positive("s", "time constant with which the axis gives way in a released hold", 0.02),
+    },
+    "chambers": {
+        "kind": word(
+            "held",
+            "open",
+            "common",
+            "separate",
+            default="held",
+            meaning="pressures that take no notice of the piston; ports to the room; one regulator and a manifold; "
+            "a regulator and a hose for each",
+        ),
+        "dead_volume": positive("m^3", "volume of each chamber at the end of the stroke", None),
+        "heat_transfer": not_negative("W/(m^2 K)", "heat transfer coefficient to all walls", None),
+        "line_conductance": positive(CONDUCTANCE, "sonic conductance of the line, or port, of each chamber", None),
+        "regulator_conductance": positive(CONDUCTANCE, "sonic conductance of a regulator; both ways", None),
+        "critical_pressure_ratio": positive("1", "of lines, ports and regulators", None),
+        "manifold_volume": positive("m^3", "volume between a regulator and the lines", None),
+        "hose_diameter": positive("m", "gives the wall of that volume, as of a hose", None),
+        "leakage": not_negative(CONDUCTANCE, "leakage of each chamber to the room", 0.0),
+        "piston_leakage": not_negative(CONDUCTANCE, "leakage past the piston", 0.0),
+    },
+    "sampling": {
+        "clock": word(*CLOCKS, meaning="even in time, or in position"),
+        "samples_per_cycle": positive("1", "samples out and back"),
+        "samples_per_stroke": positive("1", "samples of each move", 5000.0),
+        "burst_rate": not_negative("1/s", "least rate around each reversal, stop and restart", 5000.0),
+        "burst_before": not_negative("s", "how long before", 0.05),
+        "burst_after": not_negative("s", "how long after", 0.2),
+        "hold_rate": positive("1/s", "rate while the axis stands", 20.0),
+    },
+    "force_sensor": {
+        "stiffness": positive("N/m", "stiffness between axis and piston"),
+        "damping": not_negative("N s/m", "damping between axis and piston"),
+        "range": positive("N", "range, both ways"),
+        "bits": positive("1", "resolution of the converter"),
+        "noise": not_negative("N", "standard deviation of one sample"),
+        "zero": Key("N", "what it shows without force"),
+        "accuracy": not_negative("N", "standard uncertainty that recordings state, and errors are drawn from"),
+        "zero_drift_temperature": Key("N/K", "drift of the zero with the temperature of the room", 0.0),
+        "zero_drift_time": Key("N/s", "drift of the zero with time", 0.0),
+    },
+    "pressure_sensor": {
+        "at": word("chamber", "regulator", default="chamber", meaning="where it is"),
+        "range": positive("Pa", "range above ambient"),
+        "bits": positive("1", "resolution of the converter"),
+        "noise": not_negative("Pa", "standard deviation of one sample"),
+        "zero": Key("Pa", "what it shows at ambient pressure"),
+        "accuracy": not_negative("Pa", "standard uncertainty that recordings state, and errors are drawn from"),
+    },
+    "temperature_sensor": {
+        "noise": not_negative("K", "standard deviation of one sample", 0.02),
+        "accuracy": not_negative("K", "standard uncertainty that recordings state, and errors are drawn from", 0.1),
+        "share": not_negative("1", "share of the seal's rise of temperature that reaches it", 0.5),
+    },
+    "encoder": {"resolution": positive("m", "distance of two counts")},
+    "thermal": {
+        "room_amplitude": not_negative("K", "amplitude of the room's temperature", 0.0),
+        "room_period": positive("s", "period of the room's temperature", 86400.0),
+        "seal_rise": not_negative("K/W", "rise of the seal's temperature with the power of friction", 0.0),
+        "seal_time": positive("s", "time constant of that rise", 600.0),
+        "viscous": Key("1/K", "change of viscous friction with the seal's temperature", 0.0),
+        "coulomb": Key("1/K", "change of dry friction with the seal's temperature", 0.0),
+    },
+    "run_in": {
+        "excess": not_negative("1", "how much more friction a seal has before its first stroke", 0.0),
+        "distance": positive("m", "way after which 37 % of that is left", 100.0),
+    },
+    "repeatability": {
+        "cycle": not_negative("1", "from cycle to cycle", 0.0),
+        "day": not_negative("1", "from day to day", 0.0),
+        "mounting": not_negative("1", "each time that it is mounted", 0.0),
+        "seal": not_negative("1", "from seal to seal", 0.0),
+    },
+    "supply": {"pressure": positive("abs", "pressure before the regulators", None)},
+    "safety": {
+        "force": positive("N", "largest force that the sensor may see", None),
+        "pressure": positive("abs", "highest pressure in a chamber", None),
+        "least_supply": positive("abs", "supply pressure below which measuring waits", None),
+        "least_temperature": positive("K", "temperature below which measuring waits", None),
+        "greatest_temperature": positive("K", "temperature above which measuring waits", None),
+    },
+}
+
+#: Keys of a table [mounting.NAME]: a way of mounting beside `RIGID`.
+MOUNTING: dict[str, Key] = {
+    "side_load": not_negative("N", "force across the axis that the guide takes", 0.0),
+    "coefficient": not_negative("1", "coefficient of friction of the guide", 0.0),
+}
+#: The mounting that every rig has, without side load.
+RIGID = "rigid"
+
+_SUPPLIED = tuple(key for key in KEYS["chambers"] if key not in ("kind", "leakage", "piston_leakage"))
+#: What chambers need beside their kind.
+NEEDED: dict[str, tuple[str, ...]] = {
+    "held": (),
+    "open": ("dead_volume", "heat_transfer", "line_conductance", "critical_pressure_ratio"),
+    "common": _SUPPLIED,
+    "separate": _SUPPLIED,
+}
