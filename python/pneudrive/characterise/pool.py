@@ -1,7 +1,4 @@
-"""Work in processes of its own: each reads its own part of the files, so that samples do not meet in one process.
-
-``python -m pneudrive.characterise.pool`` is such a process: work comes on stdin, the result goes to stdout.
-"""
+"""Work in processes of its own: each reads its own part of the files, so that samples do not meet in one process."""
 
 from __future__ import annotations
 
@@ -55,7 +52,7 @@ def in_processes(work: Callable[..., list[Result]], tasks: Sequence[tuple]) -> l
     PneudriveError
         What `work` raised.
     """
-    command = [sys.executable, "-m", "pneudrive.characterise.pool"]
+    command = [sys.executable, "-m", "pneudrive.characterise.pool_worker"]
     environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
     # Results come by files: a read from a pipe cannot be interrupted where a library's threads take the signal.
@@ -100,19 +97,3 @@ def _stop(running: list[tuple[subprocess.Popen, IO[bytes]]]) -> None:
         if process.poll() is None:
             process.kill()
             process.wait()
-
-
-def main() -> None:
-    """Read (function, arguments), write the list that it returns or the error that stopped it."""
-    work, task = pickle.load(sys.stdin.buffer)
-    try:
-        result: object = work(*task)
-    except PneudriveError as error:
-        result = error
-    except KeyboardInterrupt:
-        sys.exit(EXIT_INTERRUPTED)
-    pickle.dump(result, sys.stdout.buffer)
-
-
-if __name__ == "__main__":
-    main()

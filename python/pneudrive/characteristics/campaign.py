@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,11 +11,20 @@ import numpy as np
 
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characterise.settling import Settled
+from pneudrive.characteristics.air import air_shares
+from pneudrive.characteristics.budget import sources
 from pneudrive.characteristics.curves import Points, curves_of, fit_points, points_of
-from pneudrive.characteristics.effects import SensorZero
+from pneudrive.characteristics.drift import causes, drift_of, repeatability
+from pneudrive.characteristics.loops import loops
+from pneudrive.characteristics.position import position_dependence
+from pneudrive.characteristics.pressure import pressure_effects
 from pneudrive.characteristics.reading import Reading, read_campaign
 from pneudrive.characteristics.result import CampaignCharacteristics, CycleResult, Ranges
+from pneudrive.characteristics.statements import statements
+from pneudrive.characteristics.stick_slip import stick_slip_points, thresholds
 from pneudrive.characteristics.table import friction_map
+from pneudrive.characteristics.threads import one_thread
+from pneudrive.characteristics.zero import asymmetries, sensor_zero
 
 if TYPE_CHECKING:
     from pneudrive.characterise.settling import SampleChoice
@@ -46,12 +56,15 @@ def characteristics(
     opened = campaign if isinstance(campaign, Campaign) else Campaign.open(campaign)
     choice = protocol if protocol is not None else Settled()
     reading = read_campaign(opened, choice, processes)
+    with one_thread():
+        return _characterise(opened, choice, reading)
+
+
+def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> CampaignCharacteristics:
     points = points_of(reading)
     fits = fit_points(reading, points) if points is not None else None
-    contains_air = opened.identity.pressure_measured_at != "chamber"
-    curves = curves_of(fits, contains_air=contains_air) if fits is not None else ()
     cycles = _cycles(reading, points)
-    return CampaignCharacteristics(
+    found = CampaignCharacteristics(
         name=str(opened.about.get("name", opened.path.name)),
         folder=opened.path,
         identity=opened.identity,
@@ -60,21 +73,32 @@ def characteristics(
         skipped=reading.skipped,
         flags=dict(Counter(flag for cycle in cycles for flag in cycle.flags)),
         friction_map=friction_map(reading, points, fits, choice.name),
-        curves=curves,
-        sources=(),
-        pressure=(),
-        air=(),
-        position=(),
-        asymmetry=(),
-        loops=(),
-        stick_slip=(),
-        stick_slip_thresholds=(),
-        drift=None,
-        repeatability=None,
-        zero=SensorZero(np.zeros(0), np.zeros(0), np.zeros(0), None, "not measured"),
+        zero=sensor_zero(reading),
         ranges=_ranges(reading),
-        statements=(),
     )
+    why = None
+    if points is not None:
+        files = {file.head.cycle.key: file for file in opened.cycles()}
+        found = replace(
+            found,
+            position=position_dependence(points),
+            stick_slip=stick_slip_points(points),
+            stick_slip_thresholds=thresholds(points),
+            loops=loops(points, files, opened.identity),
+        )
+    if fits is not None:
+        why = causes(reading, fits)
+        found = replace(
+            found,
+            curves=curves_of(fits, contains_air=opened.identity.pressure_measured_at != "chamber"),
+            sources=sources(fits, reading.gain),
+            asymmetry=asymmetries(fits),
+            air=air_shares(reading, fits),
+            pressure=pressure_effects(reading, fits),
+            drift=drift_of(reading, fits, why),
+            repeatability=repeatability(fits),
+        )
+    return replace(found, statements=statements(found, reading, points, fits, why))
 
 
 def _cycles(reading: Reading, points: Points | None) -> tuple[CycleResult, ...]:
@@ -83,7 +107,7 @@ def _cycles(reading: Reading, points: Points | None) -> tuple[CycleResult, ...]:
     first = min((head.began_s for head in reading.heads), default=0.0)
     place = {d.head.cycle.key: i for i, d in enumerate(points.reduced.data)} if points is not None else {}
     found = []
-    for d in sorted((*reading.sliding, *reading.standing), key=lambda d: d.head.index):
+    for d in sorted((*reading.sliding, *reading.tares), key=lambda d: d.head.index):
         cycle, i = d.head.cycle, place.get(d.head.cycle.key)
         paired = points is not None and i is not None
         reduced = points.reduced if points is not None else None

@@ -172,6 +172,27 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
     return Fits(points, fitted, fit_curves(offset, logarithmic=False, drift=carries), share, used_groups, kind)
 
 
+def fit_response(reading: Reading, fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFit:
+    """Fit curves to another result of the same cycles, shape (n,), with chance in N.
+
+    Parameters
+    ----------
+    reading : Reading
+    fits : Fits
+        The models of friction, whose order, curves and blocks are taken.
+    y, stderr : ndarray, shape (n,)
+        Of all cycles with both directions.
+    drift : bool
+        Whether it may drift as friction does.
+    """
+    use = fits.points.use
+    order = np.array([reading.order(d.head) for d in fits.points.reduced.data])
+    like = fits.friction.data
+    data = CurveData(y[use], stderr[use] ** 2, like.speed_m_s, like.curve, order[use])
+    blocks = fits.block_groups if drift else None
+    return fit_curves(data, logarithmic=False, drift=drift and fits.drift_share < CARRIED, blocks=blocks)
+
+
 def kept_conditions(points: Points) -> list[Condition]:
     """Give the conditions of the curves, in the order of the models' numbers."""
     return [points.conditions[i] for i in sorted(set(points.condition[points.use].tolist()))]
@@ -213,7 +234,7 @@ def _logarithmic(data: CurveData) -> CurveData:
 
 def _with_tares(reading: Reading, data: CurveData) -> CurveData:
     """Add the tares: observations of the zero alone, on no curve."""
-    tares = reading.standing
+    tares = reading.tares
     if not tares:
         return data
     count = len(tares)

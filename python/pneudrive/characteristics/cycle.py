@@ -104,8 +104,9 @@ class CycleData:
     duration_s : float
     standing_n, standing_stderr_n : float
         Mean of force (vented: of the balance) and its standard error while standing released: the sensor's zero.
-    u_gain_n, u_offset_n : float
-        Standard systematic uncertainty of friction, and of half the sum of both directions beside the zero.
+    u_gain_n, u_offset_n, u_air_n : float
+        Standard systematic uncertainty of friction, of half the sum of both directions beside the zero, and of the
+        chambers' force in half the difference.
     assumed : bool
         Whether the accuracy of the force sensor is assumed.
     """
@@ -121,13 +122,14 @@ class CycleData:
     standing_stderr_n: float = float("nan")
     u_gain_n: float = 0.0
     u_offset_n: float = 0.0
+    u_air_n: float = 0.0
     assumed: bool = False
 
 
 def condition_of(head: Head) -> Condition:
     """Give the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
     cycle = head.cycle
-    a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA, 0) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
+    a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
     levels = {name: str(cycle.levels.get(name, "")) for name in ("mounting", "seal", "drive")}
     return Condition(a, b, **levels)
 
@@ -166,7 +168,7 @@ def read_sliding(file: CycleFile, identity: Identity, choice: SampleChoice, edge
     sides = {d: side for d in (1, -1) if (side := _side(recording, motion, settled, balance, d, edges_m)) is not None}
     if not sides:
         raise RecordingError("no stroke has a settled part", where=recording.name, value=f"{len(strokes)} strokes")
-    u_gain, u_offset, assumed = _systematic(recording, sides)
+    u_gain, u_offset, u_air, assumed = _systematic(recording, sides)
     return CycleData(
         head=file.head,
         file=file.path.name,
@@ -177,12 +179,13 @@ def read_sliding(file: CycleFile, identity: Identity, choice: SampleChoice, edge
         duration_s=float(recording.time_s[-1] - recording.time_s[0]),
         u_gain_n=u_gain,
         u_offset_n=u_offset,
+        u_air_n=u_air,
         assumed=assumed,
     )
 
 
 def read_standing(file: CycleFile, identity: Identity) -> CycleData:
-    """Read a tare: the mean force while the axis stands released, and how sure it is.
+    """Read a tare or a known weight: the mean force while the axis stands released, and how sure it is.
 
     Raises
     ------
@@ -192,12 +195,13 @@ def read_standing(file: CycleFile, identity: Identity) -> CycleData:
     samples = file.samples()
     recording, flags = recording_of(file, identity, samples)
     steps = _steps_of(recording, samples)
-    released = [i for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold) and step.released]
-    standing = np.isin(steps, released) if released else np.ones(len(recording), dtype=bool)
+    holds = [(i, step) for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold)]
+    meant = [i for i, step in holds if step.released or step.weight_n]
+    standing = np.isin(steps, meant) if meant else np.ones(len(recording), dtype=bool)
     begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
     standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
     if standing.sum() < MINIMUM_SAMPLES:
-        raise RecordingError("too few samples for a tare", where=recording.name, value=int(standing.sum()))
+        raise RecordingError("too few samples of standing", where=recording.name, value=int(standing.sum()))
     vented = max(abs(p - identity.ambient_pressure_pa) for p in _pressures(file.head)) < PRESSURE_STEP_PA
     force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
     return CycleData(
@@ -420,8 +424,8 @@ def _even(time_s: Array, position_m: Array) -> tuple[Array, Array]:
     return times, np.bincount(place, weights=position_m, minlength=count)[known] / number[known]
 
 
-def _systematic(recording: Recording, sides: dict[int, Side]) -> tuple[float, float, bool]:
-    """State the systematic standard uncertainty of friction and, beside the zero, of the offset; is it assumed.
+def _systematic(recording: Recording, sides: dict[int, Side]) -> tuple[float, float, float, bool]:
+    """State the systematic standard uncertainty of friction, offset (beside the zero) and air; is it assumed.
 
     The share of hysteresis that the budget of a single recording assumes is left out: the campaign's band holds what
     is stated or seen.
@@ -438,8 +442,9 @@ def _systematic(recording: Recording, sides: dict[int, Side]) -> tuple[float, fl
         "bore (area)": 1.0,
     }
     offset = float(np.sqrt(sum((e.offset_n * readings.get(e.source, 0.0)) ** 2 for e in entries)))
+    air = float(np.sqrt(sum(e.friction_n**2 for e in entries if e.source.startswith(("pressure", "bore")))))
     assumed = any(e.source == "force: common error" and e.basis == "assumed" for e in entries)
-    return friction, offset, assumed
+    return friction, offset, air, assumed
 
 
 def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:

@@ -201,13 +201,7 @@ class MixedFit:
 
     def contrast(self, row: Array, unit: str = "N") -> Estimate:
         """Estimate a linear function of b with its interval and the probability that it is zero."""
-        from scipy.special import stdtr
-
-        found = self.predict(np.atleast_2d(row))
-        value, stderr, freedom = float(found.mean[0]), float(np.sqrt(found.variance[0])), float(found.freedom[0])
-        half = float(found.half_width()[0])
-        p = 2.0 * float(stdtr(freedom, -abs(value) / stderr)) if stderr > 0 else float(value == 0.0)
-        return Estimate(value, value - half, value + half, stderr, unit, freedom, p)
+        return as_estimate(self.predict(np.atleast_2d(row)), unit)
 
     def f_test(self, rows: Array) -> FTest:
         """Test that several linear functions of b, shape (q, p), are all zero (Wald's test, approximate F)."""
@@ -236,6 +230,16 @@ class MixedFit:
     def log_likelihood(self) -> float:
         """Restricted log-likelihood at the most probable standard deviations."""
         return _log_likelihood(self.model, self.sd)
+
+
+def as_estimate(found: Predicted, unit: str = "N") -> Estimate:
+    """Give the first of the predicted values as an estimate, with the probability that it is zero."""
+    from scipy.special import stdtr
+
+    value, stderr, freedom = float(found.mean[0]), float(np.sqrt(found.variance[0])), float(found.freedom[0])
+    half = float(found.half_width()[0])
+    p = 2.0 * float(stdtr(freedom, -abs(value) / stderr)) if stderr > 0 else float(value == 0.0)
+    return Estimate(value, value - half, value + half, stderr, unit, freedom, p)
 
 
 def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:

@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive.campaign.folder import CycleFile
 from pneudrive.characterise.pool import in_processes, workers
 from pneudrive.characteristics.cycle import BINS, CycleData, read_sliding, read_standing
+from pneudrive.characteristics.gain import Gain, corrected, sensor_gain
 from pneudrive.characteristics.result import Skipped
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.rig.interface import Identity, Move
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SLIDING = ("sweep", "sentinel")  # kinds of cycles that are points of a characteristic over speed
-STANDING = ("tare",)
+STANDING = ("tare", "weight")
 WORTH_WORKERS = 100  # cycles below which starting processes costs more than it saves
 LOOKED_AT = 8  # cycles from which the way that the campaign moves along is taken
 ENDS = (0.001, 0.999)  # quantiles of position: what single damaged samples show does not count
@@ -42,7 +43,9 @@ class Reading:
     identity : Identity
     heads : tuple of Head
         Of all usable files, whatever they are for, in the order in which they were run.
-    sliding, standing : tuple of CycleData
+    sliding, tares : tuple of CycleData
+        Gain of the force sensor corrected where known weights tell it.
+    gain : Gain
     skipped : tuple of Skipped
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
@@ -54,7 +57,8 @@ class Reading:
     identity: Identity
     heads: tuple[Head, ...]
     sliding: tuple[CycleData, ...]
-    standing: tuple[CycleData, ...]
+    tares: tuple[CycleData, ...]
+    gain: Gain
     skipped: tuple[Skipped, ...]
     notes: tuple[str, ...]
     edges_m: Array
@@ -117,11 +121,14 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         found = in_processes(read_part, [(part, campaign.identity, choice, edges) for part in parts])
     data = sorted((d for d in found if isinstance(d, CycleData)), key=lambda d: d.head.index)
     skipped += [s for s in found if isinstance(s, Skipped)]
+    tares = [d for d in data if d.head.cycle.kind == "tare"]
+    gain = sensor_gain(campaign.identity, [d for d in data if d.head.cycle.kind == "weight"], tares)
     return Reading(
         identity=campaign.identity,
         heads=tuple(file.head for file in files),
-        sliding=tuple(d for d in data if d.head.cycle.kind in SLIDING),
-        standing=tuple(d for d in data if d.head.cycle.kind in STANDING),
+        sliding=corrected([d for d in data if d.head.cycle.kind in SLIDING], gain),
+        tares=corrected(tares, gain),
+        gain=gain,
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
         notes=tuple(notes),
         edges_m=edges,

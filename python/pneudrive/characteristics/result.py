@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pneudrive.characteristics.basics import BOTH
@@ -225,20 +225,20 @@ class CampaignCharacteristics:
     skipped: tuple[Skipped, ...]
     flags: dict[str, int]
     friction_map: xr.Dataset
-    curves: tuple[Curve, ...]
-    sources: tuple[Source, ...]
-    pressure: tuple[PressureEffects, ...]
-    air: tuple[AirShare, ...]
-    position: tuple[PositionDependence, ...]
-    asymmetry: tuple[Asymmetry, ...]
-    loops: tuple[Loop, ...]
-    stick_slip: tuple[StickSlipPoint, ...]
-    stick_slip_thresholds: tuple[StickSlipThreshold, ...]
-    drift: Drift | None
-    repeatability: Repeatability | None
     zero: SensorZero
     ranges: Ranges
-    statements: tuple[Statement, ...] = field(default_factory=tuple)
+    curves: tuple[Curve, ...] = ()
+    sources: tuple[Source, ...] = ()
+    pressure: tuple[PressureEffects, ...] = ()
+    air: tuple[AirShare, ...] = ()
+    position: tuple[PositionDependence, ...] = ()
+    asymmetry: tuple[Asymmetry, ...] = ()
+    loops: tuple[Loop, ...] = ()
+    stick_slip: tuple[StickSlipPoint, ...] = ()
+    stick_slip_thresholds: tuple[StickSlipThreshold, ...] = ()
+    drift: Drift | None = None
+    repeatability: Repeatability | None = None
+    statements: tuple[Statement, ...] = ()
 
     @property
     def synthetic(self) -> bool:

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, Predicted, independent
+from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, Predicted, as_estimate, independent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from pneudrive.characteristics.basics import Estimate
 
     Array = NDArray[np.float64]
 
@@ -101,6 +103,20 @@ class CurveFit:
             x, {k: v for k, v in kernels.items() if k in names}, {k: v for k, v in prior.items() if k in names}
         )
 
+    def mean_at(self, curve: int, speed_m_s: Array, unit: str = "N") -> Estimate:
+        """Mean of a curve over these speeds, in the unit of the response."""
+        basis = _Basis.of(self.data)
+        number = np.full(speed_m_s.size, curve, dtype=np.int64)
+        x = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept].mean(axis=0, keepdims=True)
+        names = [c.name for c in self.fit.model.components]
+        kernels = {k: v.mean(axis=0, keepdims=True) for k, v in basis.kernels(speed_m_s, number)[0].items()}
+        own = basis.between(speed_m_s)
+        prior = {k: np.array([v.mean()]) for k, v in own.items()}
+        found = self.fit.predict(
+            x, {k: v for k, v in kernels.items() if k in names}, {k: v for k, v in prior.items() if k in names}
+        )
+        return as_estimate(found, unit)
+
     def sd(self, name: str) -> float:
         """Most probable standard deviation of a component; 0 where there is none."""
         names = [c.name for c in self.fit.model.components]
@@ -151,6 +167,12 @@ class _Basis:
             prior["own shape"] = own**3 + 3.0 * (own - 0.5) ** 2
         return common, prior
 
+    def between(self, speed_m_s: Array) -> dict[str, Array]:
+        """Covariance of the smooth deviations of one curve between these speeds, shape (m, m)."""
+        own = self.place(speed_m_s)
+        bend = _integrated_wiener(own, own)
+        return {"shape": bend, "own shape": bend + 3.0 * np.outer(own - 0.5, own - 0.5)}
+
 
 def _integrated_wiener(s: Array, t: Array) -> Array:
     """Covariance of an integrated Wiener process with variance 1 at 1, shape (m, n)."""
@@ -200,7 +222,7 @@ def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArr
         components.append(Component("own shape", kernels["own shape"], spread))
     components.append(Component("cycle", on.astype(float), usual))
     if drift:
-        components.append(Component("drift", _centred_walk(data.order), usual))
+        components.append(Component("drift", centred_walk(data.order), usual))
     if blocks is not None:
         components.append(Component("block", (blocks[:, None] == blocks[None, :]).astype(float), usual))
     x = basis.fixed(data.speed_m_s, data.curve, observed=True)[:, basis.kept]
@@ -214,7 +236,7 @@ def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArr
     return CurveFit(data, fit, logarithmic, names, estimate, half)
 
 
-def _centred_walk(order: Array) -> Array:
+def centred_walk(order: Array) -> Array:
     """Covariance of a random walk over the campaign, less its mean over the observations."""
     walk = np.minimum(order[:, None], order[None, :])
     walk = walk - walk.mean(axis=0, keepdims=True)

@@ -1,0 +1,25 @@
+"""A process of the pool: work comes on stdin, the result goes to stdout."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+
+from pneudrive.characterise.pool import EXIT_INTERRUPTED
+from pneudrive.errors import PneudriveError
+
+
+def main() -> None:
+    """Read (function, arguments), write the list that it returns or the error that stopped it."""
+    work, task = pickle.load(sys.stdin.buffer)
+    try:
+        result: object = work(*task)
+    except PneudriveError as error:
+        result = error
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)
+    pickle.dump(result, sys.stdout.buffer)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""Where the width of the band comes from: one entry per source, over all points of all curves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.curves import NORMAL_95, curve_speeds, in_newton, kept_conditions, systematic
+from pneudrive.characteristics.result import Source
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.characteristics.curves import Fits
+    from pneudrive.characteristics.gain import Gain
+
+    Array = NDArray[np.float64]
+
+
+def sources(fits: Fits, gain: Gain) -> tuple[Source, ...]:
+    """List the sources: root mean square over the measured points of all curves, N."""
+    points = fits.points
+    scatter, gains, places, states, zeros = [], [], [], [], []
+    for number, condition in enumerate(kept_conditions(points)):
+        index = points.conditions.index(condition)
+        speeds, measured, _ = curve_speeds(points, index)
+        speeds = speeds[measured]
+        value, low, high = in_newton(fits.friction, fits.friction.at(number, speeds))
+        offset = fits.offset.at(number, speeds)
+        shared = systematic(fits, value, offset.mean, index)
+        scatter.append((high - low) / (2.0 * NORMAL_95))
+        gains.append(shared.gain_n)
+        places.append(shared.position_n)
+        states.append(shared.state_n)
+        zeros.append(np.hypot(shared.zero_n, offset.half_width() / NORMAL_95))
+    assumed = any(d.assumed for d in points.reduced.data)
+    stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
+    chance = ", ".join(("noise within cycles", *fits.friction.sources))
+    return (
+        Source("scatter of the cycles", _rms(scatter), "A", "data", f"{chance}; from the mixed model"),
+        Source("gain of the force sensor", _rms(gains), "A" if stated == "data" else "B", stated),
+        Source("mean over position", _rms(places), "B", "assumed", "pattern over the part of the stroke not covered"),
+        Source("state of the rig", _rms(states), "A", "data", "drift: friction in this campaign is not one value"),
+        Source("zero and asymmetry", _rms(zeros), "A", "data", "curves of one direction only"),
+    )
+
+
+def _rms(parts: list[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))

@@ -1,0 +1,183 @@
+"""What passes: drift with time, run-in with travel, temperature, interruptions; and how well a cycle repeats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.curves import NORMAL_95, Fits
+from pneudrive.characteristics.effects import Drift, Repeatability
+from pneudrive.characteristics.mixed import MixedModel, independent
+from pneudrive.characteristics.smooth import CARRIED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.characteristics.basics import Estimate
+    from pneudrive.characteristics.reading import Reading
+
+    Array = NDArray[np.float64]
+
+HOUR_S = 3600.0
+LEAST_KELVIN = 0.5  # of a temperature's range: less tells nothing of its effect
+LEAST_DECADES = 0.5  # of travel
+FIRST_TRAVEL_M = 1.0  # below which the logarithm of travel means nothing
+LONG_REST_S, LONG_REST_RATIO = 30.0, 5.0  # a rest is an interruption beyond both, the ratio to the usual rest
+FEWEST_INTERRUPTED = 3
+TOGETHER = 0.95  # correlation of two causes beyond which they cannot be told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Causes:
+    """What may make friction change over a campaign, shape (n,) each for the cycles that are points of F(v).
+
+    ``together`` names pairs that cannot be told apart, as correlation says.
+    """
+
+    hours: Array
+    decades: Array
+    kelvin: Array
+    interrupted: NDArray[np.bool_]
+    together: tuple[tuple[str, str, float], ...]
+
+
+def causes(reading: Reading, fits: Fits) -> Causes:
+    """Collect the possible causes of a drift."""
+    use = fits.points.use
+    data = [d for d, u in zip(fits.points.reduced.data, use, strict=True) if u]
+    hours = np.array([d.head.began_s for d in data]) / HOUR_S
+    travel = np.array([reading.travel_m[d.head.cycle.key] for d in data])
+    kelvin = np.array([d.temperature_k for d in data])
+    decades = np.log10(travel + FIRST_TRAVEL_M)
+    columns = {"time": hours}
+    if np.ptp(decades) >= LEAST_DECADES:
+        columns["travel"] = decades
+    if np.isfinite(kelvin).all() and np.ptp(kelvin) >= LEAST_KELVIN:
+        columns["temperature"] = kelvin
+    names = list(columns)
+    together = []
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            if np.ptp(columns[a]) > 0 and np.ptp(columns[b]) > 0:
+                r = float(np.corrcoef(columns[a], columns[b])[0, 1])
+                if abs(r) > TOGETHER:
+                    together.append((a, b, r))
+    return Causes(hours, decades, kelvin, _interrupted(reading, data), tuple(together))
+
+
+def _interrupted(reading: Reading, data: list) -> NDArray[np.bool_]:
+    """Cycles that follow a long rest, or a cycle with a stop."""
+    heads = {head.cycle.key: i for i, head in enumerate(reading.heads)}
+    durations = {d.head.cycle.key: d.duration_s for d in (*reading.sliding, *reading.tares)}
+    rests = []
+    for d in data:
+        place = heads[d.head.cycle.key]
+        before = reading.heads[place - 1] if place else None
+        if before is None:
+            rests.append(float("nan"))
+        elif before.cycle.kind == "stop":
+            rests.append(float(before.cycle.stop_s or 0.0))
+        elif before.cycle.key in durations:
+            rests.append(d.head.began_s - before.began_s - durations[before.cycle.key])
+        else:
+            rests.append(float("nan"))
+    rest = np.array(rests)
+    usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 0.0
+    return np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
+
+
+def drift_of(reading: Reading, fits: Fits, found: Causes) -> Drift:
+    """Describe the drift; effects are None where the design does not carry them."""
+    points, fit = fits.points, fits.friction
+    use = points.use
+    data = [d for d, u in zip(points.reduced.data, use, strict=True) if u]
+    level = float(points.reduced.friction_n[use].mean())
+    scale = level if fit.logarithmic else 1.0
+    first = min(head.began_s for head in reading.heads)
+    carried = fits.drift_share < CARRIED
+    sentinel = np.array([d.head.cycle.kind == "sentinel" for d in points.reduced.data])
+    per_hour = per_decade = per_kelvin = interrupted = None
+    if carried:
+        per_hour = _effect(fits, found.hours, scale, "N/h")
+        if np.ptp(found.decades) >= LEAST_DECADES:
+            per_decade = _effect(fits, found.decades, scale, "N/decade")
+        if np.isfinite(found.kelvin).all() and np.ptp(found.kelvin) >= LEAST_KELVIN:
+            per_kelvin = _effect(fits, found.kelvin, scale, "N/K")
+    number = int(found.interrupted.sum())
+    if FEWEST_INTERRUPTED <= number <= found.interrupted.size - FEWEST_INTERRUPTED:
+        interrupted = _effect(fits, found.interrupted.astype(float), scale, "N")
+    value, half = fit.drift * scale, fit.drift_half * scale
+    return Drift(
+        time_s=np.array([d.head.began_s - first for d in data]),
+        drift_n=value,
+        low_n=value - half,
+        high_n=value + half,
+        sentinel_time_s=np.array([d.head.began_s - first for d in points.reduced.data])[sentinel],
+        sentinel_n=points.reduced.friction_n[sentinel],
+        per_hour=per_hour,
+        per_decade_of_travel=per_decade,
+        per_kelvin=per_kelvin,
+        interrupted=interrupted,
+        basis=_basis(fits, bool(sentinel.any())) if carried else "not determined",
+        spread_n=float(np.std(value)),
+    )
+
+
+def _effect(fits: Fits, column: Array, scale: float, unit: str) -> Estimate | None:
+    """Effect of one cause on friction at its mean, the smooth drift being part of what is unknown."""
+    model = fits.friction.fit.model
+    x = np.column_stack([model.x, column - column.mean()])
+    if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
+        return None
+    row = np.zeros(x.shape[1])
+    row[-1] = scale
+    return MixedModel(model.y, x, model.noise, model.components).fit().contrast(row, unit)
+
+
+def _basis(fits: Fits, sentinels: bool) -> str:
+    if sentinels:
+        return "sentinels"
+    return "repeats" if _repeated(fits) else "smooth curve"
+
+
+def _repeated(fits: Fits) -> bool:
+    points = fits.points
+    cells = np.column_stack([points.condition, points.level])[points.use]
+    return bool((np.unique(cells, axis=0, return_counts=True)[1] > 1).any())
+
+
+def repeatability(fits: Fits) -> Repeatability:
+    """Give the standard deviations of a cycle's friction, at the mean friction."""
+    points, fit = fits.points, fits.friction
+    level = float(points.reduced.friction_n[points.use].mean())
+    scale = level if fit.logarithmic else 1.0
+    noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
+    within = _scaled(fit.fit.deviation("cycle"), scale)
+    within = replace(
+        within,
+        value=float(np.hypot(within.value, noise)),
+        low=float(np.hypot(within.low, noise)),
+        high=float(np.hypot(within.high, noise)),
+    )
+    between = total = None
+    if fits.block_groups is not None:
+        between = _scaled(fit.fit.deviation("block"), scale)
+        value = float(np.hypot(within.value, between.value))
+        stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
+        reach = NORMAL_95 * stderr / max(value, 1e-12)
+        total = replace(within, value=value, low=value * np.exp(-reach), high=value * np.exp(reach), stderr=stderr)
+    sentinels = any(d.head.cycle.kind == "sentinel" for d, u in zip(points.reduced.data, points.use, strict=True) if u)
+    basis = "sentinels" if sentinels else "repeats" if _repeated(fits) else "smooth curve"
+    return Repeatability(within, between, total, fit.logarithmic, basis)
+
+
+def _scaled(found: Estimate, scale: float) -> Estimate:
+    return replace(
+        found,
+        value=found.value * scale,
+        low=found.low * scale,
+        high=found.high * scale,
+        stderr=found.stderr * scale,
+    )

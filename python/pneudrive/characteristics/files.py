@@ -1,0 +1,163 @@
+"""Characteristics as files: map, curves, effects."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.characteristics.table import COLUMNS, TEXT, WHOLE
+from pneudrive.trajectory import check_target, write_frame
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from pneudrive.characteristics.result import CampaignCharacteristics
+
+MAP_FILES = ("map.parquet", "map.csv")
+CURVES_FILE, EFFECTS_FILE = "curves.parquet", "effects.toml"
+CURVE_COLUMNS = (
+    "speed_m_s",
+    "friction_n",
+    "low_n",
+    "high_n",
+    "stderr_n",
+    "u_systematic_n",
+    "measured",
+    "cycles",
+)
+
+
+def write_characteristics(found: CampaignCharacteristics, folder: str | Path) -> list[Path]:
+    """Write map.parquet, map.csv, curves.parquet and effects.toml.
+
+    Returns
+    -------
+    list of pathlib.Path
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written to.
+    """
+    folder = Path(folder)
+    written = [write_campaign_map(found.friction_map, folder / name) for name in MAP_FILES]
+    return [*written, write_curves(found, folder / CURVES_FILE), write_effects(found, folder / EFFECTS_FILE)]
+
+
+def write_campaign_map(friction_map: xr.Dataset, path: str | Path) -> Path:
+    """Write the map of a campaign with all of its columns, .parquet or .csv."""
+    import polars as pl
+
+    path = check_target(path, (".parquet", ".csv"))
+    kinds = {name: pl.String if name in TEXT else pl.Int64 if name in WHOLE else pl.Float64 for name in COLUMNS}
+    columns = {name: pl.Series(name, friction_map[name].to_numpy().tolist(), dtype=kinds[name]) for name in COLUMNS}
+    write_frame(pl.DataFrame(columns), path)
+    return path
+
+
+def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
+    """Write all curves as one table: condition, direction, the columns of `Curve`, and what was excluded."""
+    import polars as pl
+
+    path = check_target(path, (".parquet", ".csv"))
+    rows: list[dict[str, Any]] = []
+    for curve in found.curves:
+        common = {**vars(curve.condition), "direction": curve.direction, "contains_air": curve.contains_air}
+        rows += [
+            {**common, **{name: getattr(curve, name)[i].item() for name in CURVE_COLUMNS}, "excluded": ""}
+            for i in range(curve.speed_m_s.size)
+        ]
+        nothing = dict.fromkeys(("low_n", "high_n", "stderr_n", "u_systematic_n"), float("nan"))
+        if curve.direction == 0:
+            rows += [
+                {
+                    **common,
+                    **nothing,
+                    "speed_m_s": point.speed_m_s,
+                    "friction_n": point.friction_n,
+                    "measured": True,
+                    "cycles": 1,
+                    "excluded": point.reason,
+                }
+                for point in curve.excluded
+            ]
+    write_frame(pl.DataFrame(rows, infer_schema_length=None), path)
+    return path
+
+
+def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
+    """Write effects with their intervals, the budget and the statements as TOML."""
+    path = check_target(path, (".toml",))
+    tables: dict[str, Any] = {
+        "campaign": found.name,
+        "rig": found.identity.name,
+        "synthetic": found.synthetic,
+        "protocol": found.protocol,
+        "cycles": len(found.cycles),
+        "flags": found.flags,
+        "ranges": found.ranges,
+        "repeatability": found.repeatability,
+        "drift": found.drift,
+        "zero": found.zero,
+        "statement": list(found.statements),
+        "skipped": list(found.skipped),
+        "source": list(found.sources),
+        "pressure": list(found.pressure),
+        "direction": list(found.asymmetry),
+        "air": list(found.air),
+        "position": list(found.position),
+        "stick_slip": list(found.stick_slip),
+        "stick_slip_threshold": list(found.stick_slip_thresholds),
+    }
+    path.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
+    return path
+
+
+def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
+    """Plain values first, then tables, then lists of tables; what is None or empty is left out."""
+    plain, inner, lists = [], [], []
+    for key, value in table.items():
+        if value is None or (isinstance(value, list | tuple | dict) and not len(value)):
+            continue
+        if is_dataclass(value) and not isinstance(value, type):
+            inner.append((key, _fields(value)))
+        elif isinstance(value, dict):
+            inner.append((key, value))
+        elif isinstance(value, list | tuple) and is_dataclass(value[0]):
+            lists.append((key, [_fields(item) for item in value]))
+        else:
+            plain.append(f"{key} = {_value(value)}")
+    lines = plain
+    for key, value in inner:
+        lines += ["", f"[{'.'.join((*name, key))}]", *_lines(value, (*name, key))]
+    for key, items in lists:
+        for item in items:
+            lines += ["", f"[[{'.'.join((*name, key))}]]", *_lines(item, (*name, key))]
+    return lines
+
+
+def _fields(value: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the results' dataclasses
+    return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def _value(value: Any) -> str:  # noqa: ANN401
+    """One TOML value."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if isinstance(value, int | np.integer):
+        return str(int(value))
+    if isinstance(value, float | np.floating):
+        number = float(value)
+        return (
+            repr(number) if math.isfinite(number) else "nan" if math.isnan(number) else "inf" if number > 0 else "-inf"
+        )
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_value(item) for item in value)}]"
+    text = str(value).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'"{text}"'

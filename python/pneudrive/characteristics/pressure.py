@@ -1,0 +1,231 @@
+"""Effects of both chamber pressures on friction: slopes at each speed, their interaction, what the design carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.basics import PA_PER_BAR, Estimate
+from pneudrive.characteristics.effects import PressureEffects
+from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent
+from pneudrive.characteristics.smooth import CARRIED, CYCLE_SCALE, centred_walk
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.characteristics.basics import FTest
+    from pneudrive.characteristics.curves import Fits
+    from pneudrive.characteristics.reading import Reading
+
+    Array = NDArray[np.float64]
+
+SAME_SLOPE = 1e-3  # of the largest pressure: pairs that lie on one line closer than this do not tell both pressures
+CHANCE = 0.05
+UNIT = "N/Pa"
+
+
+@dataclass(frozen=True, eq=False)
+class _Design:
+    """Cycles of one set of levels. Pressures are in bar, gauge; ``kind`` is both, a, b, sum or line."""
+
+    kind: str
+    speeds: Array
+    level: NDArray[np.int64]
+    a: Array
+    b: Array
+    place: Array
+    pairs: tuple[tuple[float, float], ...]
+
+
+def pressure_effects(reading: Reading, fits: Fits) -> tuple[PressureEffects, ...]:
+    """Find the effects of pressure for each set of mounting, seal and drive with several pressure pairs."""
+    points = fits.points
+    named = [(c.mounting, c.seal, c.drive) for c in points.conditions]
+    found = []
+    for name in dict.fromkeys(named):
+        conditions = [i for i, other in enumerate(named) if other == name]
+        members = points.use & np.isin(points.condition, conditions)
+        title = ", ".join(level for level in name if level)
+        effect = _effects(reading, fits, members, title)
+        if effect is not None:
+            found.append(effect)
+    return tuple(found)
+
+
+def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: str) -> PressureEffects | None:
+    design, members = _design(reading, fits, members)
+    if design is None:
+        return None
+    speed = np.eye(design.speeds.size)[design.level]
+    slopes = {"both": [design.a, design.b], "a": [design.a], "b": [design.b]}.get(design.kind, [design.a])
+    x = np.hstack([speed, *(speed * p[:, None] for p in slopes)])
+    if x.shape[0] <= x.shape[1] + 1:
+        return None
+    fit = _fit(reading, fits, members, x)
+    if fit is None:
+        return None
+    count = design.speeds.size
+    each = [tuple(_slope(fit, count, k, [s]) for s in range(count)) for k in range(len(slopes))]
+    means = [_slope(fit, count, k, range(count)) for k in range(len(slopes))]
+    interaction, joint = _extra(reading, fits, members, x, design, [design.a * design.b])
+    squares = [p**2 for p in slopes]
+    curvature = _extra(reading, fits, members, x, design, squares)[0]
+    first = {"both": 0, "a": 0}.get(design.kind)
+    second = {"both": 1, "b": 0}.get(design.kind)
+    total = None if design.kind in {"both", "a", "b"} else 0
+    return PressureEffects(
+        levels=title,
+        speed_m_s=design.speeds,
+        slope_a=each[first] if first is not None else (),
+        slope_b=each[second] if second is not None else (),
+        slope_sum=each[total] if total is not None else (),
+        mean_a=means[first] if first is not None else None,
+        mean_b=means[second] if second is not None else None,
+        mean_sum=means[total] if total is not None else None,
+        interaction=interaction if design.kind == "both" else None,
+        interaction_n_pa2=joint if design.kind == "both" else None,
+        curvature=curvature,
+        gauge_pa=tuple((PA_PER_BAR * a, PA_PER_BAR * b) for a, b in design.pairs),
+        statement=_statement(design, means, interaction if design.kind == "both" else None, joint, curvature),
+    )
+
+
+def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
+    """Keep the speeds that were measured at all pressure pairs, and say what the pairs can tell."""
+    points, ambient = fits.points, reading.identity.ambient_pressure_pa
+    pairs_of = {
+        i: tuple(round((p - ambient) / PA_PER_BAR, 3) + 0.0 for p in (c.pressure_a_pa, c.pressure_b_pa))
+        for i, c in enumerate(points.conditions)
+    }
+    present = sorted({int(i) for i in points.condition[members]})
+    pairs = sorted({pairs_of[i] for i in present})
+    if len(pairs) < 2:
+        return None, members
+    of_cycle = np.array([pairs.index(pairs_of[i]) if i in present else -1 for i in points.condition.tolist()])
+    levels = [
+        k
+        for k in sorted(set(points.level[members].tolist()))
+        if set(of_cycle[members & (points.level == k)].tolist()) == set(range(len(pairs)))
+    ]
+    if not levels:
+        return None, members
+    members = members & np.isin(points.level, levels)
+    table = np.array(pairs)
+    design = _Design(
+        kind=_kind(table),
+        speeds=points.level_speeds_m_s[levels],
+        level=np.searchsorted(levels, points.level[members]),
+        a=table[of_cycle[members], 0],
+        b=table[of_cycle[members], 1],
+        place=np.log(points.reduced.speed_m_s[members]),
+        pairs=tuple((float(a), float(b)) for a, b in pairs),
+    )
+    return design, members
+
+
+def _kind(pairs: Array) -> str:
+    """Say what pressure pairs can tell: both slopes, one, their sum (equal pressures), or one along another line."""
+    away = pairs - pairs.mean(axis=0)
+    scale = max(float(np.abs(pairs).max()), 1e-12)
+    spans = np.ptp(pairs, axis=0)
+    if spans[1] < SAME_SLOPE * scale:
+        return "a"
+    if spans[0] < SAME_SLOPE * scale:
+        return "b"
+    if np.linalg.svd(away, compute_uv=False)[1] > SAME_SLOPE * scale:
+        return "both"
+    return "sum" if np.abs(pairs[:, 0] - pairs[:, 1]).max() < SAME_SLOPE * scale else "line"
+
+
+def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> MixedFit | None:
+    """Fit fixed effects with the sources of chance that the curves' model has."""
+    points, reduced = fits.points, fits.points.reduced
+    if independent(x).size < x.shape[1]:
+        return None
+    y = reduced.friction_n[members]
+    # Where chance is relative, each source acts in proportion to friction.
+    share = y / y.mean() if fits.friction.logarithmic else np.ones(y.size)
+    usual = CYCLE_SCALE * max(float(np.abs(y).mean()), 1e-9)
+    outer = np.outer(share, share)
+    components = [Component("cycle", share**2, usual)]
+    if fits.drift_share < CARRIED:
+        order = np.array([reading.order(d.head) for d, m in zip(reduced.data, members, strict=True) if m])
+        components.append(Component("drift", outer * centred_walk(order), usual))
+    if fits.block_groups is not None:
+        groups = np.zeros(len(points), dtype=np.int64)
+        groups[points.use] = fits.block_groups
+        group = groups[members]
+        if np.unique(group).size > 1:
+            components.append(Component("block", outer * (group[:, None] == group[None, :]), usual))
+    return MixedModel(y, x, reduced.friction_stderr_n[members] ** 2, tuple(components)).fit()
+
+
+def _slope(fit: MixedFit, speeds: int, which: int, at: range | list[int]) -> Estimate:
+    row = np.zeros(fit.model.x.shape[1])
+    row[[speeds * (1 + which) + s for s in at]] = 1.0 / len(at)
+    return _per_pascal(fit.contrast(row), 1)
+
+
+def _per_pascal(found: Estimate, power: int) -> Estimate:
+    scale = PA_PER_BAR**-power
+    unit = UNIT if power == 1 else "N/Pa2"
+    values = (found.value * scale, found.low * scale, found.high * scale, found.stderr * scale)
+    return Estimate(*values, unit, found.degrees_of_freedom, found.p)
+
+
+def _extra(
+    reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array, design: _Design, products: list[Array]
+) -> tuple[FTest | None, Estimate | None]:
+    """Test further products of pressures: their mean over speeds and their change with its logarithm."""
+    tilt = design.place - design.place.mean()
+    columns = [p for p in products if np.ptp(p) > 0]
+    both = [*columns, *(p * tilt for p in columns)] if design.speeds.size > 1 else columns
+    wide = np.column_stack([x, *both])
+    kept = independent(wide)
+    added = [k for k in kept.tolist() if k >= x.shape[1]]
+    if len([k for k in added if k < x.shape[1] + len(columns)]) < len(columns) or not columns:
+        return None, None
+    wide = wide[:, kept]
+    if wide.shape[0] <= wide.shape[1] + 1:
+        return None, None
+    fit = _fit(reading, fits, members, wide)
+    if fit is None:
+        return None, None
+    rows = np.eye(wide.shape[1])[x.shape[1] :]
+    return fit.f_test(rows), _per_pascal(fit.contrast(rows[0]), 2)
+
+
+def _statement(
+    design: _Design, means: list[Estimate], interaction: FTest | None, joint: Estimate | None, curvature: FTest | None
+) -> str:
+    pressures = [f"{a:.3g}/{b:.3g}" for a, b in design.pairs]
+    text = f"At {', '.join(pressures)} bar gauge (a/b) friction changes, mean over {design.speeds.size} speeds, by "
+    named = {"both": ("p_a", "p_b"), "a": ("p_a",), "b": ("p_b",)}.get(design.kind, ("both pressures together",))
+    text += " and ".join(f"{_bar(m)} of {n}" for m, n in zip(means, named, strict=True)) + ". "
+    if design.kind == "sum":
+        text += "Both pressures were always equal: the effect of each alone and their interaction cannot be told. "
+    elif design.kind == "line":
+        text += "The pressure pairs lie on one line: the effect of each alone cannot be told. "
+    elif design.kind in {"a", "b"}:
+        text += "Only this pressure was changed. "
+    elif interaction is None:
+        text += "The pressure pairs do not carry a test of the interaction. "
+    elif joint is not None:
+        reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
+        how = "interact" if interaction.p < CHANCE else "add, as far as these data tell"
+        text += (
+            f"The effects {how}: F({interaction.numerator:.0f}, {interaction.denominator:.0f}) = {interaction.f:.2f}"
+        )
+        text += f", p = {interaction.p:.2g}; the mean interaction is within {reach:.2g} N/bar2. "
+    if curvature is not None and curvature.p < CHANCE:
+        text += (
+            f"Friction is not linear in pressure (p = {curvature.p:.2g}): the slopes are those of a line through it. "
+        )
+    return text.strip()
+
+
+def _bar(slope: Estimate) -> str:
+    low, value, high = (PA_PER_BAR * v for v in (slope.low, slope.value, slope.high))
+    return f"{value:.2f} N/bar (95 %: {low:.2f} .. {high:.2f})"

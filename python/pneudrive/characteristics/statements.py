@@ -1,0 +1,278 @@
+"""Sentences on what a campaign's data carry, what they do not carry, and which cycles would make them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.characteristics.result import Statement
+from pneudrive.characteristics.smooth import CARRIED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pneudrive.characteristics.basics import Estimate
+    from pneudrive.characteristics.curves import Fits, Points
+    from pneudrive.characteristics.drift import Causes
+    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.result import CampaignCharacteristics
+
+SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
+CHANCE = 0.05
+FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
+NAMED = 3  # cycles that are named where several share a fate
+
+
+def statements(
+    found: CampaignCharacteristics, reading: Reading, points: Points | None, fits: Fits | None, causes: Causes | None
+) -> tuple[Statement, ...]:
+    """Say what the data carry and what they do not."""
+    said = [*_data(found, reading, points), *_ranges(found)]
+    if points is None or fits is None:
+        text = "No curve: fewer than four cycles have both directions and are points of F(v)."
+        said.append(Statement("curve", text, carried=False, remedy="Add sweeps out and back at several speeds."))
+        return tuple(said)
+    said += [*_curves(found, fits), *_scatter(found, reading, fits), *_drift(found, fits, causes)]
+    said += [*_directions(found), *_pressure(found), *_air(found), *_position(found), *_stick_slip(found)]
+    return tuple(said)
+
+
+def _data(found: CampaignCharacteristics, reading: Reading, points: Points | None) -> Iterator[Statement]:
+    if found.skipped:
+        named = "; ".join(f"{s.key or s.file}: {s.reason}" for s in found.skipped[:NAMED])
+        more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
+        text = f"{len(found.skipped)} cycle(s) could not be used: {named}{more}."
+        yield Statement("data", text, carried=False, remedy="Repeat these cycles.")
+    if found.flags:
+        counts = ", ".join(f"{flag} in {number}" for flag, number in sorted(found.flags.items()))
+        yield Statement("data", f"Cycles with flags: {counts}.")
+    if points is not None and points.unpaired:
+        keys = ", ".join(d.head.cycle.key for d in points.unpaired[:NAMED])
+        text = f"{len(points.unpaired)} cycle(s) have one direction only ({keys}): they are in the map, in no curve."
+        yield Statement("data", text, carried=False, remedy="Repeat them out and back.")
+    if reading.notes:
+        yield Statement("data", f"On reading the folder: {'; '.join(reading.notes[:NAMED])}.")
+    if found.synthetic:
+        yield Statement("data", "Synthetic: a simulated rig made these data.")
+
+
+def _ranges(found: CampaignCharacteristics) -> Iterator[Statement]:
+    speed, a, b = found.ranges.speed_m_s, found.ranges.gauge_a_pa, found.ranges.gauge_b_pa
+    if not np.isfinite(speed[0]):
+        return
+    text = (
+        f"Measured at {1e3 * speed[0]:.3g} to {1e3 * speed[1]:.3g} mm/s, {_bar(a)} bar gauge in chamber a and "
+        f"{_bar(b)} in chamber b; outside of that everything is extrapolation."
+    )
+    yield Statement("range", text)
+    highest = max(a[1], b[1]) / PA_PER_BAR
+    if highest < SERVICE_BAR[0]:
+        yield Statement(
+            "range",
+            f"The highest pressure, {highest:.2g} bar gauge, lies below the {SERVICE_BAR[0]:g} to {SERVICE_BAR[1]:g} "
+            "bar (assumed) at which such drives are used: friction in service is extrapolation.",
+            carried=False,
+            remedy="Add sweeps at service pressure, on both sides and on one.",
+        )
+
+
+def _bar(span: tuple[float, float]) -> str:
+    low, high = (round(p / PA_PER_BAR, 2) + 0.0 for p in span)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
+    measured = {c.condition: int(c.measured.sum()) for c in found.curves}
+    poor = [c.label(found.identity.ambient_pressure_pa) for c, n in measured.items() if n < FEW_LEVELS]
+    if poor:
+        text = f"Fewer than {FEW_LEVELS} speeds at {'; '.join(poor)}: the curve's shape between them is hardly known."
+        yield Statement("curve", text, carried=False, remedy="Add speeds, evenly spaced in their logarithm.")
+    reduced = fits.points.reduced
+    place = reduced.position_m[reduced.common]
+    yield Statement(
+        "curve",
+        f"F(v) is the mean over positions {1e3 * place[0]:.4g} to {1e3 * place[-1]:.4g} mm, in the mean state of the "
+        f"campaign; chance acts {'in proportion to friction' if fits.friction.logarithmic else 'in newton'}.",
+    )
+    if any(d.assumed for d in reduced.data):
+        yield Statement(
+            "curve",
+            "The accuracy of the force sensor is not stated: 0.2 % of the largest force is assumed for its gain.",
+            carried=False,
+            remedy="State accuracy and limits of force_n in rig.json, or hang a known weight on it.",
+        )
+
+
+def _scatter(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Iterator[Statement]:
+    repeat = found.repeatability
+    if repeat is not None and repeat.within is not None:
+        text = f"A cycle repeats within {repeat.within.value:.2g} N (standard deviation, from {repeat.basis})"
+        if repeat.between is not None:
+            text += f"; between {fits.block_kind}s {repeat.between.value:.2g} N"
+        yield Statement("repeatability", text + ".")
+        if repeat.basis == "smooth curve":
+            yield Statement(
+                "repeatability",
+                "Nothing was repeated: how much cycles scatter is taken from how smooth the curves are.",
+                carried=False,
+                remedy="Repeat each point at least twice, or add sentinels.",
+            )
+    if fits.block_groups is None:
+        several = len(set(reading.days().values())) > 1 or len({head.cycle.block for head in reading.heads}) > 1
+        text = (
+            "Each mounting, seal and drive was measured in one block and on one day: what another mounting or day "
+            "would change cannot be told from what the level itself changes"
+            if several
+            else "One block, one day: what another mounting or day would change is unknown"
+        )
+        remedy = "Repeat part of the campaign in another block, on another day."
+        yield Statement("repeatability", f"{text}; it is not in the band.", carried=False, remedy=remedy)
+
+
+def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) -> Iterator[Statement]:
+    drift = found.drift
+    if drift is None:
+        return
+    if fits.drift_share >= CARRIED:
+        yield Statement(
+            "drift",
+            "Time and speed went together: a drift cannot be told from the curve, and is not in the band.",
+            carried=False,
+            remedy="Repeat a reference speed every few cycles (sentinels), or randomise the order.",
+        )
+        return
+    text = f"Friction drifted by {np.ptp(drift.drift_n):.2g} N over the campaign (told by {drift.basis})"
+    yield Statement("drift", f"{text}; the band holds the state of the rig as uncertain by {drift.spread_n:.2g} N.")
+    for effect, name in (
+        (drift.per_hour, "time"),
+        (drift.per_decade_of_travel, "travel (run-in)"),
+        (drift.per_kelvin, "temperature"),
+    ):
+        if effect is not None:
+            yield Statement("drift", f"Effect of {name}: {_interval(effect)}; {_verdict(effect)}.")
+    for a, b, r in causes.together if causes is not None else ():
+        yield Statement(
+            "drift",
+            f"{a.title()} and {b} went together (correlation {r:+.2f}): which of them acts cannot be told.",
+            carried=False,
+            remedy="Spread the campaign so that they part: pauses at temperature, travel without time.",
+        )
+    if drift.interrupted is not None:
+        effect = drift.interrupted
+        yield Statement("drift", f"After an interruption friction differs by {_interval(effect)}; {_verdict(effect)}.")
+    else:
+        yield Statement(
+            "drift",
+            "Continuous against interrupted operation cannot be compared: too few cycles follow a rest, or all do.",
+            carried=False,
+            remedy="Put rests of minutes before some of the cycles.",
+        )
+
+
+def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
+    ambient = found.identity.ambient_pressure_pa
+    if found.zero.basis != "tare":
+        yield Statement(
+            "direction",
+            "Without tare cycles the zero of the force sensor cannot be told from a difference between the "
+            "directions: curves of one direction hold all of it as uncertainty.",
+            carried=False,
+            remedy="Add tare cycles (axis released) before and after each block.",
+        )
+        return
+    drift = found.zero.per_hour
+    if drift is not None:
+        yield Statement("zero", f"The force sensor's zero drifts by {_interval(drift)}; {_verdict(drift)}.")
+    for a in found.asymmetry:
+        which = (
+            "differs between the directions" if a.mean.p < CHANCE else "is the same in both directions, as far as told"
+        )
+        text = f"At {a.condition.label(ambient)} friction {which}: half the difference is {_interval(a.mean)}."
+        yield Statement("direction", text)
+
+
+def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
+    for effect in found.pressure:
+        prefix = f"{effect.levels}: " if effect.levels else ""
+        separate = bool(effect.slope_a and effect.slope_b)
+        remedy = "" if separate else "Add cycles with pressure in one chamber only, and with unequal pressures."
+        yield Statement("pressure", prefix + effect.statement, carried=separate, remedy=remedy)
+        if separate and effect.interaction is None:
+            yield Statement(
+                "pressure",
+                f"{prefix}Whether the effects of both pressures add cannot be tested.",
+                carried=False,
+                remedy="Cross the pressures: at least two values in a with two in b.",
+            )
+    if not found.pressure:
+        pairs = {(c.condition.pressure_a_pa, c.condition.pressure_b_pa) for c in found.curves}
+        why = (
+            "one pressure pair only" if len(pairs) == 1 else "no speed was measured at all pressure pairs with repeats"
+        )
+        text = f"The effect of pressure cannot be told: {why}."
+        yield Statement("pressure", text, carried=False, remedy="Cross the same speeds with several pressure pairs.")
+
+
+def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
+    ambient = found.identity.ambient_pressure_pa
+    for share in found.air:
+        label, speed = share.condition.label(ambient), 1e3 * share.speed_m_s[-1]
+        if share.separated:
+            low, value, high = (float(v[-1]) for v in (share.air_low_n, share.air_n, share.air_high_n))
+            yield Statement(
+                "air",
+                f"At {label} and {speed:.3g} mm/s the air takes {value:.2f} N (95 %: {low:.2f} .. {high:.2f}) of "
+                f"{share.total_n[-1]:.2f} N; the rest is the seal.",
+            )
+        else:
+            yield Statement(
+                "air",
+                f"At {label} pressures were measured at the regulator: air and seal cannot be separated. If the seal's "
+                f"friction does not fall as speed rises, at most {share.air_bound_n[-1]:.2g} N at {speed:.3g} mm/s "
+                "are air.",
+                carried=False,
+                remedy="Measure pressure in the chambers, or repeat the fast sweeps with open ports.",
+            )
+
+
+def _position(found: CampaignCharacteristics) -> Iterator[Statement]:
+    overall = next((p for p in found.position if p.condition is None), None)
+    if overall is None:
+        text = "Friction over position cannot be told: too few cycles."
+        yield Statement("position", text, carried=False, remedy="Add sweeps that settle over most of the stroke.")
+        return
+    trend = overall.trend_per_m
+    text = f"Along x friction changes by {100 * trend.value:.2g} %/m (95 %: {100 * trend.low:.2g} .. "
+    yield Statement("position", f"{text}{100 * trend.high:.2g}); {_verdict(trend)}.")
+    strong = [h for h in overall.harmonics if h.amplitude.p < CHANCE / len(overall.harmonics)]
+    if strong:
+        waves = ", ".join(f"{100 * h.amplitude.value:.2g} % at {1e3 * h.wavelength_m:.3g} mm" for h in strong)
+        yield Statement("position", f"Friction varies over position: amplitude {waves}.")
+
+
+def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
+    ambient = found.identity.ambient_pressure_pa
+    for threshold in found.stick_slip_thresholds:
+        if threshold.low_m_s > 0.0:
+            yield Statement("stick-slip", f"At {threshold.condition.label(ambient)}: {threshold.text}.")
+    excluded = [p for c in found.curves if c.direction == 0 for p in c.excluded]
+    if excluded:
+        speeds = sorted(1e3 * p.speed_m_s for p in excluded)
+        reasons = ", ".join(sorted({p.reason for p in excluded}))
+        yield Statement(
+            "stick-slip",
+            f"{len(excluded)} cycle(s) at {speeds[0]:.3g} to {speeds[-1]:.3g} mm/s are no points of F(v) ({reasons}): "
+            "shown, not counted.",
+            carried=False,
+            remedy="Measure these speeds on a stiffer rig, or fit them by simulating the rig.",
+        )
+
+
+def _interval(e: Estimate) -> str:
+    return f"{e.value:.3g} {e.unit} (95 %: {e.low:.3g} .. {e.high:.3g})"
+
+
+def _verdict(e: Estimate) -> str:
+    return f"beyond chance (p = {e.p:.2g})" if e.p < CHANCE else f"not beyond chance (p = {e.p:.2g})"

@@ -1,0 +1,75 @@
+"""Zero of the force sensor from tares, and the difference between the directions that is left when it is taken out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.curves import NORMAL_95, Fits, curve_speeds, kept_conditions, systematic
+from pneudrive.characteristics.effects import Asymmetry, SensorZero
+from pneudrive.characteristics.mixed import Component, MixedModel
+
+if TYPE_CHECKING:
+    from pneudrive.characteristics.basics import Estimate
+    from pneudrive.characteristics.reading import Reading
+
+HOUR_S = 3600.0
+FEWEST_TARES = 3  # from which a drift is told
+
+
+def sensor_zero(reading: Reading) -> SensorZero:
+    """Give the zero of each tare and its drift."""
+    tares = reading.tares
+    if not tares:
+        return SensorZero(np.zeros(0), np.zeros(0), np.zeros(0), None, "not measured")
+    first = min(head.began_s for head in reading.heads)
+    time = np.array([t.head.began_s - first for t in tares])
+    zero = np.array([t.standing_n for t in tares])
+    stderr = np.array([t.standing_stderr_n for t in tares])
+    drift: Estimate | None = None
+    if len(tares) >= FEWEST_TARES and np.ptp(time) > 0:
+        x = np.column_stack([np.ones(time.size), (time - time.mean()) / HOUR_S])
+        scale = max(float(np.std(zero)), float(stderr.mean()), 1e-9)
+        model = MixedModel(zero, x, stderr**2, (Component("tare", np.ones(time.size), scale),))
+        drift = model.fit().contrast(np.array([0.0, 1.0]), "N/h")
+    return SensorZero(time, zero, stderr, drift, "tare")
+
+
+def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
+    """Give half the difference of friction between the directions at each condition."""
+    found = []
+    for number, condition in enumerate(kept_conditions(fits.points)):
+        index = fits.points.conditions.index(condition)
+        speeds, measured, _ = curve_speeds(fits.points, index)
+        speeds = speeds[measured]
+        offset = fits.offset.at(number, speeds)
+        friction = np.full(speeds.size, fits.points.reduced.friction_n[fits.points.condition == index].mean())
+        # Without tares the zero is in it, and no uncertainty makes a statement on symmetry of that.
+        shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), index)
+        u = shared.zero_n
+        half = np.hypot(offset.half_width(), NORMAL_95 * u)
+        mean = _widened(fits.offset.mean_at(number, speeds), float(np.mean(u)))
+        found.append(
+            Asymmetry(
+                condition=condition,
+                speed_m_s=speeds,
+                half_difference_n=offset.mean,
+                low_n=offset.mean - half,
+                high_n=offset.mean + half,
+                mean=mean if fits.has_zero else replace(mean, p=float("nan")),
+                basis="tare" if fits.has_zero else "not separable",
+            )
+        )
+    return tuple(found)
+
+
+def _widened(estimate: Estimate, u: float) -> Estimate:
+    """Add a systematic standard uncertainty to an estimate."""
+    from scipy.special import stdtr
+
+    half = float(np.hypot(estimate.high - estimate.value, NORMAL_95 * u))
+    stderr = float(np.hypot(estimate.stderr, u))
+    p = 2.0 * float(stdtr(estimate.degrees_of_freedom, -abs(estimate.value) / stderr)) if stderr > 0 else 1.0
+    return replace(estimate, low=estimate.value - half, high=estimate.value + half, stderr=stderr, p=p)
