@@ -17,7 +17,7 @@ TABLES: dict[str, str] = {
     "ambient": "The room at the beginning.",
     "servo": "The axis: position controlled and infinitely strong. Its commanded motion has piecewise constant jerk.",
     "chambers": "Where the air in the chambers comes from and goes to.",
-    "sampling": "Clock of `SimulatedRig.drag` (`clock`, `samples_per_cycle`), and what is usual in a campaign (the others).",
+    "sampling": "Of `SimulatedRig.drag` (`clock`, `samples_per_cycle`), and what is usual in a campaign (the others).",
     "force_sensor": "Spring and damper between axis and piston, and what it shows.",
     "pressure_sensor": "One in each chamber, or at each regulator.",
     "temperature_sensor": "On the barrel.",
@@ -102,13 +102,15 @@ KEYS: dict[str, dict[str, Key]] = {
         "accuracy": not_negative("Pa", "standard uncertainty that recordings state, and errors are drawn from"),
     },
     "temperature_sensor": {
-        "noise": not_negative("K", "standard deviation of one sample", 0.02),
-        "accuracy": not_negative("K", "standard uncertainty that recordings state, and errors are drawn from", 0.1),
+        "noise": not_negative("delta K", "standard deviation of one sample", 0.02),
+        "accuracy": not_negative(
+            "delta K", "standard uncertainty that recordings state, and errors are drawn from", 0.1
+        ),
         "share": not_negative("1", "share of the seal's rise of temperature that reaches it", 0.5),
     },
     "encoder": {"resolution": positive("m", "distance of two counts")},
     "thermal": {
-        "room_amplitude": not_negative("K", "amplitude of the room's temperature", 0.0),
+        "room_amplitude": not_negative("delta K", "amplitude of the room's temperature", 0.0),
         "room_period": positive("s", "period of the room's temperature", 86400.0),
         "seal_rise": not_negative("K/W", "rise of the seal's temperature with the power of friction", 0.0),
         "seal_time": positive("s", "time constant of that rise", 600.0),

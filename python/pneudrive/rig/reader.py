@@ -46,7 +46,7 @@ class Key:
     ----------
     unit : str
         SI unit as `pneudrive.units` writes it; "1": a pure number or a percentage, "abs": an absolute pressure,
-        "word": one of `choices`.
+        "delta K": a difference of temperatures, "word": one of `choices`.
     meaning : str
     default : float, str, None or ...
         Where the key is absent; ``...``: it must be there.
@@ -214,6 +214,13 @@ class Reader:
                 return float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
             except ValueError as error:
                 raise DescriptionError(f"{name} is a pure number", where=self.where, value=text) from error
+        if unit == "delta K":
+            if not text.endswith(" K"):
+                rule = 'a difference of temperatures is in K, e.g. "0.5 K"'
+                raise DescriptionError(
+                    f"{name} is no difference of temperatures", where=self.where, value=text, rule=rule
+                )
+            unit = "K"
         try:
             if unit != "abs":
                 return parse(text, unit)

@@ -211,9 +211,7 @@ class RigSession:
         """
         self._idle()
         self._check(steps)
-        self._running = run = _Run()
-        self._halted.clear()
-        return self._acquire(run, list(steps), sampling)
+        return self._acquire(list(steps), sampling)
 
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
@@ -289,8 +287,7 @@ class RigSession:
         motion = self._machine.motion(step)
         if motion is None:
             return
-        self._running = run = _Run()
-        self._halted.clear()
+        run = self._begin()
         began, end = time.monotonic(), motion.duration_s
         # Somebody watches where time passes: then the axis is shown on its way.
         part = PART_S * (self.pace or 1.0)
@@ -309,7 +306,16 @@ class RigSession:
             with self._lock:
                 self._halt(run)
 
-    def _acquire(self, run: _Run, steps: list[Step], sampling: Sampling) -> Iterator[Samples]:
+    def _begin(self) -> _Run:
+        """Take the axis."""
+        with self._lock:
+            self._idle()
+            self._running = run = _Run()
+            self._halted.clear()
+            return run
+
+    def _acquire(self, steps: list[Step], sampling: Sampling) -> Iterator[Samples]:
+        run = self._begin()
         began, done_s = time.monotonic(), 0.0
         kept: list[dict[str, Any]] = []
         last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)

@@ -51,6 +51,7 @@ def extending(table, key, value):
         (extending("servo", "bandwidth", "50 Hz"), "go together"),
         (extending("servo", "ripple", "1 %"), "needs servo.pitch"),
         (extending("servo", "ripple", "-1 %"), "(?s)servo.ripple is out of bounds.*at least 0"),
+        (extending("thermal", "room_amplitude", "1 degC"), "(?s)no difference of temperatures.*in K"),
         (extending("cylinder", "rod_diameter", "25 mm"), "leaves no piston"),
         (extending("mounting.odd", "side_lode", "5 N"), "side_lode is unknown"),
         (extending("friction", "coulomb", "9 mm"), "friction.coulomb"),
