@@ -12,6 +12,7 @@ from pneudrive import _core
 from pneudrive.rig import SimulatedRig, TimeClock, shipped_rigs
 from pneudrive.rig.core import core_friction, core_rig
 from pneudrive.rig.stability import rig_stability, self_excited_range, sliding_stability
+from pneudrive.rig.swing import drag_swinging
 
 SOFT = SimulatedRig.load(shipped_rigs()["soft"])
 
@@ -85,3 +86,18 @@ def test_memory_of_the_contact_steadies_it():
     critical = -(60.0 + slope) * (mass + 60.0 * tau) / (60.0 * tau**2)
     for factor, stable in ((0.98, False), (1.02, True)):
         assert sliding_stability(law, speed, factor * critical, 0.0, mass).stable[0] == stable
+
+
+def test_means_over_swings_less_their_simulated_bias_are_the_friction_of_sliding():
+    d = SOFT.description
+    for speed in (0.003, 0.006, 0.009):
+        c = SOFT.drag(speed, clock=TimeClock(40000)).columns
+        middle = (c["carriage_velocity_m_s"] > 0.0) & (np.abs(c["position_m"] - 0.15) < 0.1)
+        mean, truth = c["sensor_force_n"][middle].mean(), float(SOFT.true_friction(speed))
+        swing = drag_swinging(core_friction(d), speed, d.stiffness_n_m, d.damping_n_s_m, d.moving_mass_kg)
+        assert swing.ripple > 0.2
+        assert abs(mean - truth) > 0.1
+        assert mean - swing.bias_n == pytest.approx(truth, abs=0.03)
+    calm = drag_swinging(core_friction(d), 0.05, d.stiffness_n_m, d.damping_n_s_m, d.moving_mass_kg, (1e5, 0.5e5))
+    assert calm.ripple < 1e-5
+    assert abs(calm.bias_n) < 1e-4
