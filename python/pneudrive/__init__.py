@@ -22,7 +22,8 @@ require_processor()
 
 if TYPE_CHECKING:
     from pneudrive import report as report
-    from pneudrive.characterise import characterise as characterise
+    from pneudrive.characteristics import characterise as characterise
+    from pneudrive.characteristics import characteristics as characteristics
     from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Cylinder as Cylinder
     from pneudrive.describe import Drive as Drive
@@ -47,7 +48,7 @@ _HOME = {
     **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
     "save": "pneudrive.trajectory",
-    "characterise": "pneudrive.characterise",
+    **dict.fromkeys(["characterise", "characteristics"], "pneudrive.characteristics"),
     "fit_friction": "pneudrive.identify",
     "PneudriveError": "pneudrive.errors",
 }

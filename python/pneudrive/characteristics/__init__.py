@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pneudrive.characteristics.basics import BOTH, Condition, Estimate, FTest
-from pneudrive.characteristics.campaign import characteristics
+from pneudrive.characteristics.campaign import characterise, characteristics
+from pneudrive.characteristics.files import write_characteristics
+from pneudrive.characteristics.fits import fit_campaign
 from pneudrive.characteristics.result import CampaignCharacteristics, Curve, CycleResult, Skipped, Statement
 
 __all__ = [
@@ -16,5 +18,8 @@ __all__ = [
     "FTest",
     "Skipped",
     "Statement",
+    "characterise",
     "characteristics",
+    "fit_campaign",
+    "write_characteristics",
 ]

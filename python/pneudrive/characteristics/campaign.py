@@ -27,6 +27,12 @@ from pneudrive.characteristics.threads import one_thread
 from pneudrive.characteristics.zero import asymmetries, sensor_zero
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import xarray as xr
+
+    from pneudrive.characterise.layout import Layout
+    from pneudrive.characterise.recording import Recording
     from pneudrive.characterise.settling import SampleChoice
 
 
@@ -58,6 +64,40 @@ def characteristics(
     reading = read_campaign(opened, choice, processes)
     with one_thread():
         return _characterise(opened, choice, reading)
+
+
+def characterise(
+    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
+    layout: Layout | str | Path | None = None,
+    protocol: SampleChoice | None = None,
+) -> xr.Dataset:
+    """Give the friction map of recordings or of a campaign.
+
+    Parameters
+    ----------
+    recordings
+        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them; or the folder of a campaign.
+    layout
+        How files are read: a layout, its file, or None for ``layout.toml`` beside each recording; none for a campaign.
+    protocol
+        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+
+    Returns
+    -------
+    xarray.Dataset
+        One dimension ``row`` (recording or cycle, speed level, direction); every variable carries its unit. The map of
+        a campaign has further columns: its 95 % band and the levels of the plan.
+
+    Raises
+    ------
+    RecordingError, LayoutError, CampaignError
+        A file, recording or folder that cannot be used; what, where, value, rule and remedy.
+    """
+    if isinstance(recordings, str | Path) and Path(recordings).is_dir():
+        return characteristics(recordings, protocol).friction_map
+    from pneudrive.characterise import characterise as of_recordings
+
+    return of_recordings(recordings, layout, protocol)
 
 
 def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> CampaignCharacteristics:

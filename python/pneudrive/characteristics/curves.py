@@ -359,9 +359,7 @@ def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
     return tuple(sorted(found, key=lambda p: p.speed_m_s))
 
 
-def cycle_deviation(fits: Fits, friction_n: Array) -> Array:
-    """Give the standard deviation of a single cycle about the curve, beside its own noise, at these frictions, N."""
-    names = fits.friction.sources
-    total = np.sqrt(sum(fits.friction.sd(name) ** 2 for name in names if name != "drift"))
-    total = np.hypot(total, float(np.std(fits.friction.drift)))
-    return total * np.abs(friction_n) if fits.friction.logarithmic else np.full(friction_n.size, total)
+def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
+    """Give the standard deviation that a source of chance adds to a single cycle, at these frictions, N."""
+    sd = fits.friction.sd(source)
+    return sd * np.abs(friction_n) if fits.friction.logarithmic else np.full(friction_n.size, sd)

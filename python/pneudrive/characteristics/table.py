@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.friction_map import COLUMNS as MAP_COLUMNS
-from pneudrive.characteristics.curves import NORMAL_95, Fits, Points, cycle_deviation, systematic
+from pneudrive.characteristics.curves import NORMAL_95, Fits, Points, deviation_n, systematic
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -78,7 +78,8 @@ def _bands(points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
             "zero_u": nothing,
             "offset": nothing,
         }
-    stderr = np.hypot(reduced.friction_stderr_n, cycle_deviation(fits, reduced.friction_n))
+    stderr = np.hypot(reduced.friction_stderr_n, deviation_n(fits, "cycle", reduced.friction_n))
+    block = deviation_n(fits, "block", reduced.friction_n)
     u, zero, zero_u = nothing.copy(), nothing.copy(), nothing.copy()
     own = fits.offset.sd("cycle")
     for condition in range(len(points.conditions)):
@@ -86,7 +87,7 @@ def _bands(points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
         if not (members & points.use).any():
             continue
         shared = systematic(fits, reduced.friction_n[members], reduced.offset_n[members], condition)
-        u[members], zero_u[members] = shared.friction_n(), shared.zero_n
+        u[members], zero_u[members] = np.hypot(shared.friction_n(), block[members]), shared.zero_n
         zero[members] = np.hypot(reduced.offset_stderr_n[members], own)
     return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(points, fits)}
 

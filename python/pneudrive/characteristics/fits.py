@@ -1,0 +1,59 @@
+"""Friction laws fitted to the map of a campaign: one fit for each set of mounting, seal and drive."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.closure import MINIMUM_RANGE_PA
+from pneudrive.errors import FitError
+from pneudrive.identify.fit import LAWS, fit_friction
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pneudrive.characteristics.result import CampaignCharacteristics
+    from pneudrive.identify.result import FrictionFit
+
+ALL = "all cycles"  # the group of a campaign that has no levels
+NO_POINTS = ("stick_slip", "speed_ripple", "saturated", "unpaired")
+
+
+def fit_campaign(
+    found: CampaignCharacteristics, laws: Sequence[str] = LAWS
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+    """Fit laws to the map of a campaign.
+
+    Parameters
+    ----------
+    found : CampaignCharacteristics
+    laws : sequence of str
+
+    Returns
+    -------
+    dict of dict of FrictionFit, list of str
+        Group -> law -> fit, and what could not be fitted. A group is a set of mounting, seal and drive, or
+        ``all cycles`` where the campaign has none. Friction may depend on pressure where there were several.
+    """
+    table = found.friction_map
+    levels = [", ".join(level for level in row if level) for row in _levels(found)]
+    fits: dict[str, dict[str, FrictionFit]] = {}
+    problems: list[str] = []
+    for group in dict.fromkeys(levels):
+        part = table.isel(row=np.flatnonzero(np.array([level == group for level in levels])))
+        spread = max(float(np.ptp(part[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
+        for law in laws:
+            name = group or ALL
+            try:
+                fit = fit_friction(part, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=NO_POINTS)
+            except FitError as error:
+                problems.append(f"{name}, {law}: {error.what}")
+            else:
+                fits.setdefault(name, {})[law] = fit
+    return fits, problems
+
+
+def _levels(found: CampaignCharacteristics) -> list[tuple[str, ...]]:
+    columns = [found.friction_map[name].to_numpy().tolist() for name in ("mounting", "seal", "drive")]
+    return list(zip(*columns, strict=True))
