@@ -204,14 +204,14 @@ class RigSession:
         """Stand still without recording."""
         self._quietly(Hold(duration_s, released))
 
-    def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
+    def acquire(self, steps: Sequence[Step], sampling: Sampling | None = None) -> Iterator[Samples]:
         """Run the steps one after the other and yield the samples in parts, as they come.
 
-        Closing the iterator early means: come to rest now.
+        Closing the iterator early means: come to rest now. Without `sampling`, that of the rig file.
         """
         self._idle()
         self._check(steps)
-        return self._acquire(list(steps), sampling)
+        return self._acquire(list(steps), sampling or self.rig.description.sampling)
 
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""

@@ -108,7 +108,7 @@ def test_restored_in_the_middle_it_goes_on_to_the_bit(name):
 
 def test_bursts_resolve_every_restart_and_reversal():
     steps = [Move(0.1, 0.002), Hold(15.0), Move(0.2, 0.002), Move(0.1, 0.002)]
-    samples = cycle(load_rig(), "1", steps, Sampling())
+    samples = cycle(load_rig(), "1", steps, None)  # that of the rig file
     step = np.flatnonzero(np.diff(samples.step)) + 1
     assert samples.step[step].tolist() == [1, 2, 3]
     for first in step:
@@ -332,3 +332,18 @@ def test_paced_it_keeps_the_time_of_the_wall_and_gives_the_same_samples():
     assert time.monotonic() - began == pytest.approx(fast.time_s[-1] / 4.0, abs=0.15)
     assert len(parts) > 2
     assert same(Samples.join(parts), fast)
+
+
+def test_gauges_at_the_regulator_do_not_see_what_the_piston_does_to_the_air():
+    seen = {}
+    for name in ("common-manifold", "regulator-gauges"):
+        rig = load_rig(name, seed=4)
+        rig.set_pressure(2e5, 2e5)
+        rig.move(0.02, 0.1)
+        samples = cycle(rig, "1", [Move(0.28, 0.45)])
+        middle = np.abs(samples.position_m - 0.15) < 0.05
+        seen[rig.identity().pressure_measured_at] = (samples.pressure_b_pa - samples.pressure_a_pa)[middle].mean()
+        air = rig.truth()["steps"][0]["air_force_n"]
+        assert air < -5.0
+    assert seen["chamber"] > 1e4
+    assert abs(seen["regulator"]) < 1.5e3
