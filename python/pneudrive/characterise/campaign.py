@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.extract import RecordingResult, extract
+from pneudrive.characterise.formats import as_numbers
 from pneudrive.characterise.layout import Layout, stem
 from pneudrive.characterise.load import RecordingFile, to_recording
 from pneudrive.characterise.pool import in_processes
@@ -144,6 +145,7 @@ def read_cycles(cycles: Cycles) -> Iterator[Recording]:
     import polars as pl
 
     said = cycles.layout.for_file(cycles.path)
+    date_form = said.columns["time"].date_form
     names = list(pl.read_parquet_schema(cycles.path))
     wanted = {
         channel: names[column_number(column.column, names, len(names), cycles.path)]
@@ -157,6 +159,8 @@ def read_cycles(cycles: Cycles) -> Iterator[Recording]:
         first_row, end_row = int(cycles.bounds[start]), int(cycles.bounds[stop])
         frame = scan.slice(first_row, end_row - first_row).collect()
         raw = {channel: frame[name].to_numpy() for channel, name in wanted.items()}
+        if date_form is not None or raw["time"].dtype.kind == "M":
+            raw["time"] = as_numbers(raw["time"], wanted["time"], cycles.path, date_form)
         for index in range(start, stop):
             part = slice(int(cycles.bounds[index]) - first_row, int(cycles.bounds[index + 1]) - first_row)
             name = f"{stem(cycles.path)}/{cycles.numbers[index]}"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # Channel -> SI unit.
 CHANNEL_UNITS = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
-COLUMN_KEYS = {"column", "unit", "positive", "scale", "offset", "delay", "accuracy", "range", "calibration"}
+COLUMN_KEYS = {"column", "unit", "positive", "scale", "offset", "delay", "accuracy", "range", "calibration", "format"}
 TOP_KEYS: dict[str, tuple[type, str]] = {
     "format": (str, "a text in quotes"),
     "delimiter": (str, "a text in quotes"),
@@ -45,7 +45,8 @@ class Column:
     """One channel: SI value = sign * (raw * scale + offset) * factor, read ``delay_s`` late.
 
     ``scale`` and ``offset`` bring the raw number to the column's unit; ``accuracy_si`` is a standard
-    uncertainty; ``range_si`` the lowest and highest value that the sensor can give (pressures absolute).
+    uncertainty; ``range_si`` the lowest and highest value that the sensor can give (pressures absolute);
+    ``date_form`` how dates and times are written, where such stand in the column of the time.
     """
 
     column: int | str
@@ -57,6 +58,7 @@ class Column:
     accuracy_si: float | None = None
     range_si: tuple[float, float] | None = None
     calibration: str = ""
+    date_form: str | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,11 @@ class FileLayout:
     geometry_accuracy: dict[str, float]
     window_m: tuple[float, float] | None
     labels: dict[str, str]
+
+    @property
+    def dates(self) -> dict[int | str, str]:
+        """Columns that hold dates and times, with the form in which they are written."""
+        return {column.column: column.date_form for column in self.columns.values() if column.date_form is not None}
 
 
 @dataclass(frozen=True)

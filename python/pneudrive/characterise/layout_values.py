@@ -6,7 +6,8 @@ import math
 import re
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.characterise.column_units import column_unit, pressure_range, share, uncertainty
+from pneudrive.characterise import date_times
+from pneudrive.characterise.column_units import ColumnUnit, column_unit, pressure_range, share, uncertainty
 from pneudrive.characterise.formats import FORMATS
 from pneudrive.characterise.layout import CHANNEL_UNITS, Column, FileLayout, Layout, labels_from_name, stem
 from pneudrive.characterise.recording import STANDARD_ATMOSPHERE_PA
@@ -143,9 +144,16 @@ class LayoutValues:
         def optional(key: str, how: Callable[[Any], Any]) -> Any:  # noqa: ANN401
             return self.said(how, table[key], *path, key) if key in table else None
 
+        is_date = name == "time" and table["unit"] == date_times.UNIT
+        form = table.get("format", date_times.ISO)
+        if not isinstance(form, str) or ("format" in table and not is_date):
+            rule = f'a format is a text, for a time with unit = "{date_times.UNIT}" only'
+            raise self.fail(f"columns.{name}.format = {form!r}", *path, "format", rule=rule)
         return Column(
             column=place,
-            unit=self.said(lambda text: column_unit(text, si_unit), table["unit"], *path, "unit"),
+            unit=ColumnUnit(1.0)
+            if is_date
+            else self.said(lambda text: column_unit(text, si_unit), table["unit"], *path, "unit"),
             sign=SIGNS[direction],
             scale=self.number(name, "scale", 1.0),
             offset=self.number(name, "offset", 0.0),
@@ -153,6 +161,7 @@ class LayoutValues:
             accuracy_si=optional("accuracy", lambda text: uncertainty(text, si_unit)),
             range_si=optional("range", limits),
             calibration=str(table.get("calibration", "")),
+            date_form=form if is_date else None,
         )
 
     def number(self, name: str, key: str, default: float) -> float:

@@ -104,9 +104,9 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
     data = read_bytes(path)
     wanted = {channel: column.column for channel, column in said.columns.items()}
     if said.format == "csv":
-        table = read_text(path, data, said.text, list(wanted.values()))
+        table = read_text(path, data, said.text, list(wanted.values()), said.dates)
     else:
-        table = read_columns(said.format, path, list(wanted.values()))
+        table = read_columns(said.format, path, list(wanted.values()), said.dates)
     raw = {channel: values[said.skip_samples :] for channel, values in zip(wanted, table.columns, strict=True)}
     if raw["time"].size == 0:
         raise RecordingError(

@@ -59,10 +59,10 @@ def in_processes(work: Callable[..., list[Result]], tasks: Sequence[tuple]) -> l
     with contextlib.ExitStack() as stack:
         running: list[tuple[subprocess.Popen, IO[bytes]]] = []
         stack.callback(_stop, running)
-        for task in tasks:
+        for _ in tasks:  # all of them start before the first one is waited for
             result = stack.enter_context(tempfile.TemporaryFile())
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=result, env=environment)
-            running.append((process, result))
+            running.append((subprocess.Popen(command, stdin=subprocess.PIPE, stdout=result, env=environment), result))
+        for (process, _), task in zip(running, tasks, strict=True):
             _send(process, (work, task))
         while None in (ended := [process.poll() for process, _ in running]) and not any(ended):
             time.sleep(POLL_S)  # until all have ended, or one with an error

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.campaign import find_cycles, read_cycles
-from pneudrive.characterise.formats import FORMATS, read_columns
+from pneudrive.characterise.date_times import UNIT
+from pneudrive.characterise.formats import read_all
 from pneudrive.characterise.layout import Layout
 from pneudrive.characterise.load import load_recording
 from pneudrive.characterise.motion import find_strokes, local_slope, noise_level, turning_points
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from pneudrive.characterise.recording import Recording
 
 WORDS = {
-    "time": r"^(t|time|zeit|temps|tijd)\b|time|zeit",
+    "time": r"^(t|time|zeit|temps|tijd)\b|time|zeit|stamp|stempel",
     "position": r"^(x|s|pos)\b|posi|weg\b|displ|stroke|laser|travel",
     "force": r"^(f|fx)\b|force|kraft|load",
     "pressure": r"^p\d?\b|^p_|press|druck",
@@ -96,20 +97,19 @@ def propose_layout(path: str | Path) -> Proposal:
     if form == "csv":
         reading = sniff_text(path)
         wanted: list[int | str] = list(range(reading.columns))
-        table = read_text(path, read_bytes(path), reading.form, wanted)
+        columns = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns
     else:
-        names = FORMATS[form](path).names
-        reading = Reading(form, TextForm(), names, [], len(names))
-        table = read_columns(form, path, list(names))
-    guesses = guess_columns(path, reading, table.columns)
-    text = _layout_text(path, reading, guesses, table.columns)
+        names, columns, dates = read_all(form, path)
+        reading = Reading(form, TextForm(), names, [], len(names), dates)
+    guesses = guess_columns(path, reading, columns)
+    text = _layout_text(path, reading, guesses, columns)
     recording, strokes, problem = None, (), ""
     try:
         recording = _first_recording(path, Layout.loads(text, origin="proposed layout"))
         strokes = tuple(find_strokes(recording.name, recording.time_s, recording.position_m))
     except PneudriveError as error:
         problem = error.what
-    return Proposal(path, text, reading, tuple(guesses), tuple(table.columns), recording, strokes, problem)
+    return Proposal(path, text, reading, tuple(guesses), tuple(columns), recording, strokes, problem)
 
 
 def _first_recording(path: Path, layout: Layout) -> Recording:
@@ -226,6 +226,8 @@ def _with_units(
 
 def _unit(reading: Reading, index: int, kind: str, values: NDArray[np.float64]) -> tuple[str, bool]:
     """Give the unit that the header says, otherwise guess it from the size of the numbers."""
+    if index in reading.dates:
+        return UNIT, True
     words = [reading.units[index].strip("[]() ")] if index < len(reading.units) else []
     if index < len(reading.names) and (match := UNIT_IN_NAME.search(reading.names[index])):
         words.append(match.group(1))
@@ -298,6 +300,8 @@ def _layout_text(path: Path, reading: Reading, guesses: list[Guess], columns: li
         if guess.role.startswith("pressure"):
             unit += " abs" if unit == "Pa" or "abs" in str(guess.column).lower() else " gauge"
         extra = f', positive = "{sign}"' if guess.role == "force" else ""
+        if reading.dates.get(guess.index):
+            extra += f', format = "{reading.dates[guess.index]}"'
         lines.append(f'{guess.role} = {{ column = {place}, unit = "{unit}"{extra} }}  # guess: {guess.reason}')
         if guess.role.startswith("pressure"):
             lines[-1] += "; gauge or abs is a guess"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from pneudrive.characterise.date_times import guess_form, looks_like_date_time
 from pneudrive.characterise.text_table import COMPRESSIONS, TextForm, decode, is_words, read_bytes, split_row, to_number
 from pneudrive.errors import RecordingError
 
@@ -22,13 +23,17 @@ _GROUPED = re.compile(r"[-+]?\d{1,3}([.,'])\d{3}(?:\1\d{3})+$")
 
 @dataclass(frozen=True)
 class Reading:
-    """How a file is read: ``form`` for text, names of the columns where there are any, their number."""
+    """How a file is read: ``form`` for text, names of the columns where there are any, their number.
+
+    ``dates`` holds the columns of dates and times, by number, and how they are written.
+    """
 
     format: str
     form: TextForm
     names: list[str]
     units: list[str]
     columns: int
+    dates: dict[int, str] = field(default_factory=dict)
 
 
 def sniff_format(path: Path) -> str:
@@ -97,7 +102,8 @@ def _score(sample: list[str], form: TextForm) -> tuple[float, int]:
 def _is_numbers(fields: list[str], form: TextForm) -> bool:
     try:
         for text in fields:
-            to_number(text, form)
+            if not looks_like_date_time(text):
+                to_number(text, form)
     except ValueError:
         return False
     return True
@@ -124,7 +130,18 @@ def _with_header(lines: list[str], form: TextForm, width: int) -> Reading:
         thousands=form.thousands,
         skip_lines=skip if skip and (names or first) else 0,
     )
-    return Reading("csv", found, names, units, width)
+    return Reading("csv", found, names, units, width, _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width))
+
+
+def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
+    """Find the columns of dates and times, and how these are written."""
+    rows = [row for line in lines if len(row := split_row(line, form.delimiter)) == width]
+    found = {}
+    for column in range(width):
+        texts = [row[column] for row in rows if row[column]]
+        if texts and all(map(looks_like_date_time, texts)) and (written := guess_form(texts)) is not None:
+            found[column] = written
+    return found
 
 
 def _could_be_header(line: str, form: TextForm, width: int) -> bool:

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.date_times import seconds
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
 COMPRESSIONS = {".gz": gzip.decompress, ".xz": lzma.decompress, ".bz2": bz2.decompress}
@@ -120,8 +123,21 @@ def is_words(fields: list[str], form: TextForm) -> bool:
     return bool(fields)
 
 
-def read_text(path: Path, data: bytes, form: TextForm, wanted: list[int | str]) -> Table:
+def read_text(
+    path: Path, data: bytes, form: TextForm, wanted: list[int | str], dates: dict[int | str, str] | None = None
+) -> Table:
     """Read the wanted columns of a text table.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    data : bytes
+    form : TextForm
+    wanted : list of int or str
+        Numbers or names of columns.
+    dates : dict, optional
+        Those that hold dates and times, with their form; they become seconds since the first one.
 
     Raises
     ------
@@ -151,11 +167,10 @@ def read_text(path: Path, data: bytes, form: TextForm, wanted: list[int | str]) 
         )
     width = len(split_row(first, form.delimiter))
     use = [column_number(column, names, width, path) for column in wanted]
-    table = _parse_fast(lines, start, form, use)
-    flags: dict[str, int] = {}
-    if table is None:
-        table, flags = _parse_slow(lines, start, form, use, path)
-    return Table(names=[str(w) for w in wanted], columns=[measurable(c) for c in table.T], flags=flags)
+    forms = {at: dates[column] for at, column in enumerate(wanted) if dates and column in dates}
+    rows = _Rows(lines, start, form, use, path)
+    columns, flags = rows.fast(forms) or rows.slow(forms)
+    return Table(names=[str(w) for w in wanted], columns=[measurable(c) for c in columns], flags=flags)
 
 
 def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
@@ -180,41 +195,74 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
     return column
 
 
-def _parse_fast(lines: list[str], start: int, form: TextForm, use: list[int]) -> NDArray[np.float64] | None:
-    """Parse with NumPy's reader; None where a row is not as expected."""
-    if form.thousands or form.decimal != ".":
-        return None
-    try:
-        return np.loadtxt(
-            io.StringIO("\n".join(lines[start:])),
-            delimiter=form.delimiter,
-            usecols=use,
-            comments=form.comment,
-            ndmin=2,
-        )
-    except ValueError:
-        return None
+@dataclass
+class _Rows:
+    """The rows of a table and the numbers of the columns to use."""
 
+    lines: list[str]
+    start: int
+    form: TextForm
+    use: list[int]
+    path: Path
 
-def _parse_slow(
-    lines: list[str], start: int, form: TextForm, use: list[int], path: Path
-) -> tuple[NDArray[np.float64], dict[str, int]]:
-    """Parse line by line; single broken rows are counted, many are an error that names the first."""
-    rows: list[list[float]] = []
-    bad: list[int] = []
-    for number, line in enumerate(lines[start:], start=start + 1):
-        if not line.strip() or line.startswith(form.comment):
-            continue
-        fields = split_row(line, form.delimiter)
+    def fast(self, dates: dict[int, str]) -> tuple[list[NDArray[np.float64]], dict[str, int]] | None:
+        """Parse with NumPy's reader; None where a row is not as expected. ``dates``: place in ``use`` -> form."""
+        form, numbers = self.form, [at for at in range(len(self.use)) if at not in dates]
+        if form.thousands or (form.decimal != "." and form.delimiter == "."):
+            return None
+        text = "\n".join(self.lines[self.start :])
         try:
-            rows.append([to_number(fields[column], form) for column in use])
-        except (ValueError, IndexError):
-            bad.append(number)
-    if len(bad) > max(UNREADABLE_SHARE * (len(rows) + len(bad)), 1):
-        raise RecordingError(
-            f"{len(bad)} of {len(rows) + len(bad)} rows are not numbers",
-            where=f"{path}, line {bad[0]}",
-            value=lines[bad[0] - 1].strip()[:120],
-            remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
-        )
-    return np.array(rows, dtype=np.float64).reshape(-1, len(use)), ({"unreadable_row": len(bad)} if bad else {})
+            table = np.loadtxt(
+                io.StringIO(text if form.decimal == "." else text.replace(form.decimal, ".")),
+                delimiter=form.delimiter,
+                usecols=[self.use[at] for at in numbers],
+                comments=form.comment,
+                ndmin=2,
+            )
+        except ValueError:
+            return None
+        columns = dict(zip(numbers, table.T, strict=True))
+        if dates:
+            rows = [split_row(line, form.delimiter) for _, line in self._numbered()]
+            if len(rows) != len(table) or min(map(len, rows)) <= max(self.use[at] for at in dates):
+                return None
+            columns |= self._seconds({at: [row[self.use[at]] for row in rows] for at in dates}, dates)
+        return [columns[at] for at in range(len(self.use))], {}
+
+    def slow(self, dates: dict[int, str]) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
+        """Parse line by line; single broken rows are counted, many are an error that names the first."""
+        form = self.form
+        numbers = [(at, column) for at, column in enumerate(self.use) if at not in dates]
+        rows: list[list[float]] = []
+        texts: dict[int, list[str]] = {at: [] for at in dates}
+        bad: list[int] = []
+        for number, line in self._numbered():
+            fields = split_row(line, form.delimiter)
+            try:
+                row = [to_number(fields[column], form) for _, column in numbers]
+                stamps = [fields[self.use[at]] for at in dates]
+            except (ValueError, IndexError):
+                bad.append(number)
+                continue
+            rows.append(row)
+            for at, stamp in zip(dates, stamps, strict=True):
+                texts[at].append(stamp)
+        if len(bad) > max(UNREADABLE_SHARE * (len(rows) + len(bad)), 1):
+            raise RecordingError(
+                f"{len(bad)} of {len(rows) + len(bad)} rows are not numbers",
+                where=f"{self.path}, line {bad[0]}",
+                value=self.lines[bad[0] - 1].strip()[:120],
+                remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
+            )
+        table = np.array(rows, dtype=np.float64).reshape(-1, len(numbers))
+        columns = {at: table[:, i] for i, (at, _) in enumerate(numbers)} | self._seconds(texts, dates)
+        return [columns[at] for at in range(len(self.use))], ({"unreadable_row": len(bad)} if bad else {})
+
+    def _numbered(self) -> Iterator[tuple[int, str]]:
+        """Give the rows with the number of their line, without empty ones and comments."""
+        for number, line in enumerate(self.lines[self.start :], start=self.start + 1):
+            if line.strip() and not line.startswith(self.form.comment):
+                yield number, line
+
+    def _seconds(self, texts: dict[int, list[str]], dates: dict[int, str]) -> dict[int, NDArray[np.float64]]:
+        return {at: seconds(column, dates[at], self.path) for at, column in texts.items()}

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneudrive.characterise import Layout, load_recordings
+from pneudrive.characterise import load_recordings
 from pneudrive.errors import LayoutError
 
 PLAIN = """\
@@ -135,91 +135,14 @@ def test_compressed_files_read_the_same(tmp_path, suffix):
     assert (again.force_n == plain.force_n).all()
 
 
-NAMES = ("t", "x", "p", "f")
-
-
-def table() -> dict[str, np.ndarray]:
-    return dict(zip(NAMES, np.array([[float(v) for v in row.split()] for row in ROWS.splitlines()]).T, strict=True))
-
-
-def write_parquet(path: Path) -> None:
-    import polars as pl
-
-    pl.DataFrame(table()).write_parquet(path)
-
-
-def write_netcdf(path: Path) -> None:
-    import xarray as xr
-
-    xr.Dataset({name: ("sample", values) for name, values in table().items()}).to_netcdf(path, engine="h5netcdf")
-
-
-def write_tdms(path: Path) -> None:
-    nptdms = pytest.importorskip("nptdms")
-    with nptdms.TdmsWriter(path) as writer:
-        writer.write_segment([nptdms.ChannelObject("rig", name, values) for name, values in table().items()])
-
-
-def write_mat(path: Path) -> None:
-    from scipy.io import savemat
-
-    pytest.importorskip("pymatreader")
-    savemat(path, {"rig": table()})
-
-
-def write_mf4(path: Path) -> None:
-    asammdf = pytest.importorskip("asammdf")
-    values = table()
-    with asammdf.MDF() as file:
-        stamps = values["t"] / 1e3
-        file.append([asammdf.Signal(values[n], stamps, name=n) for n in NAMES[1:]])
-        file.save(path)
-
-
-@pytest.mark.filterwarnings("ignore")  # of the optional libraries
-@pytest.mark.parametrize(
-    ("form", "write", "prefix"),
-    [
-        ("parquet", write_parquet, ""),
-        ("netcdf", write_netcdf, ""),
-        ("tdms", write_tdms, "rig/"),
-        ("mat", write_mat, "rig."),
-        ("mf4", write_mf4, ""),
-    ],
-)
-def test_other_formats_give_the_same_numbers(tmp_path, form, write, prefix):
-    plain = read(tmp_path)
-    file = tmp_path / f"lip_2bar.{form}"
-    write(file)
-    layout = PLAIN.replace('"csv"', f'"{form}"')
-    for index, name in enumerate(NAMES):
-        layout = layout.replace(f"column = {index},", f'column = "{prefix}{name}",')
-    if form == "mf4":  # the time base is not a channel, and it counts in seconds
-        layout = layout.replace('column = "t", unit = "ms"', 'column = "time", unit = "s"')
-    recording = load_recordings([file], Layout.loads(layout))[0]
-    for channel in ("time_s", "position_m", "force_n", "pressure_b_pa"):
-        assert getattr(recording, channel) == pytest.approx(getattr(plain, channel))
-
-
-def test_a_format_whose_library_is_missing_names_the_extra(tmp_path, monkeypatch):
-    from pneudrive.characterise import formats
-    from pneudrive.errors import RecordingError
-
-    def absent(name: str) -> None:
-        raise ImportError(name)
-
-    monkeypatch.setattr(formats, "import_module", absent)
-    (tmp_path / "a.tdms").write_bytes(b"TDSm")
-    with pytest.raises(RecordingError, match=r"(?s)needs the optional library nptdms.*pneudrive\[formats\]"):
-        load_recordings([tmp_path / "a.tdms"], Layout.loads(PLAIN.replace('"csv"', '"tdms"')))
-
-
 # what is changed, into what, line of the message, words of the message
 MISTAKES = [
     (', unit = "mm" }', " }", 7, "columns.position has no unit"),
     ('"bar gauge"', '"bar"', 8, "does not say gauge or abs"),
     ('"bar gauge"', '"mm"', 8, "is a length"),
     ('unit = "ms"', 'unit = "blorb"', 6, "not known"),
+    ('unit = "ms"', 'unit = "ms", format = "%H:%M"', 6, 'for a time with unit = "date-time" only'),
+    ('unit = "mm"', 'unit = "date-time"', 7, "not known"),
     ('unit = "mm"', 'units = "mm"', 7, "Did you mean 'unit'"),
     ("skip_samples", "skip_sample", 3, "Did you mean 'skip_samples'"),
     ("skip_samples = 2", "skip_samples = -1", 3, "must not be negative"),
