@@ -370,7 +370,7 @@ def _speed(motion: Motion, settled: NDArray[np.bool_], stroke: Stroke) -> float:
 
 def _peaks(recording: Recording, motion: Motion, settled: NDArray[np.bool_], strokes: list[Stroke]) -> dict[str, float]:
     """Breakaway after the reversals before these strokes."""
-    low, high = min(motion.position_m), max(motion.position_m)
+    low, high = float(motion.position_m.min()), float(motion.position_m.max())
     window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
     profile = build_profile(recording.name, 0, motion.strokes, motion.position_m, motion.balance_n, settled, window)
     peaks = find_reversal_peaks(recording, strokes, motion.balance_n, profile)

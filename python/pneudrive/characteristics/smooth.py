@@ -8,7 +8,7 @@ their shape as far as the data say so. Smoothness is meant over a stretched spee
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,9 +91,16 @@ class CurveFit:
     sources: tuple[str, ...]
     drift: Array
     drift_half: Array
+    known: dict[tuple[int, bytes], Predicted] = field(default_factory=dict)  # asked for before
 
     def at(self, curve: int, speed_m_s: Array) -> Predicted:
         """Curve at these speeds, in the unit of the response (its logarithm where `logarithmic`)."""
+        key = (curve, speed_m_s.tobytes())
+        if key not in self.known:
+            self.known[key] = self._at(curve, speed_m_s)
+        return self.known[key]
+
+    def _at(self, curve: int, speed_m_s: Array) -> Predicted:
         basis = _Basis.of(self.data)
         number = np.full(speed_m_s.size, curve, dtype=np.int64)
         x = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept]
