@@ -101,7 +101,7 @@ START = 'kind = "opc-ua"\nurl = "opc.tcp://127.0.0.1:1"\n'
         ('password = "x"', "no password stands in a rig file"),
         ('user = "anna"', "a password is sent over an encrypted connection only"),
         ('certificate = "c.pem"', "named together"),
-        ('certificat = "c.pem"', "Did you mean 'certificate'"),
+        ('certifikate = "c.pem"', "Did you mean 'certificate'"),
     ],
 )
 def test_rig_files_that_would_give_a_secret_away(tmp_path, text, words):

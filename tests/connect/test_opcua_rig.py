@@ -207,7 +207,7 @@ def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
             r"node answer.done \(.*Dnoe\) cannot be used: BadNodeIdUnknown",
         ),
         (text.replace("urn:pneudrive:rig", "urn:other"), "no namespace urn:other"),
-        (text.replace("done =", "doen ="), r"(?s)unknown key 'answer.doen'.*nodes.toml:\d+.*Did you mean 'done'"),
+        (text.replace("done =", "finished ="), r"(?s)unknown key 'answer.finished'.*nodes.toml:\d+.*Known: done"),
         (text.replace('done = "s=', 'done = "'), "is no node id"),
         (text.replace("Samples.{slot}.Time", "Samples.Time"), "nodes of the ring, and only these"),
         (text.replace('"s=State.Force"', '{ node = "s=State.Force", unit = "mm" }'), "state.force.unit: .*is a length"),

@@ -50,7 +50,7 @@ class OpcUaRig:
 
     Notes
     -----
-    While the object lives a heartbeat goes to the server. When it ends, for whatever reason, the server brings the
+    From the first command on a heartbeat goes to the server. When it ends, for whatever reason, the server brings the
     axis to rest. A lost connection raises `ConnectionLostError` once it is back, `RigError` if it does not come back.
     """
 
@@ -145,9 +145,10 @@ class OpcUaRig:
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
         try:
-            if self._link.lost is not None:
+            if self._link.lost is None:
+                self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
+            else:
                 self._connect()
-            self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
             self._gone = False  # whoever stops begins anew anyway
         except LinkError as error:
             beat = self._link.nodes.heartbeat_s
@@ -163,6 +164,7 @@ class OpcUaRig:
 
     def _start(self, verb: Verb, arguments: dict[str, Any]) -> int:
         """Write arguments, then the id that starts the command."""
+        self._link.beat()
         self._id = self._id % COUNTER + 1
         self._link.write({**arguments, "command.verb": int(verb)})
         self._link.write({"command.id": self._id})
@@ -177,7 +179,8 @@ class OpcUaRig:
         self._check_fault(verb)
 
     def _ended(self, identity: int) -> bool:
-        done, current = self._link.read("answer.done", "command.id")
+        done, current, stops = self._link.read("answer.done", "command.id", "heartbeat.stops")
+        self._link.check_stops(stops)
         if current != identity and current == self._id:
             raise _EndedError("it was ended by another command of this program", where=self._link.url)
         if current != identity:
@@ -316,9 +319,10 @@ class OpcUaRig:
             wait = min(2.0 * wait, LONGEST_WAIT_S)
 
     def _connect(self) -> None:
-        """Connect again, to the same rig."""
+        """Connect again, to the same rig, and make sure that it is at rest."""
         self._link.connect()
         self._id = int(self._link.read("command.id")[0])
+        self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
         if "rig.identity" in self._link.nodes:
             found = self._described("rig.identity", identity_of)
             if found.name != self._identity.name and self._identity.name:

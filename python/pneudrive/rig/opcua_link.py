@@ -100,9 +100,10 @@ class Link:
         self._loop = Loop()
         self._client: Any = None
         self._heart: asyncio.Task[None] | None = None
+        self._stops = 0
 
     def connect(self) -> None:
-        """Connect, find the nodes, start the heartbeat.
+        """Connect and find the nodes.
 
         Raises
         ------
@@ -112,6 +113,17 @@ class Link:
             The server refuses us, or lacks a node.
         """
         self._loop.run(self._connect())
+
+    def beat(self) -> None:
+        """Make sure that the heart beats: who only looks needs none."""
+        if self._heart is None:
+            self._loop.run(self._start_heart())
+
+    def check_stops(self, stops: int) -> None:
+        """Take the connection as lost where the server has stopped the axis since it began."""
+        if stops != self._stops:
+            self.lost = self.lost or "the server heard nothing of us for a while and has stopped the axis"
+            raise LinkError(self.lost)
 
     def close(self) -> None:
         """Take leave and end the thread."""
@@ -159,7 +171,6 @@ class Link:
         self.lost = None
         try:
             await self._find_nodes()
-            self._heart = asyncio.create_task(self._beat(client))
         except BaseException:
             await self._leave()
             raise
@@ -200,20 +211,27 @@ class Link:
             length = len(variant.Value) if isinstance(variant.Value, list) else 0
             self.places[name] = Place(node, found[name], kind, length)
 
-    async def _beat(self, client: Any) -> None:  # noqa: ANN401 - asyncua's client
+    async def _start_heart(self) -> None:
+        (self._stops,) = await self._read(("heartbeat.stops",))
+        beat = int(time.time()) % COUNTER
+        await self._write({"heartbeat.client": beat})
+        self._heart = asyncio.create_task(self._beat(self._client, beat))
+
+    async def _beat(self, client: Any, beat: int) -> None:  # noqa: ANN401 - asyncua's client
         """Count up our heartbeat and watch the server's."""
-        beat, seen, since = int(time.time()) % COUNTER, None, time.monotonic()
+        seen, since = None, time.monotonic()
         try:
             while True:
+                await asyncio.sleep(self.nodes.heartbeat_s / BEATS)
                 beat = (beat + 1) % COUNTER
                 await self._write({"heartbeat.client": beat})
-                (theirs,) = await self._read(("heartbeat.server",))
+                theirs, stops = await self._read(("heartbeat.server", "heartbeat.stops"))
+                self.check_stops(stops)
                 now = time.monotonic()
                 if theirs != seen:
                     seen, since = theirs, now
                 elif now - since > 2.0 * self.nodes.heartbeat_s:
                     raise LinkError("the server's heartbeat stands still")
-                await asyncio.sleep(self.nodes.heartbeat_s / BEATS)
         except (LinkError, RigError) as error:
             if self._client is client:
                 self.lost = self.lost or str(error)

@@ -8,8 +8,9 @@ The handshake needs nothing but variables, so that every PLC can do it:
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
   ``samples.written``; the client reads it and raises ``samples.acknowledged``; a slot is not written again before that.
   ``answer.done`` comes after the last chunk.
-- Both sides count up their heartbeat. A server whose client falls silent brings the axis to rest and releases the
-  pressure, and takes no command until the heartbeat is back.
+- Both sides count up their heartbeat, the client from its first command on. A server whose client falls silent brings
+  the axis to rest, releases the pressure, counts up ``heartbeat.stops``, and takes no command until the heartbeat is
+  back. A client that sees ``heartbeat.stops`` change knows that what it did before is undone.
 """
 
 from __future__ import annotations
@@ -83,6 +84,7 @@ def _kinds() -> dict[str, Kind]:
     }
     reads: dict[str, Kind] = {
         "heartbeat.server": counter,
+        "heartbeat.stops": counter,
         "answer.fault": text,
         "answer.done": counter,
         "samples.written": counter,

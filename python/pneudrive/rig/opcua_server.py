@@ -111,6 +111,7 @@ class RigServer:
         self._interrupt = threading.Event()
         self._beat_at: float | None = None  # None: no client, or a silent one, so no command is taken
         self._silent = ""
+        self._stops = 0
         self._written = 0
         self._acknowledged = 0
         self._taken = threading.Condition()  # guards what is above, and tells that the ring has room
@@ -242,18 +243,24 @@ class RigServer:
 
     async def _watch(self) -> None:
         """Stop the axis of a client that fell silent."""
+        tick, limit = WATCH_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
         while True:
-            await asyncio.sleep(WATCH_SHARE * self.heartbeat_s)
-            limit = SILENT_SHARE * self.heartbeat_s
-            if self._beat_at is None or time.monotonic() - self._beat_at < limit:
+            looked = time.monotonic()
+            await asyncio.sleep(tick)
+            now = time.monotonic()
+            if self._beat_at is None or now - self._beat_at < limit:
+                continue
+            if now - looked > 2.0 * tick:  # we slept ourselves: what was sent meanwhile is still to be read
                 continue
             with self._taken:
                 self._beat_at = None
+                self._stops += 1
                 self._silent = (
                     f"the client's heartbeat was silent for {limit:g} s: "
                     "the axis was brought to rest, the pressure released"
                 )
             self._end_what_runs()
+            await self._write({"heartbeat.stops": self._stops})
             await self._show_state()
 
     async def _beat(self) -> None:
