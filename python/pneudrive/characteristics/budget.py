@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def sources(fits: Fits, gain: Gain) -> tuple[Source, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
     points = fits.points
-    scatter, gains, places, states, zeros = [], [], [], [], []
+    scatter, gains, turns, places, states, zeros = [], [], [], [], [], []
     for number, condition in enumerate(kept_conditions(points)):
         index = points.conditions.index(condition)
         speeds, measured, _ = curve_speeds(points, index)
@@ -31,6 +31,7 @@ def sources(fits: Fits, gain: Gain) -> tuple[Source, ...]:
         shared = systematic(fits, value, offset.mean, index)
         scatter.append((high - low) / (2.0 * NORMAL_95))
         gains.append(shared.gain_n)
+        turns.append(shared.hysteresis_n)
         places.append(shared.position_n)
         states.append(shared.state_n)
         zeros.append(np.hypot(shared.zero_n, offset.half_width() / NORMAL_95))
@@ -40,6 +41,7 @@ def sources(fits: Fits, gain: Gain) -> tuple[Source, ...]:
     return (
         Source("scatter of the cycles", _rms(scatter), "A", "data", f"{chance}; from the mixed model"),
         Source("gain of the force sensor", _rms(gains), "A" if stated == "data" else "B", stated),
+        Source("hysteresis of the sensors", _rms(turns), "B", "assumed", "a third of the accuracy"),
         Source("mean over position", _rms(places), "B", "assumed", "pattern over the part of the stroke not covered"),
         Source("state of the rig", _rms(states), "A", "data", "drift: friction in this campaign is not one value"),
         Source("zero and asymmetry", _rms(zeros), "A", "data", "curves of one direction only"),

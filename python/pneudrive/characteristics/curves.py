@@ -252,13 +252,14 @@ class Systematic:
     """Standard uncertainties that all points of a curve share, N, shape (m,)."""
 
     gain_n: Array
+    hysteresis_n: Array
     position_n: Array
     state_n: Array
     zero_n: Array
 
     def friction_n(self) -> Array:
         """Of half the difference of both directions."""
-        return np.sqrt(self.gain_n**2 + self.position_n**2 + self.state_n**2)
+        return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2 + self.state_n**2)
 
     def direction_n(self) -> Array:
         """Of one direction."""
@@ -281,6 +282,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
         zero = np.hypot(zero, np.abs(half_sum_n))
     return Systematic(
         gain_n=gain * np.abs(friction_n),
+        hysteresis_n=np.full(friction_n.size, float(np.mean([d.u_hysteresis_n for d in data]))),
         position_n=points.reduced.u_position * np.abs(friction_n),
         state_n=spread * np.abs(friction_n) if fits.friction.logarithmic else np.full(friction_n.size, spread),
         zero_n=zero,

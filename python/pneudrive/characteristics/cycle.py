@@ -25,6 +25,8 @@ from pneudrive.errors import RecordingError
 from pneudrive.rig.interface import Hold
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from pneudrive.campaign.folder import CycleFile, Head
@@ -104,9 +106,11 @@ class CycleData:
     duration_s : float
     standing_n, standing_stderr_n : float
         Mean of force (vented: of the balance) and its standard error while standing released: the sensor's zero.
-    u_gain_n, u_offset_n, u_air_n : float
-        Standard systematic uncertainty of friction, of half the sum of both directions beside the zero, and of the
-        chambers' force in half the difference.
+    u_gain_n, u_hysteresis_n : float
+        Standard systematic uncertainty of friction: in proportion to it, and of the share of the accuracy that is
+        assumed to change with direction.
+    u_offset_n, u_air_n : float
+        The same of half the sum of both directions beside the zero, and of the chambers' force in half the difference.
     assumed : bool
         Whether the accuracy of the force sensor is assumed.
     """
@@ -121,6 +125,7 @@ class CycleData:
     standing_n: float = float("nan")
     standing_stderr_n: float = float("nan")
     u_gain_n: float = 0.0
+    u_hysteresis_n: float = 0.0
     u_offset_n: float = 0.0
     u_air_n: float = 0.0
     assumed: bool = False
@@ -168,7 +173,7 @@ def read_sliding(file: CycleFile, identity: Identity, choice: SampleChoice, edge
     sides = {d: side for d in (1, -1) if (side := _side(recording, motion, settled, balance, d, edges_m)) is not None}
     if not sides:
         raise RecordingError("no stroke has a settled part", where=recording.name, value=f"{len(strokes)} strokes")
-    u_gain, u_offset, u_air, assumed = _systematic(recording, sides)
+    stated = _systematic(recording, sides)
     return CycleData(
         head=file.head,
         file=file.path.name,
@@ -177,10 +182,7 @@ def read_sliding(file: CycleFile, identity: Identity, choice: SampleChoice, edge
         flags=flags,
         temperature_k=_temperature(samples),
         duration_s=float(recording.time_s[-1] - recording.time_s[0]),
-        u_gain_n=u_gain,
-        u_offset_n=u_offset,
-        u_air_n=u_air,
-        assumed=assumed,
+        **stated,  # pyright: ignore[reportArgumentType] - names and kinds of the fields
     )
 
 
@@ -424,16 +426,20 @@ def _even(time_s: Array, position_m: Array) -> tuple[Array, Array]:
     return times, np.bincount(place, weights=position_m, minlength=count)[known] / number[known]
 
 
-def _systematic(recording: Recording, sides: dict[int, Side]) -> tuple[float, float, float, bool]:
-    """State the systematic standard uncertainty of friction, offset (beside the zero) and air; is it assumed.
-
-    The share of hysteresis that the budget of a single recording assumes is left out: the campaign's band holds what
-    is stated or seen.
-    """
+def _systematic(recording: Recording, sides: dict[int, Side]) -> dict[str, float | bool]:
+    """State the systematic standard uncertainties, and whether that of the force sensor is assumed."""
     only = next(iter(sides.values()))
     up, down = (sides.get(d, only).means() for d in (1, -1))
-    entries = [e for e in systematic_budget(recording, up, down) if not e.source.endswith("hysteresis")]
-    friction = float(np.sqrt(sum(e.friction_n**2 for e in entries)))
+    entries = systematic_budget(recording, up, down)
+    # Hysteresis needs a reading that changes with direction: that of a pressure that is held has none.
+    moves = {
+        f"pressure {c}: hysteresis": abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa"))
+        * getattr(recording, f"area_{c}_m2")
+        / 2.0
+        for c in ("a", "b")
+    }
+    changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith("hysteresis")]
+    shared = [e for e in entries if not e.source.endswith("hysteresis")]
     # A zero is what tares take out; what is left of an accuracy grows with the reading.
     readings = {
         "force: common error": _of_range(recording, "force_n", (up.force_n + down.force_n) / 2.0, 0.0),
@@ -441,10 +447,17 @@ def _systematic(recording: Recording, sides: dict[int, Side]) -> tuple[float, fl
         "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, None),
         "bore (area)": 1.0,
     }
-    offset = float(np.sqrt(sum((e.offset_n * readings.get(e.source, 0.0)) ** 2 for e in entries)))
-    air = float(np.sqrt(sum(e.friction_n**2 for e in entries if e.source.startswith(("pressure", "bore")))))
-    assumed = any(e.source == "force: common error" and e.basis == "assumed" for e in entries)
-    return friction, offset, air, assumed
+    return {
+        "u_gain_n": _root(e.friction_n for e in shared),
+        "u_hysteresis_n": _root(changing),
+        "u_offset_n": _root(e.offset_n * readings.get(e.source, 0.0) for e in shared),
+        "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
+        "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
+    }
+
+
+def _root(parts: Iterable[float]) -> float:
+    return float(np.sqrt(sum(part**2 for part in parts)))
 
 
 def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:

@@ -11,7 +11,7 @@ that an interval from few cycles is as wide as it has to be [rue2009].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -240,6 +240,16 @@ def as_estimate(found: Predicted, unit: str = "N") -> Estimate:
     half = float(found.half_width()[0])
     p = 2.0 * float(stdtr(freedom, -abs(value) / stderr)) if stderr > 0 else float(value == 0.0)
     return Estimate(value, value - half, value + half, stderr, unit, freedom, p)
+
+
+def widened(estimate: Estimate, u: float) -> Estimate:
+    """Add a systematic standard uncertainty to an estimate."""
+    from scipy.special import stdtr
+
+    half = float(np.hypot(estimate.high - estimate.value, student(0) * u))
+    stderr = float(np.hypot(estimate.stderr, u))
+    p = 2.0 * float(stdtr(estimate.degrees_of_freedom, -abs(estimate.value) / stderr)) if stderr > 0 else 1.0
+    return replace(estimate, low=estimate.value - half, high=estimate.value + half, stderr=stderr, p=p)
 
 
 def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:

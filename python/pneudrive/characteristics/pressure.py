@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characteristics.basics import PA_PER_BAR, Estimate
 from pneudrive.characteristics.effects import PressureEffects
-from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent
+from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent, widened
 from pneudrive.characteristics.smooth import CARRIED, CYCLE_SCALE, centred_walk
 
 if TYPE_CHECKING:
@@ -60,15 +60,18 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
         return None
     speed = np.eye(design.speeds.size)[design.level]
     slopes = {"both": [design.a, design.b], "a": [design.a], "b": [design.b]}.get(design.kind, [design.a])
+    count = design.speeds.size
     x = np.hstack([speed, *(speed * p[:, None] for p in slopes)])
-    if x.shape[0] <= x.shape[1] + 1:
-        return None
-    fit = _fit(reading, fits, members, x)
+    if x.shape[0] <= x.shape[1] + 1:  # too few cycles for a slope at each speed: one for all of them
+        count = 1
+        x = np.hstack([speed, *(p[:, None] for p in slopes)])
+    fit = _fit(reading, fits, members, x) if x.shape[0] > x.shape[1] + 1 else None
     if fit is None:
         return None
-    count = design.speeds.size
-    each = [tuple(_slope(fit, count, k, [s]) for s in range(count)) for k in range(len(slopes))]
-    means = [_slope(fit, count, k, range(count)) for k in range(len(slopes))]
+    u = accuracy_n(fits, members)
+    reach = [u / max(float(np.ptp(p)), 1e-12) for p in slopes]
+    each = [tuple(_slope(fit, len(slopes), count, k, [s], reach[k]) for s in range(count)) for k in range(len(slopes))]
+    means = [_slope(fit, len(slopes), count, k, range(count), reach[k]) for k in range(len(slopes))]
     interaction, joint = _extra(reading, fits, members, x, design, [design.a * design.b])
     squares = [p**2 for p in slopes]
     curvature = _extra(reading, fits, members, x, design, squares)[0]
@@ -77,7 +80,7 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
     total = None if design.kind in {"both", "a", "b"} else 0
     return PressureEffects(
         levels=title,
-        speed_m_s=design.speeds,
+        speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
         slope_a=each[first] if first is not None else (),
         slope_b=each[second] if second is not None else (),
         slope_sum=each[total] if total is not None else (),
@@ -88,7 +91,7 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
         interaction_n_pa2=joint if design.kind == "both" else None,
         curvature=curvature,
         gauge_pa=tuple((PA_PER_BAR * a, PA_PER_BAR * b) for a, b in design.pairs),
-        statement=_statement(design, means, interaction if design.kind == "both" else None, joint, curvature),
+        statement=_statement(design, means, interaction if design.kind == "both" else None, joint, curvature, u),
     )
 
 
@@ -162,10 +165,17 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
     return MixedModel(y, x, reduced.friction_stderr_n[members] ** 2, tuple(components)).fit()
 
 
-def _slope(fit: MixedFit, speeds: int, which: int, at: range | list[int]) -> Estimate:
+def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
+    """Give the standard uncertainty by which the sensors may make friction change from one pressure to another."""
+    chosen = [d for d, member in zip(fits.points.reduced.data, members, strict=True) if member]
+    return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in chosen]))
+
+
+def _slope(fit: MixedFit, slopes: int, speeds: int, which: int, at: range | list[int], u: float) -> Estimate:
     row = np.zeros(fit.model.x.shape[1])
-    row[[speeds * (1 + which) + s for s in at]] = 1.0 / len(at)
-    return _per_pascal(fit.contrast(row), 1)
+    first = row.size - (slopes - which) * speeds
+    row[[first + s for s in at]] = 1.0 / len(at)
+    return _per_pascal(widened(fit.contrast(row), u), 1)
 
 
 def _per_pascal(found: Estimate, power: int) -> Estimate:
@@ -198,7 +208,12 @@ def _extra(
 
 
 def _statement(
-    design: _Design, means: list[Estimate], interaction: FTest | None, joint: Estimate | None, curvature: FTest | None
+    design: _Design,
+    means: list[Estimate],
+    interaction: FTest | None,
+    joint: Estimate | None,
+    curvature: FTest | None,
+    u: float,
 ) -> str:
     pressures = [f"{a:.3g}/{b:.3g}" for a, b in design.pairs]
     text = f"At {', '.join(pressures)} bar gauge (a/b) friction changes, mean over {design.speeds.size} speeds, by "
@@ -210,20 +225,28 @@ def _statement(
         text += "The pressure pairs lie on one line: the effect of each alone cannot be told. "
     elif design.kind in {"a", "b"}:
         text += "Only this pressure was changed. "
-    elif interaction is None:
+    elif interaction is None or joint is None:
         text += "The pressure pairs do not carry a test of the interaction. "
-    elif joint is not None:
-        reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
-        how = "interact" if interaction.p < CHANCE else "add, as far as these data tell"
-        text += (
-            f"The effects {how}: F({interaction.numerator:.0f}, {interaction.denominator:.0f}) = {interaction.f:.2f}"
-        )
-        text += f", p = {interaction.p:.2g}; the mean interaction is within {reach:.2g} N/bar2. "
+    else:
+        text += _interaction(design, interaction, joint, u)
     if curvature is not None and curvature.p < CHANCE:
-        text += (
-            f"Friction is not linear in pressure (p = {curvature.p:.2g}): the slopes are those of a line through it. "
-        )
+        text += f"Friction is not linear in pressure (p = {curvature.p:.2g}): the slopes are those of a line. "
     return text.strip()
+
+
+def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> str:
+    """Say whether the effects add; an interaction that the sensors' accuracy could make is none that is proved."""
+    reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
+    most = reach * float(np.abs(design.a * design.b).max())
+    numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, p = {test.p:.2g}"
+    if test.p >= CHANCE:
+        return f"The effects add, as far as these data tell: {numbers}; the interaction is within {reach:.2g} N/bar2. "
+    if most < 2.0 * u:
+        return (
+            f"The effects add within the accuracy of the sensors: an interaction shows ({numbers}) but changes "
+            f"friction by at most {most:.2g} N, which the sensors (U = {2.0 * u:.2g} N) could do. "
+        )
+    return f"The effects interact: {numbers}; the mean interaction is within {reach:.2g} N/bar2. "
 
 
 def _bar(slope: Estimate) -> str:

@@ -34,7 +34,7 @@ def statements(
         text = "No curve: fewer than four cycles have both directions and are points of F(v)."
         said.append(Statement("curve", text, carried=False, remedy="Add sweeps out and back at several speeds."))
         return tuple(said)
-    said += [*_curves(found, fits), *_scatter(found, reading, fits), *_drift(found, fits, causes)]
+    said += [*_curves(found, reading, fits), *_scatter(found, reading, fits), *_drift(found, fits, causes)]
     said += [*_directions(found), *_pressure(found), *_air(found), *_position(found), *_stick_slip(found)]
     return tuple(said)
 
@@ -83,7 +83,7 @@ def _bar(span: tuple[float, float]) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
+def _curves(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Iterator[Statement]:
     measured = {c.condition: int(c.measured.sum()) for c in found.curves}
     poor = [c.label(found.identity.ambient_pressure_pa) for c, n in measured.items() if n < FEW_LEVELS]
     if poor:
@@ -97,11 +97,28 @@ def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
         f"campaign; chance acts {'in proportion to friction' if fits.friction.logarithmic else 'in newton'}.",
     )
     if any(d.assumed for d in reduced.data):
+        known = "force_n" in found.identity.accuracy
+        text = "is assumed" if known else "is not stated: 0.2 % of the largest force is assumed for its gain"
         yield Statement(
             "curve",
-            "The accuracy of the force sensor is not stated: 0.2 % of the largest force is assumed for its gain.",
+            f"The accuracy of the force sensor {text}.",
             carried=False,
-            remedy="State accuracy and limits of force_n in rig.json, or hang a known weight on it.",
+            remedy="State the accuracy and the limits of a calibration in rig.json, or hang a known weight on it.",
+        )
+    gain = reading.gain
+    if gain.cycles and gain.plausible:
+        yield Statement(
+            "curve",
+            f"Known weights show a gain error of the force sensor of {100 * gain.measured:.2g} % "
+            f"(+-{200 * gain.measured_stderr:.2g} %); {100 * gain.error:.2g} % are taken out.",
+        )
+    elif gain.cycles:
+        yield Statement(
+            "curve",
+            f"Known weights show a force that is off by {100 * gain.measured:.0f} %: no gain is that wrong, and nothing "
+            "was corrected.",
+            carried=False,
+            remedy="Check weight_n of the cycles, and that nothing else carried the weight.",
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characteristics.curves import NORMAL_95, Fits, curve_speeds, kept_conditions, systematic
 from pneudrive.characteristics.effects import Asymmetry, SensorZero
-from pneudrive.characteristics.mixed import Component, MixedModel
+from pneudrive.characteristics.mixed import Component, MixedModel, widened
 
 if TYPE_CHECKING:
     from pneudrive.characteristics.basics import Estimate
@@ -50,7 +50,7 @@ def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
         shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), index)
         u = shared.zero_n
         half = np.hypot(offset.half_width(), NORMAL_95 * u)
-        mean = _widened(fits.offset.mean_at(number, speeds), float(np.mean(u)))
+        mean = widened(fits.offset.mean_at(number, speeds), float(np.mean(u)))
         found.append(
             Asymmetry(
                 condition=condition,
@@ -63,13 +63,3 @@ def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
             )
         )
     return tuple(found)
-
-
-def _widened(estimate: Estimate, u: float) -> Estimate:
-    """Add a systematic standard uncertainty to an estimate."""
-    from scipy.special import stdtr
-
-    half = float(np.hypot(estimate.high - estimate.value, NORMAL_95 * u))
-    stderr = float(np.hypot(estimate.stderr, u))
-    p = 2.0 * float(stdtr(estimate.degrees_of_freedom, -abs(estimate.value) / stderr)) if stderr > 0 else 1.0
-    return replace(estimate, low=estimate.value - half, high=estimate.value + half, stderr=stderr, p=p)
