@@ -1,0 +1,137 @@
+"""A folder of recordings plays back as a rig: the same campaign to the bit, real recordings, and nothing made up."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.run import run_campaign
+from pneudrive.characterise import load_recordings
+from pneudrive.errors import RigError
+from pneudrive.rig import Changeable, Hold, Move, Reproducible, Rig, Samples, Sampling, load_rig
+
+MEASURED = Path(__file__).parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("campaigns") / "recorded"
+    run_campaign("quick-look", "default", folder)
+    return folder
+
+
+def test_a_campaign_again(recorded, tmp_path):
+    rig = load_rig(recorded)
+    assert isinstance(rig, Rig)
+    assert isinstance(rig, Reproducible)
+    assert isinstance(rig, Changeable)
+    again = run_campaign("quick-look", str(recorded), tmp_path / "again").campaign
+    original = Campaign.open(recorded)
+    assert (again.identity, again.synthetic) == (original.identity, True)
+    for a, b in zip(original.cycles(), again.cycles(), strict=True):
+        assert (a.name, a.head.sha256, a.head.flags) == (b.name, b.head.sha256, b.head.flags)
+        assert a.head.began_s == b.head.began_s
+        truths = [(folder / "truth" / f"{a.name}.json").read_text() for folder in (recorded, tmp_path / "again")]
+        assert truths[0] == truths[1]
+
+
+def test_real_time_and_stop(recorded):
+    file = next(file for file in Campaign.open(recorded).cycles() if file.head.cycle.kind == "sweep")
+    cycle, samples = file.head.cycle, file.samples()
+    rig = load_rig(recorded, pace=20.0)
+    rig.set_pressure(cycle.pressure_a_pa, cycle.pressure_b_pa)
+    began = time.monotonic()
+    played = Samples.join(list(rig.acquire(cycle.steps, cycle.sampling)))
+    assert time.monotonic() - began == pytest.approx(samples.time_s[-1] / 20.0, rel=0.2, abs=0.3)
+    assert np.array_equal(played.force_n, samples.force_n)
+    assert rig.state().position_m == samples.position_m[-1]
+    parts = rig.acquire(cycle.steps, cycle.sampling)
+    next(parts)
+    rig.stop()
+    with pytest.raises(RigError, match="stopped"):
+        next(parts)
+    assert not rig.state().moving
+
+
+def test_what_was_not_recorded_is_refused(recorded):
+    rig = load_rig(recorded)
+    cycle = next(file.head.cycle for file in Campaign.open(recorded).cycles() if file.head.cycle.kind == "sweep")
+    rig.begin_cycle(cycle.key)
+    rig.set_pressure(3e5, 3e5)
+    with pytest.raises(
+        RigError, match=r"(?s)no recording is like the cycle.*3 and 3 bar abs.*nearest: .*within 20 mbar"
+    ):
+        rig.acquire(cycle.steps, Sampling())
+    rig.set_pressure(cycle.pressure_a_pa, cycle.pressure_b_pa)
+    out, *rest = cycle.steps
+    for steps in (
+        [Move(out.to_m, 1.2 * out.speed_m_s), *rest],
+        [out],
+        [out, Hold(1.0), *rest],
+        [Move(0.1, out.speed_m_s), *rest],
+    ):
+        with pytest.raises(RigError, match="no recording is like"):
+            rig.acquire(steps, Sampling())
+    assert len(Samples.join(list(rig.acquire(cycle.steps, Sampling())))) > 1000
+
+
+RIG = """
+kind = "replay"
+folder = "{folder}"
+layout = "{layout}"
+pattern = "PK_*.csv.xz"
+speed_tolerance = "40 %"
+pressure_tolerance = "50 mbar"
+"""
+
+
+def test_real_recordings(tmp_path):
+    text = RIG.format(folder=MEASURED / "friction", layout=MEASURED / "layout.toml")
+    (tmp_path / "bench.toml").write_text(text)
+    rig = load_rig(tmp_path / "bench.toml")
+    assert (rig.identity().synthetic, rig.identity().labels) == (False, {"seal": "PK"})
+    low, high = rig.limits().position_m
+    steps = [Move(high, 0.010), Hold(0.2), Move(low, 0.010), Move(high, 0.010)]
+    (recording,) = load_recordings([MEASURED / "friction" / "PK_3bar.csv.xz"], MEASURED / "layout.toml")
+    rig.set_pressure(101325.0, 101325.0 + 3e5)
+    played = Samples.join(list(rig.acquire(steps, Sampling())))
+    first = int(np.flatnonzero(recording.force_n == played.force_n[0])[0])
+    assert np.array_equal(recording.force_n[first : first + len(played)], played.force_n)
+    assert np.array_equal(recording.pressure_b_pa[first : first + len(played)], played.pressure_b_pa)
+    assert played.time_s[0] == 0.0
+    assert list(dict.fromkeys(played.step.tolist())) == [0, 1, 2, 3]
+    for step, direction in ((0, 1), (2, -1), (3, 1)):
+        assert np.sign(np.diff(played.position_m[played.step == step][[10, -10]])) == direction
+    with pytest.raises(RigError, match="no recording is like"):  # a stop in the middle of a stroke was never made
+        rig.acquire([Move((low + high) / 2, 0.010), Hold(15.0), Move(high, 0.010)], Sampling())
+    rig.set_pressure(101325.0, 101325.0 + 9e5)
+    with pytest.raises(RigError, match=r"(?s)no recording is like.*PK_7bar"):
+        rig.acquire(steps, Sampling())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('folder = "nowhere"', "there is no recording"),
+        ("", "folder is missing"),
+        ('folder = "x"\nspeed_tolerance = "5"', r"speed_tolerance: '5' is not a share"),
+        ('folder = "x"\ntolerance = "5 %"', "unknown key 'tolerance'"),
+    ],
+)
+def test_rig_files_that_are_wrong(tmp_path, text, words):
+    (tmp_path / "bench.toml").write_text(f'kind = "replay"\n{text}')
+    with pytest.raises(RigError, match=words):
+        load_rig(tmp_path / "bench.toml")
+
+
+def test_folders_that_hold_nothing_to_play(tmp_path):
+    with pytest.raises(RigError, match="neither a campaign nor recordings with a layout"):
+        load_rig(tmp_path)
+    text = RIG.format(folder=MEASURED / "friction", layout=MEASURED / "layout.toml").replace("PK_*", "*_7bar")
+    (tmp_path / "bench.toml").write_text(text)
+    with pytest.raises(RigError, match="are of drives of different size"):
+        load_rig(tmp_path / "bench.toml")
