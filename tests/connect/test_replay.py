@@ -131,7 +131,9 @@ def test_rig_files_that_are_wrong(tmp_path, text, words):
 def test_folders_that_hold_nothing_to_play(tmp_path):
     with pytest.raises(RigError, match="neither a campaign nor recordings with a layout"):
         load_rig(tmp_path)
-    text = RIG.format(folder=MEASURED / "friction", layout=MEASURED / "layout.toml").replace("PK_*", "*_7bar")
+    layout = (MEASURED / "layout.toml").read_text() + '[[for]]\nmatch = "NAPN*"\ngeometry.bore = "32 mm"\n'
+    (tmp_path / "layout.toml").write_text(layout)
+    text = RIG.format(folder=MEASURED / "friction", layout="layout.toml").replace("PK_*", "*_7bar")
     (tmp_path / "bench.toml").write_text(text)
     with pytest.raises(RigError, match="are of drives of different size"):
         load_rig(tmp_path / "bench.toml")
