@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ import pytest
 from pneudrive.errors import RigError
 from pneudrive.rig import Changeable, Envelope, Hold, Identity, Move, Reproducible, Rig, Samples, Sampling, load_rig
 from pneudrive.rig.interface import CHANNELS
+from pneudrive.rig.opcua_access import read_access
+from pneudrive.rig.opcua_client import KEYS
 from pneudrive.rig.opcua_nodes import DEFAULT_MAP, load_map
 from pneudrive.rig.opcua_server import RigServer
+from pneudrive.rig.rig_file import RigFile, read_identity, read_limits
 
 STEPS = [Move(0.2, 0.3), Hold(0.4), Move(0.25, 0.3), Hold(0.1, released=True), Move(0.02, 0.2)]
 
@@ -221,3 +225,17 @@ def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
         (tmp_path / "nodes.toml").write_text(wrong)
         with pytest.raises(RigError, match=words):
             open_rig(served.url, load_map(tmp_path / "nodes.toml"))
+
+
+def test_the_rig_file_of_the_guide_is_one():
+    guide = (Path(__file__).parents[2] / "docs" / "guide" / "opc-ua.md").read_text()
+    text = re.findall(r"(?s)```toml\n(.*?)```", guide)[0]
+    file = RigFile.loads(text)
+    file.only("", KEYS)
+    identity = read_identity(file)
+    assert identity is not None
+    limits = read_limits(file, identity.ambient_pressure_pa)
+    assert limits is not None
+    assert (identity.resolution, limits.supply_pressure_pa) == ({"force_n": pytest.approx(0.006)}, 5e5)
+    assert limits.pressure_pa == pytest.approx((101300.0, 251300.0))
+    assert read_access(file).password_env == "RIG_PASSWORD"
