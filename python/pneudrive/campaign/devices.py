@@ -7,7 +7,7 @@ import json
 import queue
 import threading
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.rig.interface import Rig
+
+P = TypeVar("P")
 
 #: How long a rig may take to come to rest before the campaign ends without it, s.
 STOP_S = 30.0
@@ -290,12 +292,13 @@ class Axis:
         if not self._homed:
             rig.home()
             self._homed = True
-        if isinstance(rig, Reproducible):
+        remembering = _as(rig, Reproducible)
+        if remembering is not None:
             if self._initial is None:
-                self._initial = as_plain(rig.memory())
-            rig.restore(as_plain(self.past or self._initial))
+                self._initial = as_plain(remembering.memory())
+            remembering.restore(as_plain(self.past or self._initial))
             self.pressures_pa = self.past_pressures_pa
-            rig.begin_cycle(cycle.key)
+            remembering.begin_cycle(cycle.key)
         if cycle.start_m is not None and abs(rig.state().position_m - cycle.start_m) > AT_START_M:
             rig.move(cycle.start_m, min(TO_START_M_S, rig.limits().speed_m_s))
 
@@ -305,8 +308,10 @@ class Axis:
         def job() -> None:
             if not cycle.steps:
                 self.begin(cycle)
-                if isinstance(self.rig, Changeable) and cycle.levels:
-                    self.rig.change(cycle.levels)
+                changeable = _as(self.rig, Changeable)
+                factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: the others stay as they are
+                if changeable is not None and factor in cycle.levels:
+                    changeable.change({factor: cycle.levels[factor]})
                 self._finish(_empty(), self.rig.state().time_s)
             elif self.outcome.error is None:
                 self._acquire(cycle)
@@ -335,8 +340,9 @@ class Axis:
 
     def _finish(self, samples: Samples, began_s: float) -> None:
         outcome = self.outcome
-        if isinstance(self.rig, Reproducible):
-            outcome.memory, outcome.truth = as_plain(self.rig.memory()), self.rig.truth()
+        remembering = _as(self.rig, Reproducible)
+        if remembering is not None:
+            outcome.memory, outcome.truth = as_plain(remembering.memory()), remembering.truth()
         outcome.began_s, outcome.samples = began_s, samples
 
     def finished(self, cycle: Cycle) -> None:
@@ -353,6 +359,12 @@ class Axis:
         self._homed, self.pressures_pa = False, None
         self.trouble = self._thread.rest()
         return self.trouble
+
+
+def _as(rig: object, protocol: type[P]) -> P | None:
+    """Give the rig where it has all verbs of the protocol; a wrapper that passes them on has them too."""
+    verbs = [name for name in vars(protocol) if not name.startswith("_")]
+    return cast("P", rig) if all(hasattr(rig, name) for name in verbs) else None
 
 
 def as_plain(memory: dict[str, Any]) -> dict[str, Any]:

@@ -394,7 +394,7 @@ def _serve(engine: RunEngine, session: Session, requests: Requests, over: thread
     while not over.is_set():
         requests.wait()
         if str(engine.state) != "running":
-            time.sleep(LOOK_S)
+            over.wait(LOOK_S)
             continue
         request = requests.take()
         if request is None:

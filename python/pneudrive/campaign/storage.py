@@ -20,6 +20,8 @@ PART = ".part"
 SEAL = "pneudrive-seal"
 BLANK = "0" * 64
 PARQUET = b"PAR1"
+#: What file systems answer that cannot flush a folder: the names get there by themselves.
+NO_SUCH_THING = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 
 REMEDIES = {
     errno.ENOSPC: "Free some space, then run `pneudrive campaign resume` on the folder: what is finished is kept.",
@@ -88,12 +90,15 @@ def make_folder(path: Path) -> None:
 
 def flush_folder(path: Path) -> None:
     """Flush a folder's list of names to the disk, where the file system knows how."""
-    with contextlib.suppress(OSError):  # some network file systems refuse; the names get there by themselves
+    try:
         descriptor = os.open(path, os.O_RDONLY)
         try:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+    except OSError as error:
+        if error.errno not in NO_SUCH_THING:
+            raise
 
 
 def sealed(parquet: bytes) -> bytes:

@@ -1,0 +1,1 @@
+"""Campaigns: run, interrupted, damaged, read."""

@@ -1,0 +1,58 @@
+"""What `test_killed` kills: a process that runs a campaign on the simulated rig."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from pneudrive.campaign.options import Options
+from pneudrive.campaign.protocol import parse_protocol
+from pneudrive.campaign.run import run_campaign
+from pneudrive.rig import load_rig
+
+# What is imported on first use elsewhere is imported here, once, by the server that forks the children.
+for name in ("polars", "scipy.optimize", "scipy.signal", "scipy.stats", "pneudrive.campaign.session"):
+    import_module(name)
+
+PROTOCOL = """\
+schema = 1
+name = "Killed"
+seed = 11
+[speed]
+from = "2 mm/s"
+to = "200 mm/s"
+count = 4
+settled_time = "0 s"
+[pressure]
+both = ["0 bar gauge", "0.7 bar gauge"]
+settling = "1 s"
+[stop]
+durations = ["0.5 s"]
+preconditioning = { strokes = 1 }
+[mounting]
+levels = ["rigid"]
+[order]
+kind = "randomised"
+[warm_up]
+cycles = 2
+[before_block]
+tare = "1 s"
+[sentinel]
+speed = "50 mm/s"
+every = 5
+[adaptive]
+noise = "1 mN"
+repeats = 1
+added_speeds = 1
+[sampling]
+samples_per_stroke = 300
+burst_rate = "0 Hz"
+"""
+
+
+SMALL = parse_protocol(PROTOCOL)
+load_rig("default").identity()
+
+
+def run(folder: str) -> None:
+    """Begin the campaign, or go on with it."""
+    run_campaign(SMALL, "default", folder, options=Options(operator="anna", yes=True))
