@@ -244,7 +244,8 @@ def _added(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
         added = {_cell(one.cycle) for one in members} - planned_keys
         if len(added) >= rules.added_speeds:
             continue
-        chosen = choose_speed([one for one in members if not whats_bad(one, rules)])
+        taken = [one.cycle.speed_m_s for one in members if one.cycle.speed_m_s]
+        chosen = choose_speed([one for one in members if not whats_bad(one, rules)], taken)
         if chosen is None:
             continue
         speed, why = chosen
@@ -255,7 +256,7 @@ def _added(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
     return None
 
 
-def choose_speed(members: Sequence[Finished]) -> tuple[float, str] | None:
+def choose_speed(members: Sequence[Finished], taken: Sequence[float] = ()) -> tuple[float, str] | None:
     """Choose the next speed of a characteristic.
 
     Where a Stribeck curve can be fitted, the speed at which the variance of its prediction is largest: that one
@@ -265,7 +266,9 @@ def choose_speed(members: Sequence[Finished]) -> tuple[float, str] | None:
     Parameters
     ----------
     members : sequence of Finished
-        Sweeps at one pair of pressures.
+        Good sweeps at one pair of pressures.
+    taken : sequence of float
+        Further speeds that are not chosen again, m/s.
 
     Returns
     -------
@@ -278,7 +281,8 @@ def choose_speed(members: Sequence[Finished]) -> tuple[float, str] | None:
     if levels.size < 3:
         return None
     candidates = np.geomspace(levels[0], levels[-1], CANDIDATES)
-    ratio = np.exp(np.min(np.abs(np.log(candidates[:, None] / levels)), axis=1))
+    avoided = np.union1d(levels, np.asarray(taken, dtype=np.float64))
+    ratio = np.exp(np.min(np.abs(np.log(candidates[:, None] / avoided)), axis=1))
     candidates = candidates[ratio >= APART]
     if not candidates.size:
         return None
@@ -293,7 +297,7 @@ def choose_speed(members: Sequence[Finished]) -> tuple[float, str] | None:
     gaps = _bend(np.log(levels), means)
     for gap in np.argsort(-gaps, kind="stable"):
         middle = float(np.sqrt(levels[gap] * levels[gap + 1]))
-        if min(middle / levels[gap], levels[gap + 1] / middle) >= APART:
+        if np.exp(np.min(np.abs(np.log(middle / avoided)))) >= APART:
             return _rounded(middle), "adds a speed where the curve bends most"
     return None
 

@@ -260,6 +260,7 @@ class Session:
     def _write(self, cycle: Cycle, reason: str, samples: Samples, confirmed: dict[str, str]) -> Head:
         """Put a cycle on the disk; nothing comes between this and the cycle's being finished."""
         outcome, identity = self.axis.outcome, self.campaign.identity
+        assert all(one.cycle.key != cycle.key for one in self.finished), f"{cycle.key} is finished already"
         head = Head(
             index=self.index + 1,
             cycle=cycle,
