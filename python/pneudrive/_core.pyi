@@ -93,4 +93,6 @@ def steady_friction(
     gauge_a_pa: float = 0.0,
     gauge_b_pa: float = 0.0,
     pressure: Mapping[str, float] | None = None,
+    dependences: Mapping[str, Any] | None = None,
+    position_m: float = 0.0,
 ) -> NDArray[float64]: ...

@@ -12,6 +12,7 @@ fn main() {
         pressure_b_pa: 3e5,
         temperature_a_k: 293.15,
         temperature_b_k: 293.15,
+        contact_age_s: 0.0,
     };
     let options = ode::Options { rtol: 1e-4, ..Default::default() };
     let rate: f64 = std::env::args().nth(1).map_or(1000.0, |s| s.parse().expect("a sample rate in Hz"));

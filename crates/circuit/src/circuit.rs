@@ -57,6 +57,7 @@ struct Topology {
 enum Mover {
     Axis(usize),
     Cylinder(usize),
+    OtherCylinder(usize),
 }
 
 /// A system of equations made of parts. `P` is `f64`, or lanes: one drive in each.
@@ -213,21 +214,43 @@ impl<R: Lane> Circuit<R> {
 impl<P: Real> Circuit<P> {
     fn movers(&self) -> impl Iterator<Item = Mover> + use<P> {
         let axes = (0..self.parts.axes.len()).map(Mover::Axis);
-        axes.chain((0..self.parts.cylinders.len()).map(Mover::Cylinder))
+        let cylinders = (0..self.parts.cylinders.len()).map(Mover::Cylinder);
+        let others = (0..self.parts.other_cylinders.len()).map(Mover::OtherCylinder);
+        axes.chain(cylinders).chain(others)
     }
 
     /// The place of a mass (x and v come first), the mass, and the offset of its inner states.
     fn mover(&self, mover: Mover) -> (Place, &Axis<P>, usize) {
         match mover {
-            Mover::Axis(i) => (self.parts.axes[i].0, &self.parts.axes[i].1, 2),
-            Mover::Cylinder(i) => (self.parts.cylinders[i].0, &self.parts.cylinders[i].1.axis, INNER),
+            Mover::Axis(i) => {
+                let (place, axis) = &self.parts.axes[i];
+                (*place, axis, 2)
+            }
+            Mover::Cylinder(i) => {
+                let (place, cylinder) = &self.parts.cylinders[i];
+                (*place, &cylinder.axis, INNER)
+            }
+            Mover::OtherCylinder(i) => {
+                let (place, cylinder) = &self.parts.other_cylinders[i];
+                (*place, &cylinder.axis, INNER)
+            }
         }
     }
 
-    fn mover_mut(&mut self, mover: Mover) -> (Place, &mut Axis<P>) {
+    fn mover_mut(&mut self, mover: Mover) -> (Place, &mut Axis<P>, usize) {
         match mover {
-            Mover::Axis(i) => (self.parts.axes[i].0, &mut self.parts.axes[i].1),
-            Mover::Cylinder(i) => (self.parts.cylinders[i].0, &mut self.parts.cylinders[i].1.axis),
+            Mover::Axis(i) => {
+                let (place, axis) = &mut self.parts.axes[i];
+                (*place, axis, 2)
+            }
+            Mover::Cylinder(i) => {
+                let (place, cylinder) = &mut self.parts.cylinders[i];
+                (*place, &mut cylinder.axis, INNER)
+            }
+            Mover::OtherCylinder(i) => {
+                let (place, cylinder) = &mut self.parts.other_cylinders[i];
+                (*place, &mut cylinder.axis, INNER)
+            }
         }
     }
 
@@ -283,7 +306,8 @@ impl<R: Lane> System<R> for Circuit<R> {
     fn events(&self, _t: R, y: &[R], out: &mut [R], net: &mut Net<R>) {
         self.evaluate(y, net);
         for (out, &i) in out.iter_mut().zip(&self.topology.sticking) {
-            *out = self.mover(i).1.event(net);
+            let (place, axis, inner) = self.mover(i);
+            *out = axis.event(&y[place.first + inner..place.first + place.count], net);
         }
     }
 
@@ -293,19 +317,22 @@ impl<R: Lane> System<R> for Circuit<R> {
     }
 
     fn n_obstacles(&self) -> usize {
-        2 * self.parts.cylinders.len()
+        2 * (self.parts.cylinders.len() + self.parts.other_cylinders.len())
     }
 
     fn obstacles(&self, y: &[R], out: &mut [R]) {
-        for ((place, cylinder), out) in self.parts.cylinders.iter().zip(out.chunks_exact_mut(2)) {
+        let usual = self.parts.cylinders.iter().map(|(place, cylinder)| (place, &cylinder.stops));
+        let others = self.parts.other_cylinders.iter().map(|(place, cylinder)| (place, &cylinder.stops));
+        for ((place, stops), out) in usual.chain(others).zip(out.chunks_exact_mut(2)) {
             let x = y[place.first];
-            out.copy_from_slice(&[x, cylinder.stops.stroke - x]);
+            out.copy_from_slice(&[x, stops.stroke - x]);
         }
     }
 
     fn switch(&mut self, lane: usize, event: usize, y: &mut [R], net: &mut Net<R>) {
         self.evaluate(y, net);
-        let (place, axis) = self.mover_mut(self.topology.sticking[event]);
-        axis.switch(lane, &mut y[place.first + 1], net);
+        let (place, axis, inner) = self.mover_mut(self.topology.sticking[event]);
+        axis.switch(lane, &y[place.first + inner..place.first + place.count], net);
+        y[place.first + 1].put(lane, 0.0);
     }
 }

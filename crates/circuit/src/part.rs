@@ -15,10 +15,11 @@ use crate::ledger::{Channel, Kind};
 use crate::net::Net;
 use math::{Lane, Over, Real};
 use physics::IdealGas;
+use std::collections::BTreeMap;
 
 pub use axis::Axis;
 pub use carriage::Carriage;
-pub use cylinder::Cylinder;
+pub use cylinder::{Cylinder, OtherCylinder};
 pub use end_stops::EndStops;
 pub use face::Face;
 pub use link::Link;
@@ -128,6 +129,20 @@ pub(crate) struct Place {
     pub accounts: usize,
 }
 
+/// Names of parts for people: a cylinder is a cylinder, whatever its friction.
+#[derive(Default)]
+struct Names(BTreeMap<&'static str, usize>);
+
+impl Names {
+    /// The next part of this kind: "Cylinder 0", "Cylinder 1", ...
+    fn next(&mut self, kind: &'static str) -> String {
+        let kind = kind.trim_start_matches("Other");
+        let count = self.0.entry(kind).or_default();
+        *count += 1;
+        format!("{kind} {}", *count - 1)
+    }
+}
+
 /// Lists the kinds of part: their storage, and the loops that run through every part of a circuit.
 /// The kinds of an ordinary drive are `usual`; the loops over the others lie in functions of their own,
 /// so that a circuit without them does not pay for them with registers.
@@ -193,17 +208,18 @@ macro_rules! parts {
                 self.has_others =
                     all > self.cylinders.len() + self.reservoirs.len() + self.restrictions.len();
                 let (mut states, mut channels) = (Vec::new(), Vec::new());
-                $(for (i, (place, part)) in self.$field.iter_mut().enumerate() {
-                    let own = part.states();
+                let (mut named, mut counted) = (Names::default(), Names::default());
+                $(for (place, part) in &mut self.$field {
+                    let (own, part) = (part.states(), named.next(stringify!($part)));
                     *place = Place { first: states.len(), count: own.len(), ..*place };
-                    states.extend(own.into_iter().map(|s| (format!("{} {i}: {}", stringify!($part), s.name), s)));
+                    states.extend(own.into_iter().map(|s| (format!("{part}: {}", s.name), s)));
                 })*
-                $(for (i, (place, part)) in self.$field.iter_mut().enumerate() {
-                    let own = part.channels();
+                $(for (place, part) in &mut self.$field {
+                    let (own, part) = (part.channels(), counted.next(stringify!($part)));
                     place.first_account = channels.len();
                     place.accounts = own.len();
                     channels.extend(own.into_iter().map(|(name, kind)| {
-                        Channel { name: format!("{} {i}: {name}", stringify!($part)), kind }
+                        Channel { name: format!("{part}: {name}"), kind }
                     }));
                 })*
                 (states, channels)
@@ -253,6 +269,7 @@ parts! {
         reservoirs: Reservoir,
         restrictions: Restriction;
     others:
+        other_cylinders: OtherCylinder,
         axes: Axis,
         carriages: Carriage,
         volumes: Volume,

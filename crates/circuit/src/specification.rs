@@ -90,6 +90,83 @@ pub struct SealPressure {
     pub breakaway_b: f64,
 }
 
+/// How friction grows with the age of the contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Growth {
+    Saturating,
+    Log,
+    Hyperbolic,
+}
+
+/// See [`physics::friction::Dwell`].
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Dwell {
+    pub growth: Growth,
+    pub increment_n: f64,
+    pub time_s: f64,
+    #[serde(default = "kato_exponent")]
+    pub exponent: f64,
+    pub distance_m: f64,
+    /// Per Pa of gauge pressure in chamber a.
+    #[serde(default)]
+    pub pressure_a: f64,
+    #[serde(default)]
+    pub pressure_b: f64,
+}
+
+fn kato_exponent() -> f64 {
+    0.4
+}
+
+/// See [`physics::friction::Relaxation`].
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Relaxation {
+    pub share: f64,
+    pub time_s: f64,
+    pub distance_m: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Harmonic {
+    pub period_m: f64,
+    pub amplitude: f64,
+    #[serde(default)]
+    pub phase_rad: f64,
+}
+
+/// See [`physics::friction::Position`].
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Position {
+    #[serde(default)]
+    pub harmonics: Vec<Harmonic>,
+    #[serde(default)]
+    pub slope_per_m: f64,
+    #[serde(default)]
+    pub reference_m: f64,
+}
+
+/// Factors on the levels for v > 0 and v < 0.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Direction {
+    pub positive: f64,
+    pub negative: f64,
+}
+
+/// A force across the axis and the coefficient of friction of the guide that takes it.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SideLoad {
+    pub force_n: f64,
+    pub coefficient: f64,
+}
+
+/// A law with its parameters, and what acts on it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
@@ -97,6 +174,32 @@ pub struct Friction {
     pub parameters: BTreeMap<String, f64>,
     #[serde(default)]
     pub pressure: Option<SealPressure>,
+    #[serde(default)]
+    pub dwell: Option<Dwell>,
+    #[serde(default)]
+    pub relaxation: Option<Relaxation>,
+    #[serde(default)]
+    pub position: Option<Position>,
+    #[serde(default)]
+    pub direction: Option<Direction>,
+    #[serde(default)]
+    pub side_load: Option<SideLoad>,
+}
+
+impl Friction {
+    /// A law that nothing else acts on.
+    pub fn of(law: &str, parameters: BTreeMap<String, f64>) -> Self {
+        Friction {
+            law: law.into(),
+            parameters,
+            pressure: None,
+            dwell: None,
+            relaxation: None,
+            position: None,
+            direction: None,
+            side_load: None,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
@@ -245,4 +348,7 @@ pub struct Initial {
     pub pressure_b_pa: f64,
     pub temperature_a_k: f64,
     pub temperature_b_k: f64,
+    /// For how long the contact has stood; for friction that remembers it.
+    #[serde(default)]
+    pub contact_age_s: f64,
 }

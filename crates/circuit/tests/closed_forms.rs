@@ -122,7 +122,7 @@ fn air_spring(law: ChamberLaw, wall: f64, areas: (f64, f64), x0: f64, stroke: f6
     let (a, b) = (circuit.volume(law, 5e-6, 1.0, wall, ROOM), circuit.volume(law, 8e-6, 1.0, wall, ROOM));
     let p_a = 5e5;
     let p_b = AMBIENT + (p_a - AMBIENT) * areas.0 / areas.1;
-    let mass = circuit.axis(5.0, 0.0, 0.0, None, None);
+    let mass = circuit.axis(5.0, 0.0, 0.0, None);
     circuit.face(a, mass, true, stroke, circuit::PistonSide::new(areas.0, 0.0, 0.0));
     circuit.face(b, mass, false, stroke, circuit::PistonSide::new(areas.1, 0.0, 0.0));
     let mut circuit = circuit.build(false);
@@ -162,7 +162,7 @@ fn a_piston_between_closed_chambers_is_an_air_spring() {
 fn weight_pulls_down_the_incline() {
     for (incline, share) in [(0.5 * std::f64::consts::PI, 1.0), (std::f64::consts::PI / 6.0, 0.5)] {
         let mut circuit = empty();
-        let mass = circuit.axis(3.0, incline, 0.0, None, None);
+        let mass = circuit.axis(3.0, incline, 0.0, None);
         let mut circuit = circuit.build(false);
         let y = circuit.initial(&[], &[(mass, 1.0, 2.0)]);
         let net = now(&run(&circuit, &y, 1.5, PRECISE));
@@ -178,7 +178,7 @@ fn the_ambient_pushes_on_the_rod() {
     let chamber =
         |circuit: &mut Circuit<f64>| circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 0.0, 0.0, ROOM);
     let (a, b) = (chamber(&mut circuit), chamber(&mut circuit));
-    let mass = circuit.axis(2.0, 0.0, 5.0, None, None);
+    let mass = circuit.axis(2.0, 0.0, 5.0, None);
     circuit.face(a, mass, true, 0.1, circuit::PistonSide::new(8e-4, 0.0, 0.0));
     circuit.face(b, mass, false, 0.1, circuit::PistonSide::new(6e-4, 0.0, 0.0));
     let mut circuit = circuit.build(false);

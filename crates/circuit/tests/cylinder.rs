@@ -5,7 +5,7 @@ mod support;
 
 use circuit::{AxisId, ChamberLaw, Circuit, GasId, RestrictionId, balance};
 use ode::Stepper;
-use physics::friction::SealLips;
+use physics::friction::{Composition, Contact, SealLips};
 use support::*;
 
 type Edges = [RestrictionId; 4];
@@ -25,7 +25,8 @@ fn cylinder(split: bool, sticking: bool) -> (Circuit<f64>, AxisId, [GasId; 2], E
     ];
     let friction = if sticking { law("stribeck", &values[..4]) } else { law("lugre", &values) };
     let lips = SealLips { coulomb_a: 1e-5, coulomb_b: 2e-5, breakaway_a: 1e-5, breakaway_b: 3e-5 };
-    let axis = circuit.axis(2.0, 0.3, -6.0, Some(friction), Some(lips));
+    let friction = Contact::new(friction, Some(lips), Composition::NONE);
+    let axis = circuit.axis(2.0, 0.3, -6.0, Some(friction));
     let mut chamber = |area: f64, grows: bool| {
         let gas = circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 1e-3, 50.0, 285.0);
         let parts = if split { 2 } else { 1 };

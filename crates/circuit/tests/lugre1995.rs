@@ -23,7 +23,7 @@ fn pull(stiffness: f64, speed: f64, trace: &mut Trace) -> (Stepper<f64, Circuit<
         ("bristle_stiffness", SIGMA_0),
         ("bristle_damping", SIGMA_0.sqrt()),
     ];
-    let mass = circuit.axis(1.0, 0.0, 0.0, Some(law("lugre", &values)), None);
+    let mass = circuit.axis(1.0, 0.0, 0.0, Some(law("lugre", &values).into()));
     let (carriage, _) = circuit.carriage();
     circuit.link(carriage, mass, stiffness, 0.0);
     let mut circuit = circuit.build(false);

@@ -13,7 +13,7 @@ fn piston(friction: &AnyLaw<f64>, side: f64) -> (Circuit<f64>, AxisId, [Restrict
     let mut circuit = empty();
     let supply = circuit.reservoir(7e5, 310.0);
     let exhaust = circuit.reservoir(AMBIENT, ROOM);
-    let axis = circuit.axis(2.0, side * 0.3, side * 7.0, Some(friction.clone()), None);
+    let axis = circuit.axis(2.0, side * 0.3, side * 7.0, Some(friction.clone().into()));
     circuit.spring(axis, 300.0, side * 0.01);
     // The first chamber has the larger area and lies to the left of the original, right of the image.
     let mut chamber = |area: f64, left: bool| {

@@ -46,11 +46,10 @@ fn chambers(supply: AirSupply) -> Chambers {
 fn rig(supply: Option<AirSupply>) -> spec::Rig {
     let friction = [("coulomb", 9.0), ("breakaway", 12.0), ("stribeck_velocity", 0.005), ("viscous", 5.0)];
     spec::Rig {
-        friction: spec::Friction {
-            law: "stribeck".into(),
-            parameters: friction.iter().map(|(name, value)| ((*name).into(), *value)).collect(),
-            pressure: None,
-        },
+        friction: spec::Friction::of(
+            "stribeck",
+            friction.iter().map(|(name, value)| ((*name).into(), *value)).collect(),
+        ),
         area_a_m2: AREA,
         area_b_m2: AREA,
         moving_mass_kg: 0.8,

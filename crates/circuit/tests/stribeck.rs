@@ -22,7 +22,7 @@ struct Pulled {
 
 fn pulled(mass: f64, friction: AnyLaw<f64>, force: f64, stiffness: f64) -> Pulled {
     let mut circuit = empty();
-    let mass = circuit.axis(mass, 0.0, force, Some(friction), None);
+    let mass = circuit.axis(mass, 0.0, force, Some(friction.into()));
     let (carriage, drive) = circuit.carriage();
     circuit.link(carriage, mass, stiffness, 0.0);
     Pulled { circuit: circuit.build(false), mass, carriage, drive }
@@ -115,7 +115,7 @@ fn dry_friction_takes_the_same_from_every_half_swing() {
     // k x with Fc: each half period sqrt(m/k) pi costs 2 Fc/k of amplitude, until k |x| < Fc.
     let (mass, stiffness) = (2.0, 1000.0);
     let mut circuit = empty();
-    let axis = circuit.axis(mass, 0.0, 0.0, Some(law("coulomb", &[("coulomb", FC)])), None);
+    let axis = circuit.axis(mass, 0.0, 0.0, Some(law("coulomb", &[("coulomb", FC)]).into()));
     circuit.spring(axis, stiffness, 0.4);
     let mut circuit = circuit.build(false);
     let lost = 2.0 * FC / stiffness;

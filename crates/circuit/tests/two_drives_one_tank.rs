@@ -6,7 +6,7 @@ mod support;
 
 use circuit::{AxisId, ChamberLaw, Circuit, GasId, RestrictionId, balance};
 use ode::Stepper;
-use physics::friction::{AnyLaw, SealLips};
+use physics::friction::{Composition, Contact, SealLips};
 use support::*;
 
 struct Drive {
@@ -28,10 +28,10 @@ fn drive(
     (tank, exhaust): (GasId, GasId),
     areas: (f64, f64),
     (mass, incline): (f64, f64),
-    (friction, lips): (AnyLaw<f64>, Option<SealLips<f64>>),
+    friction: Contact<f64>,
 ) -> Drive {
     let stroke = 0.3;
-    let axis = circuit.axis(mass, incline, 4.0, Some(friction), lips);
+    let axis = circuit.axis(mass, incline, 4.0, Some(friction));
     let mut chamber = |area: f64, grows: bool| {
         let gas = circuit.volume(ChamberLaw::EnergyBalance, 8e-6, 1e-4, 40.0, 285.0);
         circuit.face(gas, axis, grows, stroke, circuit::PistonSide::new(area, 0.08, 2.0 * area));
@@ -64,10 +64,11 @@ fn plant(ledger: bool) -> (Plant, Vec<f64>) {
     );
     // Passive at every pressure up to 7 bar in both chambers: 120 (42 - 24)/24 = 90 < 100 N s/m.
     let lips = SealLips { coulomb_a: 1e-5, coulomb_b: 1e-5, breakaway_a: 2e-5, breakaway_b: 2e-5 };
+    let lugre = Contact::new(lugre, Some(lips), Composition::NONE);
     let ends = (tank, exhaust);
     let drives = [
-        drive(&mut circuit, ends, (5e-4, 4.2e-4), (2.0, 0.5), (stribeck(), None)),
-        drive(&mut circuit, ends, (8e-4, 8e-4), (6.0, -0.2), (lugre, Some(lips))),
+        drive(&mut circuit, ends, (5e-4, 4.2e-4), (2.0, 0.5), stribeck().into()),
+        drive(&mut circuit, ends, (8e-4, 8e-4), (6.0, -0.2), lugre),
     ];
     let mut circuit = circuit.build(ledger);
     let mut gas = vec![(tank, 6e5, ROOM)];

@@ -1,17 +1,32 @@
 //! Friction laws. A law is one file and one line in `laws!` below.
 
+mod bristles;
+mod contact;
 mod coulomb;
+mod direction;
 mod dry;
+mod dwell;
+mod elasto_plastic;
 mod lugre;
+mod position;
+mod relaxation;
 mod seal_lips;
+mod side_load;
 mod stribeck;
 
 use crate::parameter::Parameter;
 use math::{Lane, Over, Real};
 
+pub use contact::{Composition, Contact};
 pub use coulomb::Coulomb;
+pub use direction::Direction;
+pub use dwell::{Dwell, Growth};
+pub use elasto_plastic::ElastoPlastic;
 pub use lugre::LuGre;
+pub use position::{Harmonic, Position};
+pub use relaxation::Relaxation;
 pub use seal_lips::SealLips;
+pub use side_load::SideLoad;
 pub use stribeck::{Stribeck, weight};
 
 /// Where a law is evaluated.
@@ -31,6 +46,19 @@ pub struct At<S> {
     pub prepared: S,
 }
 
+impl<S: Real> At<S> {
+    /// At rest at x = 0 under ambient pressure, with no force applied.
+    pub fn at_rest() -> Self {
+        let o = S::zero();
+        At { v: o, x: o, gauge_a: o, gauge_b: o, applied: o, prepared: o }
+    }
+
+    /// The same with gauge pressures, Pa, in chambers a and b.
+    pub fn pressed(self, gauge_a: S, gauge_b: S) -> Self {
+        At { gauge_a, gauge_b, ..self }
+    }
+}
+
 /// Levels that dependences act on, before the law is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Levels<S> {
@@ -46,12 +74,27 @@ impl<S: Real> Levels<S> {
         Levels { coulomb, breakaway: coulomb }
     }
 
+    /// Both times a factor.
+    #[inline(always)]
+    fn times(&self, factor: S) -> Self {
+        Levels { coulomb: self.coulomb * factor, breakaway: self.breakaway * factor }
+    }
+
+    /// Both plus a force, N.
+    #[inline(always)]
+    fn plus(&self, force: S) -> Self {
+        Levels { coulomb: self.coulomb + force, breakaway: self.breakaway + force }
+    }
+
     /// Fc + (Fs - Fc) weight, N.
     #[inline(always)]
     fn at(&self, weight: S) -> S {
         (self.breakaway - self.coulomb).fma(weight, self.coulomb)
     }
 }
+
+/// Share of a level that is left at least, where a dependence would take more.
+const FLOOR: f64 = 0.01;
 
 /// Steady sliding, N:  level sgn(v) + Fv v, where v = 0 counts as positive.
 fn sliding<P: Real, S: Over<P>>(v: S, level: S, viscous: P) -> S {
@@ -77,18 +120,28 @@ pub trait Law<P: Real> {
     const STATES: &'static [InnerState] = &[];
     /// The law sticks by a mode (-1, 0, +1), with located events.
     const STICKS: bool = false;
+    /// The law has one inner state, the deflection of bristles, and stores energy as its square.
+    const BRISTLES: bool = false;
+    /// Bristles that slip from the first load on.
+    const CREEPS: bool = false;
 
     /// Fc and Fs before any dependence.
     fn levels(&self) -> Levels<P>;
 
     /// What depends on the velocity alone (an exponential, mostly), computed ahead of the forces so
-    /// that the processor works on both at once.
+    /// that the processor works on both at once; of the usual laws only.
     fn prepare<S: Over<P>>(&self, _v: S) -> S {
         S::zero()
     }
 
     /// Friction force, N, positive where it opposes v > 0, and the rates of the inner states.
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S;
+
+    /// Rate at which the contact slips for good, m/s, with the rates that `force` gave: its magnitude renews
+    /// the contact.
+    fn slip<S: Over<P>>(&self, v: S, _dz: &[S]) -> S {
+        v
+    }
 
     /// Positive while the mode holds.
     fn event<S: Over<P>>(&self, _at: &At<S>, _levels: &Levels<S>, _mode: P) -> S {
@@ -123,9 +176,40 @@ pub struct Meta {
     pub parameters: &'static [Parameter],
     pub states: &'static [InnerState],
     pub sticks: bool,
+    pub bristles: bool,
+    pub creeps: bool,
 }
 
+/// Lists the laws. Those of an ordinary drive are `usual`: they are evaluated in line, the others in a
+/// function of their own, so that the usual ones do not pay for them with registers.
 macro_rules! laws {
+    (usual: $($usual:ident),*; others: $($other:ident),* $(,)?) => {
+        laws!($($usual,)* $($other,)*);
+
+        impl<P: Real> AnyLaw<P> {
+            /// See [`Law::prepare`]; only the usual laws do.
+            #[inline(always)]
+            pub fn prepare<S: Over<P>>(&self, v: S) -> S {
+                match self {
+                    $(AnyLaw::$usual(law) => law.prepare(v),)*
+                    _ => S::zero(),
+                }
+            }
+
+            /// The force of one of the usual laws.
+            #[inline(always)]
+            fn usual_force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
+                match self {
+                    $(AnyLaw::$usual(law) => law.force(at, levels, z, dz, mode),)*
+                    _ => unreachable!("evaluated out of line"),
+                }
+            }
+
+            fn is_usual(&self) -> bool {
+                !matches!(self, $(AnyLaw::$other(_))|*)
+            }
+        }
+    };
     ($($name:ident),* $(,)?) => {
         /// Any registered law; dispatch is static.
         #[derive(Clone, Debug)]
@@ -141,6 +225,8 @@ macro_rules! laws {
             parameters: <$name<f64>>::PARAMETERS,
             states: <$name<f64> as Law<f64>>::STATES,
             sticks: <$name<f64> as Law<f64>>::STICKS,
+            bristles: <$name<f64> as Law<f64>>::BRISTLES,
+            creeps: <$name<f64> as Law<f64>>::CREEPS,
         },)*];
 
         impl AnyLaw<f64> {
@@ -177,16 +263,20 @@ macro_rules! laws {
                 LAWS.iter().find(|meta| meta.key == key).expect("every law is registered")
             }
             #[inline(always)]
+            fn n_states(&self) -> usize {
+                match self { $(AnyLaw::$name(_) => <$name<P> as Law<P>>::STATES.len(),)* }
+            }
+            #[inline(always)]
             pub fn levels(&self) -> Levels<P> {
                 match self { $(AnyLaw::$name(law) => law.levels(),)* }
             }
             #[inline(always)]
-            pub fn prepare<S: Over<P>>(&self, v: S) -> S {
-                match self { $(AnyLaw::$name(law) => law.prepare(v),)* }
-            }
-            #[inline(always)]
             pub fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
                 match self { $(AnyLaw::$name(law) => law.force(at, levels, z, dz, mode),)* }
+            }
+            #[inline(always)]
+            pub fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
+                match self { $(AnyLaw::$name(law) => law.slip(v, dz),)* }
             }
             pub fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, mode: P) -> S {
                 match self { $(AnyLaw::$name(law) => law.event(at, levels, mode),)* }
@@ -207,4 +297,7 @@ macro_rules! laws {
     };
 }
 
-laws!(Coulomb, Stribeck, LuGre);
+laws! {
+    usual: Coulomb, Stribeck, LuGre;
+    others: ElastoPlastic,
+}

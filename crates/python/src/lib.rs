@@ -5,7 +5,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use ode::{Options, Statistics};
 use physics::IdealGas;
 use physics::flow::{Iso6358, LINEAR_ABOVE, choked_factor};
-use physics::friction::{At, LAWS, Levels};
+use physics::friction::{At, LAWS};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -227,6 +227,7 @@ fn initial_state(initial: &Bound<'_, PyDict>) -> PyResult<specification::Initial
         pressure_b_pa: value("pressure_b_pa")?,
         temperature_a_k: value("temperature_a_k")?,
         temperature_b_k: value("temperature_b_k")?,
+        contact_age_s: initial.get_item("contact_age_s")?.map_or(Ok(0.0), |age| age.extract())?,
     })
 }
 
@@ -309,34 +310,46 @@ fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     Ok(laws)
 }
 
-/// Steady sliding friction of a law, N, at each velocity m/s, at given gauge pressures Pa.
+type Values = std::collections::BTreeMap<String, f64>;
+
+/// Steady sliding friction of a law, N, at each velocity m/s, at given gauge pressures Pa and position m;
+/// `dependences` are tables of the description's friction, as it has them.
 #[pyfunction]
-#[pyo3(signature = (law, parameters, velocity, gauge_a_pa=0.0, gauge_b_pa=0.0, pressure=None))]
+#[pyo3(signature = (law, parameters, velocity, gauge_a_pa=0.0, gauge_b_pa=0.0, pressure=None, dependences=None, position_m=0.0))]
+#[allow(clippy::too_many_arguments)] // The seam: named in Python.
 fn steady_friction<'py>(
     py: Python<'py>,
     law: &str,
-    parameters: std::collections::BTreeMap<String, f64>,
+    parameters: Values,
     velocity: PyReadonlyArray1<'py, f64>,
     gauge_a_pa: f64,
     gauge_b_pa: f64,
-    pressure: Option<std::collections::BTreeMap<String, f64>>,
+    pressure: Option<Values>,
+    dependences: Option<&Bound<'py, PyAny>>,
+    position_m: f64,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let coefficient = |key: &str| pressure.as_ref().and_then(|p| p.get(key)).copied().unwrap_or(0.0);
-    let spec = specification::Friction {
-        law: law.to_string(),
-        parameters,
-        pressure: pressure.as_ref().map(|_| specification::SealPressure {
+    let tables = PyDict::new(py);
+    if let Some(dependences) = dependences {
+        tables.call_method1("update", (dependences,))?;
+    }
+    tables.set_item("law", law)?;
+    tables.set_item("parameters", PyDict::new(py))?;
+    let json: String = py.import("json")?.call_method1("dumps", (tables,))?.extract()?;
+    let mut spec: specification::Friction = parse(&json)?;
+    spec.parameters = parameters;
+    if let Some(pressure) = pressure {
+        let coefficient = |key: &str| pressure.get(key).copied().unwrap_or(0.0);
+        spec.pressure = Some(specification::SealPressure {
             coulomb_a: coefficient("coulomb_a"),
             coulomb_b: coefficient("coulomb_b"),
             breakaway_a: coefficient("breakaway_a"),
             breakaway_b: coefficient("breakaway_b"),
-        }),
-    };
-    let (law, lips) = friction_law(&spec).map_err(to_python)?;
+        });
+    }
+    let friction = friction_law(&spec).map_err(to_python)?;
     let force = |v: f64| {
-        let at = At { v, x: 0.0, gauge_a: gauge_a_pa, gauge_b: gauge_b_pa, applied: 0.0, prepared: 0.0 };
-        let levels: Levels<f64> = law.levels();
-        law.steady(v, &lips.as_ref().map_or(levels, |lips| lips.apply(&levels, &at)))
+        let place = At { v, x: position_m, ..At::at_rest() };
+        friction.steady(&place.pressed(gauge_a_pa, gauge_b_pa))
     };
     Ok(PyArray1::from_iter(py, velocity.as_array().iter().map(|&v| force(v))))
 }

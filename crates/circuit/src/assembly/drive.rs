@@ -7,7 +7,6 @@ use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use ode::{Options, Output, Statistics, Stepper, System};
 use physics::IdealGas;
 use physics::flow::Iso6358;
-use physics::friction::{AnyLaw, At, Levels, SealLips};
 use physics::mechanics::EndStop;
 use std::f64::consts::PI;
 
@@ -32,30 +31,6 @@ fn side(bore: f64, rod: f64) -> PistonSide {
     PistonSide { area, perimeter: PI * (bore + rod), end_wall: 2.0 * area }
 }
 
-/// What to know of the law with its levels without pressure, and under supply pressure in either chamber.
-fn friction_warnings(law: &AnyLaw<f64>, lips: Option<&SealLips<f64>>, gauge: f64) -> Vec<String> {
-    let base = law.levels();
-    let pressed = lips.into_iter().flat_map(|lips| {
-        [(gauge, 0.0), (0.0, gauge), (gauge, gauge)].map(|(gauge_a, gauge_b)| {
-            let at = At { v: 0.0, x: 0.0, gauge_a, gauge_b, applied: 0.0, prepared: 0.0 };
-            lips.apply(&base, &at)
-        })
-    });
-    let stated = law.meta().parameters.iter().any(|parameter| parameter.key == "breakaway");
-    let inverted = |levels: &Levels<f64>| {
-        (stated && levels.breakaway < levels.coulomb).then(|| {
-            format!(
-                "under supply pressure the breakaway force falls below the Coulomb force ({:.3} N, {:.3} N): \
-                 friction.pressure.breakaway is usually not below friction.pressure.coulomb",
-                levels.breakaway, levels.coulomb
-            )
-        })
-    };
-    let all: Vec<Levels<f64>> = std::iter::once(base).chain(pressed).collect();
-    let of_law = all.iter().find_map(|levels| law.warning(levels));
-    of_law.into_iter().chain(all.iter().find_map(inverted)).collect()
-}
-
 /// A stop so soft that supply pressure pushes the piston through the dead volume before it.
 fn stop_warning(cylinder: &specification::Cylinder, sides: &[PistonSide; 2], gauge: f64) -> Option<String> {
     let depth = |side: &PistonSide| gauge * side.area / cylinder.end_stop.stiffness_n_m;
@@ -77,7 +52,7 @@ impl Drive {
     pub fn assemble(spec: &specification::Drive, ledger: bool) -> Result<Self, Error> {
         let cylinder = &spec.cylinder;
         let gas = IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k);
-        let (law, lips) = friction_law(&spec.friction)?;
+        let friction = friction_law(&spec.friction)?;
         let rod = |has_rod: bool| {
             if has_rod { cylinder.rod_diameter_m } else { 0.0 }
         };
@@ -102,7 +77,7 @@ impl Drive {
             ));
         }
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
-        let mut warnings: Vec<String> = friction_warnings(&law, lips.as_ref(), gauge);
+        let mut warnings = friction.warnings(gauge, cylinder.stroke_m);
         warnings.extend(stop_warning(cylinder, &sides, gauge));
         if chamber_law == ChamberLaw::AsPrinted {
             warnings.push(
@@ -110,9 +85,9 @@ impl Drive {
                     .into(),
             );
         }
-        let inner = law.meta().states;
-        let mut citations =
-            vec![law.meta().source, "iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"];
+        let inner = friction.states();
+        let mut citations = friction.sources();
+        citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if chamber_law == ChamberLaw::AsPrinted {
             citations.push("bracha");
         }
@@ -134,7 +109,7 @@ impl Drive {
         };
         let (a, b) = (chamber(cylinder.dead_volume_a_m3), chamber(cylinder.dead_volume_b_m3));
         let mass = cylinder.moving_mass_kg + spec.load.mass_kg;
-        let axis = circuit.axis(mass, cylinder.incline_rad, spec.load.force_n, Some(law), lips);
+        let axis = circuit.axis(mass, cylinder.incline_rad, spec.load.force_n, Some(friction));
         for (gas, side, grows) in [(a, sides[0], true), (b, sides[1], false)] {
             circuit.face(gas, axis, grows, cylinder.stroke_m, side);
         }
@@ -189,12 +164,13 @@ impl Drive {
     pub fn start(&self, initial: &Initial, u: f64) -> (Circuit<f64>, Vec<f64>) {
         let mut circuit = self.circuit.clone();
         self.set_command(&mut circuit, 0, u);
-        let y = circuit.initial(
+        let y = circuit.initial_aged(
             &[
                 (self.a, initial.pressure_a_pa, initial.temperature_a_k),
                 (self.b, initial.pressure_b_pa, initial.temperature_b_k),
             ],
             &[(self.axis, initial.position_m, initial.velocity_m_s)],
+            &[(self.axis, initial.contact_age_s)],
         );
         (circuit, y)
     }

@@ -91,12 +91,12 @@ impl Rig {
     /// Assembles the rig; with `ledger`, its accounts are integrated along.
     pub fn assemble(spec: &specification::Rig, ledger: bool) -> Result<Self, Error> {
         check(spec)?;
-        let (law, lips) = friction_law(&spec.friction)?;
-        let inner = law.meta().states;
+        let friction = friction_law(&spec.friction)?;
+        let inner = friction.states();
         let gas = IdealGas::air();
         let room_k = spec.temperature_k.unwrap_or(physics::flow::T_0);
         let mut circuit = Circuit::new(&gas, spec.ambient_pressure_pa, room_k);
-        let axis = circuit.axis(spec.moving_mass_kg, spec.incline_rad, 0.0, Some(law), lips);
+        let axis = circuit.axis(spec.moving_mass_kg, spec.incline_rad, 0.0, Some(friction));
         let air = match &spec.chambers {
             None => held(&mut circuit, spec, room_k),
             Some(chambers) => supplied(&mut circuit, spec, chambers, room_k),

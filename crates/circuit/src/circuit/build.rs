@@ -5,7 +5,7 @@ use crate::part::cylinder::CHAMBERS;
 use crate::part::*;
 use math::{Deps, Real};
 use ode::{Structure, System};
-use physics::friction::AnyLaw;
+use physics::friction::Contact;
 use physics::{IdealGas, STANDARD_GRAVITY};
 use std::sync::Arc;
 
@@ -87,21 +87,11 @@ impl Circuit<f64> {
         mass: f64,
         incline: f64,
         external_force: f64,
-        friction: Option<AnyLaw<f64>>,
-        seal_lips: Option<physics::friction::SealLips<f64>>,
+        friction: Option<Contact<f64>>,
     ) -> AxisId {
         let node = self.next_axis();
         let weight = mass * STANDARD_GRAVITY * math::elementary::sin(incline);
-        let part = Axis {
-            mass,
-            inverse_mass: 1.0 / mass,
-            weight,
-            external_force,
-            friction,
-            seal_lips,
-            mode: 0.0,
-            node,
-        };
+        let part = Axis { mass, inverse_mass: 1.0 / mass, weight, external_force, friction, mode: 0.0, node };
         self.parts.axes.push((Place::default(), part));
         AxisId(node)
     }
@@ -200,23 +190,40 @@ impl Circuit<f64> {
                 parts.axes.push((Place::default(), axis));
                 continue;
             };
-            let cylinder = Cylinder {
-                axis,
-                volumes: [parts.volumes[volume_a].1.clone(), parts.volumes[volume_b].1.clone()],
-                faces: [parts.faces[face_a].1.clone(), parts.faces[face_b].1.clone()],
-                stops: parts.end_stops.remove(stops).1,
-            };
-            let (a, b) = (cylinder.volumes[0].node, cylinder.volumes[1].node);
+            let volumes = [parts.volumes[volume_a].1.clone(), parts.volumes[volume_b].1.clone()];
+            let faces = [parts.faces[face_a].1.clone(), parts.faces[face_b].1.clone()];
+            let stops = parts.end_stops.remove(stops).1;
+            let (a, b) = (volumes[0].node, volumes[1].node);
             parts.volumes.retain(|(_, volume)| volume.node != a && volume.node != b);
             parts.faces.retain(|(_, face)| face.gas != a && face.gas != b);
-            parts.cylinders.push((Place::default(), cylinder));
+            if axis.is_usual() {
+                parts.cylinders.push((Place::default(), Cylinder { axis, volumes, faces, stops }));
+            } else {
+                parts.other_cylinders.push((Place::default(), OtherCylinder { axis, volumes, faces, stops }));
+            }
         }
     }
 
     /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
     /// Sets the modes of friction to match.
     pub fn initial(&mut self, gas: &[(GasId, f64, f64)], axes: &[(AxisId, f64, f64)]) -> Vec<f64> {
+        self.initial_aged(gas, axes, &[])
+    }
+
+    /// The same with contacts that have stood for some time, s. Friction without memory does not mind.
+    pub fn initial_aged(
+        &mut self,
+        gas: &[(GasId, f64, f64)],
+        axes: &[(AxisId, f64, f64)],
+        ages: &[(AxisId, f64)],
+    ) -> Vec<f64> {
         let mut y = vec![0.0; self.scale.len()];
+        for &(id, age) in ages {
+            let (place, axis, inner) = self.mover(self.find(id));
+            if let Some(i) = axis.age_index() {
+                y[place.first + inner + i] = age;
+            }
+        }
         for &(id, x, v) in axes {
             let movers =
                 self.movers().map(|mover| self.mover(mover)).map(|(place, axis, _)| (place, axis.node));
@@ -235,8 +242,11 @@ impl Circuit<f64> {
         self.parts.shape(&mut net);
         for &(id, p, t) in gas {
             let tanks = self.parts.volumes.iter().map(|(place, volume)| (place.first, volume));
-            let chambers = self.parts.cylinders.iter().flat_map(|(place, cylinder)| {
-                CHAMBERS.iter().zip(&cylinder.volumes).map(|(offset, volume)| (place.first + offset, volume))
+            let usual = self.parts.cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
+            let others =
+                self.parts.other_cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
+            let chambers = usual.chain(others).flat_map(|(place, volumes)| {
+                CHAMBERS.iter().zip(volumes).map(|(offset, volume)| (place.first + offset, volume))
             });
             let (first, part) =
                 tanks.chain(chambers).find(|(_, part)| part.node == id.0).expect("a volume of this circuit");
@@ -258,11 +268,12 @@ impl Circuit<f64> {
         let mut net = self.work::<f64>();
         self.evaluate(y, &mut net);
         for &mover in &self.topology.clone().sticking {
-            let (place, axis) = self.mover_mut(mover);
+            let (place, axis, inner) = self.mover_mut(mover);
             let v = y[place.first + 1];
+            let z = &y[place.first + inner..place.first + place.count];
             axis.mode = if v == 0.0 { 0.0 } else { v.signum() };
-            if v == 0.0 && axis.event(&net) < 0.0 {
-                axis.switch(0, &mut y[place.first + 1], &net);
+            if v == 0.0 && axis.event(z, &net) < 0.0 {
+                axis.switch(0, z, &net);
             }
         }
     }

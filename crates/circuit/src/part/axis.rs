@@ -2,7 +2,7 @@ use super::{Common, Own, OwnRates, Part, State};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
-use physics::friction::{AnyLaw, At, Levels, SealLips};
+use physics::friction::{At, Contact, Levels};
 
 /// A mass that moves along one line, with friction: piston, slide and load.
 ///
@@ -20,8 +20,7 @@ pub struct Axis<P> {
     pub weight: P,
     /// Constant external force in +x, N.
     pub external_force: P,
-    pub friction: Option<AnyLaw<P>>,
-    pub seal_lips: Option<SealLips<P>>,
+    pub friction: Option<Contact<P>>,
     /// -1, 0 or +1: see [`physics::friction`].
     pub mode: P,
     pub node: usize,
@@ -30,44 +29,41 @@ pub struct Axis<P> {
 impl<R: Lane> Axis<R> {
     pub(crate) fn gather(each: &[&Axis<f64>]) -> Self {
         let number = |f: &dyn Fn(&Axis<f64>) -> f64| R::from_lanes(|lane| f(each[lane]));
-        let laws: Option<Vec<&AnyLaw<f64>>> = each.iter().map(|axis| axis.friction.as_ref()).collect();
-        let lips: Option<Vec<&SealLips<f64>>> = each.iter().map(|axis| axis.seal_lips.as_ref()).collect();
+        let contacts: Option<Vec<&Contact<f64>>> = each.iter().map(|axis| axis.friction.as_ref()).collect();
         Axis {
             mass: number(&|axis| axis.mass),
             inverse_mass: number(&|axis| axis.inverse_mass),
             weight: number(&|axis| axis.weight),
             external_force: number(&|axis| axis.external_force),
-            friction: laws.map(|laws| AnyLaw::gather(&laws)),
-            seal_lips: lips.map(|lips| SealLips::gather(&lips)),
+            friction: contacts.map(|contacts| Contact::gather(&contacts)),
             mode: number(&|axis| axis.mode),
             node: each[0].node,
         }
     }
 }
 
+/// Where the friction law of a mass is evaluated.
+#[inline(always)]
+fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
+    At {
+        v: node.v,
+        x: node.x,
+        gauge_a: node.gauge_a,
+        gauge_b: node.gauge_b,
+        applied: node.force,
+        prepared: node.prepared,
+    }
+}
+
 impl<P: Real> Axis<P> {
-    /// Whether the law sticks by a mode, with an event of its own.
-    pub fn sticks(&self) -> bool {
-        self.friction.as_ref().is_some_and(|law| law.meta().sticks)
+    /// Whether its friction, if any, is evaluated in line, see [`Contact::is_usual`].
+    pub(crate) fn is_usual(&self) -> bool {
+        self.friction.as_ref().is_none_or(Contact::is_usual)
     }
 
-    #[inline(always)]
-    fn at<S: Over<P>>(&self, law: &AnyLaw<P>, node: &AxisNode<S>) -> (At<S>, Levels<S>) {
-        let at = At {
-            v: node.v,
-            x: node.x,
-            gauge_a: node.gauge_a,
-            gauge_b: node.gauge_b,
-            applied: node.force,
-            prepared: node.prepared,
-        };
-        let base = law.levels();
-        let base = Levels { coulomb: S::from(base.coulomb), breakaway: S::from(base.breakaway) };
-        let levels = match &self.seal_lips {
-            Some(lips) => lips.apply(&base, &at),
-            None => base,
-        };
-        (at, levels)
+    /// Whether the law sticks by a mode, with an event of its own.
+    pub fn sticks(&self) -> bool {
+        self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks)
     }
 
     /// Position, velocity and the forces that are always there.
@@ -76,19 +72,23 @@ impl<P: Real> Axis<P> {
         [node.x, node.v] = y;
         node.force = S::from(self.external_force - self.weight);
         node.end_stop = S::zero();
-        if let Some(law) = &self.friction {
-            node.prepared = law.prepare(node.v);
+        if let Some(contact) = &self.friction {
+            node.prepared = contact.law.prepare(node.v);
         }
     }
 
     /// Friction and acceleration, once all other forces are known; sets the rates of the inner states.
+    /// `USUAL` says that the friction is, see [`Contact::is_usual`].
     #[inline(always)]
-    pub(super) fn accelerate<S: Over<P>>(&self, z: &[S], dz: &mut [S], node: &mut AxisNode<S>) -> [S; 2] {
+    pub(super) fn accelerate<S: Over<P>, const USUAL: bool>(
+        &self,
+        z: &[S],
+        dz: &mut [S],
+        node: &mut AxisNode<S>,
+    ) -> [S; 2] {
         node.friction = match &self.friction {
-            Some(law) => {
-                let (at, levels) = self.at(law, node);
-                law.force(&at, &levels, z, dz, self.mode)
-            }
+            Some(contact) if USUAL => contact.usual_force(&at(node), z, dz, self.mode),
+            Some(contact) => contact.force(&at(node), z, dz, self.mode),
             None => S::zero(),
         };
         node.a = (node.force - node.friction) * S::from(self.inverse_mass);
@@ -99,7 +99,7 @@ impl<P: Real> Axis<P> {
     pub(super) fn stored_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let node = &net.axis[self.node];
         let kinetic = S::c(0.5) * S::from(self.mass) * node.v * node.v;
-        let bristle = self.friction.as_ref().map_or(S::zero(), |law| law.stored(z));
+        let bristle = self.friction.as_ref().map_or(S::zero(), |contact| contact.stored(z));
         [S::zero(), kinetic + S::from(self.weight) * node.x + bristle, S::zero()]
     }
 
@@ -107,11 +107,10 @@ impl<P: Real> Axis<P> {
     pub(super) fn account_in<S: Over<P>>(&self, z: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.node];
         let heat = match &self.friction {
-            Some(law) => {
-                let (at, levels) = self.at(law, node);
-                let mut dz = [S::zero(); 8];
-                let force = law.force(&at, &levels, z, &mut dz[..z.len()], self.mode);
-                law.heat(node.v, force, z, &dz)
+            Some(contact) => {
+                let mut rates = [S::zero(); 8];
+                let force = contact.force(&at(node), z, &mut rates[..z.len()], self.mode);
+                contact.heat(node.v, force, z, &rates)
             }
             None => S::zero(),
         };
@@ -120,23 +119,30 @@ impl<P: Real> Axis<P> {
         out[2] = heat / S::from(common.ambient_temperature);
     }
 
-    /// The event function of the law's mode.
-    pub(crate) fn event<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let law = self.friction.as_ref().expect("an axis with events has a law");
-        let (at, levels) = self.at(law, &net.axis[self.node]);
-        law.event(&at, &levels, self.mode)
+    /// The event function of the law's mode, with inner states `z`.
+    pub(crate) fn event<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> S {
+        let contact = self.friction.as_ref().expect("an axis with events has a law");
+        contact.event(&at(&net.axis[self.node]), z, self.mode)
+    }
+}
+
+impl Axis<f64> {
+    /// The age of the contact, where it has one, among the inner states.
+    pub(crate) fn age_index(&self) -> Option<usize> {
+        self.friction.as_ref()?.age_index()
     }
 }
 
 impl<R: Lane> Axis<R> {
-    /// Sets one lane's mode after its event, and its velocity to zero.
-    pub(crate) fn switch(&mut self, lane: usize, v: &mut R, net: &Net<R>) {
-        let law = self.friction.as_ref().expect("an axis with events has a law");
-        let (at, levels) = self.at(law, &net.axis[self.node]);
+    /// Sets one lane's mode after its event. The velocity is zero then.
+    pub(crate) fn switch(&mut self, lane: usize, z: &[R], net: &Net<R>) {
+        let contact = self.friction.as_ref().expect("an axis with events has a law");
+        let at = at(&net.axis[self.node]);
+        // For the law in stick: what decides is which way the applied force would move the mass.
+        let levels = contact.levels(&at, z, R::zero());
         let levels = Levels { coulomb: levels.coulomb.get(lane), breakaway: levels.breakaway.get(lane) };
-        let mode = law.next_mode(self.mode.get(lane), at.applied.get(lane), &levels);
+        let mode = contact.law.next_mode(self.mode.get(lane), at.applied.get(lane), &levels);
         self.mode.put(lane, mode);
-        v.put(lane, 0.0);
     }
 }
 
@@ -146,8 +152,8 @@ impl<P: Real> Part<P> for Axis<P> {
             State { name: "position", unit: "m", scale: 0.1 },
             State { name: "velocity", unit: "m/s", scale: 0.1 },
         ];
-        if let Some(law) = &self.friction {
-            states.extend(law.meta().states.iter().map(|s| State {
+        if let Some(contact) = &self.friction {
+            states.extend(contact.states().iter().map(|s| State {
                 name: s.name,
                 unit: s.unit,
                 scale: s.scale,
@@ -163,7 +169,7 @@ impl<P: Real> Part<P> for Axis<P> {
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnRates<S>, net: &mut Net<S>, _common: &Common<P>) {
-        let rates = self.accelerate(y.after(2), dy.after(2), &mut net.axis[self.node]);
+        let rates = self.accelerate::<S, false>(y.after(2), dy.after(2), &mut net.axis[self.node]);
         dy.set(rates);
     }
 

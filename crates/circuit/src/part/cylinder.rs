@@ -6,9 +6,11 @@ use math::{Lane, Over, Real};
 /// A double-acting cylinder: an axis between two chambers, with end stops. The same laws as its
 /// parts joined by hand, but what passes between them stays in registers: half the work.
 ///
-/// States: x, v, m_a, U_a, m_b, U_b, then the inner states of the friction law.
+/// States: x, v, m_a, U_a, m_b, U_b, then the inner states of the friction law. `USUAL` says that its
+/// friction is, see [`physics::friction::Contact::is_usual`]: other friction is a kind of its own, so that
+/// an ordinary drive does not pay for it with registers.
 #[derive(Clone, Debug)]
-pub struct Cylinder<P> {
+pub struct Cylinder<P, const USUAL: bool = true> {
     pub axis: Axis<P>,
     /// Chambers a and b.
     pub volumes: [Volume<P>; 2],
@@ -20,8 +22,11 @@ pub struct Cylinder<P> {
 pub(crate) const CHAMBERS: [usize; 2] = [2, 4];
 pub(crate) const INNER: usize = 6;
 
-impl<R: Lane> Cylinder<R> {
-    pub(crate) fn gather(each: &[&Cylinder<f64>]) -> Self {
+/// A cylinder with friction that is not usual.
+pub type OtherCylinder<P> = Cylinder<P, false>;
+
+impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
+    pub(crate) fn gather(each: &[&Cylinder<f64, USUAL>]) -> Self {
         macro_rules! side {
             ($part:ident, $field:ident, $i:literal) => {
                 $part::gather(&each.iter().map(|cylinder| &cylinder.$field[$i]).collect::<Vec<_>>())
@@ -36,13 +41,13 @@ impl<R: Lane> Cylinder<R> {
     }
 }
 
-impl<P: Real> Cylinder<P> {
+impl<P: Real, const USUAL: bool> Cylinder<P, USUAL> {
     fn sides(&self) -> impl Iterator<Item = (&Volume<P>, &Face<P>)> {
         self.volumes.iter().zip(&self.faces)
     }
 }
 
-impl<P: Real> Part<P> for Cylinder<P> {
+impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
     fn states(&self) -> Vec<State> {
         let axis = Part::<P>::states(&self.axis);
         let mut states = axis[..2].to_vec();
@@ -79,7 +84,8 @@ impl<P: Real> Part<P> for Cylinder<P> {
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnRates<S>, net: &mut Net<S>, common: &Common<P>) {
-        let [v, a] = self.axis.accelerate(y.after(INNER), dy.after(INNER), &mut net.axis[self.axis.node]);
+        let axis = &mut net.axis[self.axis.node];
+        let [v, a] = self.axis.accelerate::<S, USUAL>(y.after(INNER), dy.after(INNER), axis);
         let [m_a, u_a] = self.volumes[0].rates(&mut net.gas[self.volumes[0].node], common);
         let [m_b, u_b] = self.volumes[1].rates(&mut net.gas[self.volumes[1].node], common);
         dy.set([v, a, m_a, u_a, m_b, u_b]);

@@ -146,5 +146,6 @@ pub fn at_rest(x: f64, p: f64) -> specification::Initial {
         pressure_b_pa: p,
         temperature_a_k: ROOM,
         temperature_b_k: ROOM,
+        contact_age_s: 0.0,
     }
 }

@@ -13,7 +13,7 @@ pub(super) fn force<P: Real, S: Over<P>>(at: &At<S>, mode: P, slip: S) -> S {
 }
 
 #[inline(always)]
-fn is_stick<P: Real>(mode: P) -> P::Mask {
+pub(super) fn is_stick<P: Real>(mode: P) -> P::Mask {
     (mode * mode).lt(P::c(0.5))
 }
 

@@ -1,3 +1,4 @@
+use super::bristles::{DEFLECTION, Passivity, damping};
 use super::{At, InnerState, Law, Levels, sliding, stribeck::weight};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
@@ -10,9 +11,9 @@ crate::parameters! {
     ///   sigma1(v) = sigma1 exp(-(v/vd)^2), constant where no vd is given
     ///
     /// Presliding, breakaway that falls with the rate of force, frictional lag, stick-slip. Under a
-    /// load that oscillates below Fs it drifts, and it remembers no stop: use a law that does where
-    /// that matters. Passive where Fv >= sigma1 (Fs - Fc)/Fc, or with a fade where
-    /// sigma1 vd/sqrt(2 e) <= 4 Fc. Source: [canudas1995]; passivity: [barabanov2000].
+    /// load that oscillates below Fs it drifts: `elasto-plastic` does not. Passive where
+    /// Fv >= sigma1 (Fs - Fc)/Fc, or with a fade where sigma1 vd/sqrt(2 e) <= 4 Fc.
+    /// Source: [canudas1995]; passivity: [barabanov2000].
     pub struct LuGre {
         /// Coulomb force Fc
         coulomb: "N", above(0.0);
@@ -54,38 +55,13 @@ impl LuGre<f64> {
         }
     }
 
-    /// Whether the bristles can never give more energy than they took, with these levels.
-    pub fn is_passive(&self, levels: &Levels<f64>) -> bool {
-        self.viscous >= self.viscous_needed(levels) || (self.faded && self.fade_excess(levels) <= 1.0)
-    }
-
-    fn viscous_needed(&self, levels: &Levels<f64>) -> f64 {
-        self.bristle_damping * (levels.breakaway - levels.coulomb) / levels.coulomb
-    }
-
-    /// The largest sigma1(v) |v|, at v = vd/sqrt 2, over its bound 4 Fc.
-    fn fade_excess(&self, levels: &Levels<f64>) -> f64 {
-        let largest = self.bristle_damping * self.damping_fade_velocity / (2.0 * std::f64::consts::E).sqrt();
-        largest / (4.0 * levels.coulomb)
-    }
-
     pub(super) fn warning(&self, levels: &Levels<f64>) -> Option<String> {
-        if self.is_passive(levels) {
-            return None;
-        }
-        // Rounded for reading: 500, not 499.99999999999994.
-        let rounded = |x: f64| (1e6 * x).round() / 1e6;
-        let fade = 4.0 * levels.coulomb * (2.0 * std::f64::consts::E).sqrt() / self.bristle_damping;
-        Some(format!(
-            "this lugre set is not passive: viscous = {} N s/m is below bristle_damping (breakaway - coulomb)/coulomb = {} N s/m \
-             (coulomb {} N, breakaway {} N), so friction can give energy during fast transients; \
-             friction.damping_fade_velocity = \"{:.3} m/s\" or less makes it passive",
-            self.viscous,
-            rounded(self.viscous_needed(levels)),
-            rounded(levels.coulomb),
-            rounded(levels.breakaway),
-            fade
-        ))
+        let passivity = Passivity {
+            viscous: self.viscous,
+            damping: self.bristle_damping,
+            fade_velocity: self.damping_fade_velocity,
+        };
+        passivity.warning("lugre", levels)
     }
 }
 
@@ -100,8 +76,9 @@ impl<P: Real> Law<P> for LuGre<P> {
     const KEY: &'static str = "lugre";
     const TITLE: &'static str = "LuGre bristle model";
     const SOURCE: &'static str = "canudas1995";
-    const STATES: &'static [InnerState] =
-        &[InnerState { name: "bristle_deflection_m", unit: "m", scale: 1e-3 }];
+    const STATES: &'static [InnerState] = &[DEFLECTION];
+    const BRISTLES: bool = true;
+    const CREEPS: bool = true;
 
     fn levels(&self) -> Levels<P> {
         Levels { coulomb: self.coulomb, breakaway: self.breakaway }
@@ -117,14 +94,13 @@ impl<P: Real> Law<P> for LuGre<P> {
         let v = at.v;
         let elastic = S::from(self.bristle_stiffness) * z[0];
         let rate = v - v.abs() * elastic / levels.at(at.prepared);
-        let damping = if self.faded {
-            let ratio = v / S::from(self.damping_fade_velocity);
-            S::from(self.bristle_damping) * (-(ratio * ratio)).exp()
-        } else {
-            S::from(self.bristle_damping)
-        };
+        let damping = damping(v, self.bristle_damping, self.damping_fade_velocity, self.faded);
         dz[0] = rate;
         S::from(self.viscous).fma(v, damping.fma(rate, elastic))
+    }
+
+    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
+        v - dz[0]
     }
 
     fn stored<S: Over<P>>(&self, z: &[S]) -> S {

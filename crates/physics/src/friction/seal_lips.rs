@@ -1,4 +1,4 @@
-use super::{At, Levels};
+use super::{At, FLOOR, Levels};
 use crate::parameter::any;
 use math::{Over, Real};
 
@@ -22,9 +22,6 @@ crate::parameters! {
         breakaway_b: "N/Pa", any(), default 0.0;
     }
 }
-
-/// Share of a level that is left at least, where a negative coefficient would take more.
-const FLOOR: f64 = 0.01;
 
 impl<P: Real> SealLips<P> {
     #[inline(always)]

@@ -1,0 +1,65 @@
+//! What the laws of elastic bristles share: the fade of their damping and the conditions of passivity.
+
+use super::{InnerState, Levels};
+use math::{Over, Real};
+
+/// The mean deflection of the bristles.
+pub(super) const DEFLECTION: InnerState = InnerState { name: "bristle_deflection_m", unit: "m", scale: 1e-3 };
+
+/// sigma1(v) = sigma1 exp(-(v/vd)^2), N s/m; constant where it is not `faded`.
+#[inline(always)]
+pub(super) fn damping<P: Real, S: Over<P>>(v: S, sigma_1: P, fade_velocity: P, faded: bool) -> S {
+    if faded {
+        let ratio = v / S::from(fade_velocity);
+        S::from(sigma_1) * (-(ratio * ratio)).exp()
+    } else {
+        S::from(sigma_1)
+    }
+}
+
+/// What decides whether bristles can give more energy than they took.
+///
+/// Passive where Fv >= sigma1 (Fs - Fc)/Fc, or with a fade where sigma1 vd/sqrt(2 e) <= 4 Fc. The
+/// conditions are those of LuGre [barabanov2000]; an elasto-plastic law meets them too, as it differs only
+/// where the bristles push less than the level.
+pub(super) struct Passivity {
+    pub viscous: f64,
+    pub damping: f64,
+    /// Infinite: the damping does not fade.
+    pub fade_velocity: f64,
+}
+
+impl Passivity {
+    pub fn holds(&self, levels: &Levels<f64>) -> bool {
+        self.viscous >= self.viscous_needed(levels) || self.fade_excess(levels) <= 1.0
+    }
+
+    fn viscous_needed(&self, levels: &Levels<f64>) -> f64 {
+        self.damping * (levels.breakaway - levels.coulomb) / levels.coulomb
+    }
+
+    /// The largest sigma1(v) |v|, at v = vd/sqrt 2, over its bound 4 Fc.
+    fn fade_excess(&self, levels: &Levels<f64>) -> f64 {
+        let largest = self.damping * self.fade_velocity / (2.0 * std::f64::consts::E).sqrt();
+        largest / (4.0 * levels.coulomb)
+    }
+
+    pub fn warning(&self, law: &str, levels: &Levels<f64>) -> Option<String> {
+        if self.holds(levels) {
+            return None;
+        }
+        // Rounded for reading: 500, not 499.99999999999994.
+        let rounded = |x: f64| (1e6 * x).round() / 1e6;
+        let fade = 4.0 * levels.coulomb * (2.0 * std::f64::consts::E).sqrt() / self.damping;
+        Some(format!(
+            "this {law} set is not passive: viscous = {} N s/m is below bristle_damping (breakaway - coulomb)/coulomb = {} N s/m \
+             (coulomb {} N, breakaway {} N), so friction can give energy during fast transients; \
+             friction.damping_fade_velocity = \"{:.3} m/s\" or less makes it passive",
+            self.viscous,
+            rounded(self.viscous_needed(levels)),
+            rounded(levels.coulomb),
+            rounded(levels.breakaway),
+            fade
+        ))
+    }
+}

@@ -1,0 +1,291 @@
+use super::{
+    AnyLaw, At, Direction, Dwell, InnerState, Levels, Position, Relaxation, SealLips, SideLoad, dwell,
+    relaxation,
+};
+use math::{Lane, Over, Real};
+
+/// What acts on a friction law beside seal lips; each on its own, with any law that allows it.
+///
+/// The levels Fc and Fs of the law pass through: seal lips, position, direction (these are what the seals
+/// give), then the guide's side load, then the age of the contact.
+#[derive(Clone, Debug)]
+pub struct Composition<P> {
+    pub position: Option<Position<P>>,
+    pub direction: Option<Direction<P>>,
+    pub side_load: Option<SideLoad<P>>,
+    pub dwell: Option<Dwell<P>>,
+    pub relaxation: Option<Relaxation<P>>,
+}
+
+impl<P> Composition<P> {
+    /// Nothing: the law as it is.
+    pub const NONE: Self =
+        Composition { position: None, direction: None, side_load: None, dwell: None, relaxation: None };
+
+    pub fn is_none(&self) -> bool {
+        self.position.is_none()
+            && self.direction.is_none()
+            && self.side_load.is_none()
+            && self.dwell.is_none()
+            && self.relaxation.is_none()
+    }
+}
+
+/// The friction of a moving mass: a law and all that it depends on. Its inner states are those of the law,
+/// then the relaxed deflection, then the age of the contact.
+#[derive(Clone, Debug)]
+pub struct Contact<P> {
+    pub law: AnyLaw<P>,
+    pub seal_lips: Option<SealLips<P>>,
+    /// Boxed, as most have none.
+    pub composition: Option<Box<Composition<P>>>,
+    /// One of the usual laws without a composition: evaluated in line, see [`Contact::usual_force`].
+    usual: bool,
+}
+
+impl<P: Real> From<AnyLaw<P>> for Contact<P> {
+    fn from(law: AnyLaw<P>) -> Self {
+        Contact::new(law, None, Composition::NONE)
+    }
+}
+
+impl<P: Real> Contact<P> {
+    /// The law with `seal_lips` and a composition.
+    pub fn new(law: AnyLaw<P>, seal_lips: Option<SealLips<P>>, composition: Composition<P>) -> Self {
+        let composition = (!composition.is_none()).then(|| Box::new(composition));
+        Contact { usual: composition.is_none() && law.is_usual(), law, seal_lips, composition }
+    }
+
+    #[inline(always)]
+    pub fn is_usual(&self) -> bool {
+        self.usual
+    }
+}
+
+impl<R: Lane> Contact<R> {
+    /// Lane `i` takes `each[i]`; all must be of one kind.
+    pub fn gather(each: &[&Contact<f64>]) -> Self {
+        macro_rules! part {
+            ($kind:ident, $of:expr) => {
+                each.iter().map($of).collect::<Option<Vec<_>>>().map(|own| $kind::gather(&own))
+            };
+        }
+        macro_rules! composed {
+            ($kind:ident, $field:ident) => {
+                part!($kind, |contact| contact.composition.as_ref()?.$field.as_ref())
+            };
+        }
+        Contact {
+            law: AnyLaw::gather(&each.iter().map(|contact| &contact.law).collect::<Vec<_>>()),
+            seal_lips: part!(SealLips, |contact| contact.seal_lips.as_ref()),
+            usual: each[0].usual,
+            composition: each[0].composition.is_some().then(|| {
+                Box::new(Composition {
+                    position: composed!(Position, position),
+                    direction: composed!(Direction, direction),
+                    side_load: composed!(SideLoad, side_load),
+                    dwell: composed!(Dwell, dwell),
+                    relaxation: composed!(Relaxation, relaxation),
+                })
+            }),
+        }
+    }
+}
+
+impl<P: Real> Contact<P> {
+    fn dwell(&self) -> Option<&Dwell<P>> {
+        self.composition.as_ref()?.dwell.as_ref()
+    }
+
+    fn relaxation(&self) -> Option<&Relaxation<P>> {
+        self.composition.as_ref()?.relaxation.as_ref()
+    }
+
+    /// The inner states, in their order.
+    pub fn states(&self) -> Vec<InnerState> {
+        let mut states = self.law.meta().states.to_vec();
+        states.extend(self.relaxation().map(|_| relaxation::STATE));
+        states.extend(self.dwell().map(Dwell::state));
+        states
+    }
+
+    /// Which inner state is the age of the contact.
+    pub fn age_index(&self) -> Option<usize> {
+        self.dwell().map(|_| self.states().len() - 1)
+    }
+
+    /// Keys in references.bib of the law and what acts on it.
+    pub fn sources(&self) -> Vec<&'static str> {
+        let mut sources = vec![self.law.meta().source];
+        sources.extend(self.dwell().map(|dwell| dwell.growth.source()));
+        sources.extend(self.relaxation().map(|_| "ferry1980"));
+        sources
+    }
+
+    /// Levels of the seals: those of the law, under pressure.
+    #[inline(always)]
+    fn seals<S: Over<P>>(&self, at: &At<S>) -> Levels<S> {
+        let base = self.law.levels();
+        let base = Levels { coulomb: S::from(base.coulomb), breakaway: S::from(base.breakaway) };
+        match &self.seal_lips {
+            Some(lips) => lips.apply(&base, at),
+            None => base,
+        }
+    }
+
+    /// [`Contact::force`] of a contact that is usual.
+    #[inline(always)]
+    pub fn usual_force<S: Over<P>>(&self, at: &At<S>, inner: &[S], rates: &mut [S], mode: P) -> S {
+        self.law.usual_force(at, &self.seals(at), inner, rates, mode)
+    }
+
+    /// Friction force, N, positive where it opposes v > 0, and the rates of the inner states.
+    pub fn force<S: Over<P>>(&self, at: &At<S>, inner: &[S], rates: &mut [S], mode: P) -> S {
+        let Some(composition) = &self.composition else {
+            return self.law.force(at, &self.seals(at), inner, rates, mode);
+        };
+        let levels = self.levels(at, inner, mode);
+        let n = self.law.n_states();
+        let (dz, more) = rates.split_at_mut(n);
+        let Some(relaxation) = &composition.relaxation else {
+            let force = self.law.force(at, &levels, &inner[..n], dz, mode);
+            self.age(at, inner, dz, more);
+            return force;
+        };
+        let (z, d) = (inner[0], inner[n]);
+        let force = self.law.force(at, &levels, &[relaxation.seen(z, d)], dz, mode);
+        self.age(at, inner, dz, more);
+        [dz[0], more[0]] = relaxation.rates(at, z, d, dz[0]);
+        force
+    }
+
+    /// The rate of the age, where there is one, into the last of `more`; `dz` as the law gave it.
+    #[inline(always)]
+    fn age<S: Over<P>>(&self, at: &At<S>, inner: &[S], dz: &[S], more: &mut [S]) {
+        if let (Some(dwell), [.., age], [.., rate]) = (self.dwell(), inner, more) {
+            *rate = dwell.rate(*age, self.law.slip(at.v, dz));
+        }
+    }
+
+    /// Fc and Fs with all that acts on them.
+    pub fn levels<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> Levels<S> {
+        let levels = self.levels_but_age(at, mode);
+        match (self.dwell(), inner) {
+            (Some(dwell), [.., age]) => levels.plus(dwell.increment(at, *age)),
+            _ => levels,
+        }
+    }
+
+    fn levels_but_age<S: Over<P>>(&self, at: &At<S>, mode: P) -> Levels<S> {
+        let mut levels = self.seals(at);
+        if let Some(composition) = &self.composition {
+            if let Some(position) = &composition.position {
+                levels = position.apply(&levels, at);
+            }
+            if let Some(direction) = &composition.direction {
+                levels = direction.apply(&levels, at, mode);
+            }
+            if let Some(side_load) = &composition.side_load {
+                levels = side_load.apply(&levels);
+            }
+        }
+        levels
+    }
+
+    /// Positive while the mode of the law holds.
+    pub fn event<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> S {
+        self.law.event(at, &self.levels(at, inner, mode), mode)
+    }
+
+    /// Energy stored in the inner states, J.
+    pub fn stored<S: Over<P>>(&self, inner: &[S]) -> S {
+        let n = self.law.n_states();
+        let of_all = self.law.stored(&inner[..n]);
+        match self.relaxation() {
+            Some(relaxation) => relaxation.mixed(of_all, self.law.stored(&[inner[0] - inner[n]])),
+            None => of_all,
+        }
+    }
+
+    /// Heat produced, W, with the force and the rates that [`Contact::force`] gave.
+    pub fn heat<S: Over<P>>(&self, v: S, force: S, inner: &[S], rates: &[S]) -> S {
+        let n = self.law.n_states();
+        let of_all = self.law.heat(v, force, &inner[..n], &rates[..n]);
+        match self.relaxation() {
+            Some(relaxation) => {
+                let (springs, their_rate) = (inner[0] - inner[n], rates[0] - rates[n]);
+                relaxation.mixed(of_all, self.law.heat(v, force, &[springs], &[their_rate]))
+            }
+            None => of_all,
+        }
+    }
+
+    /// Steady sliding at `at.v` (after any transient), N.
+    pub fn steady<S: Over<P>>(&self, at: &At<S>) -> S {
+        let mode = P::select(at.v.lt(S::zero()), -P::one(), P::one());
+        let mut levels = self.levels_but_age(at, mode);
+        if let Some(dwell) = self.dwell() {
+            levels = levels.plus(dwell.increment(at, dwell.steady(at.v)));
+        }
+        self.law.steady(at.v, &levels)
+    }
+}
+
+impl Contact<f64> {
+    /// What the user should know about this friction, with gauge pressures between zero and `gauge` Pa in
+    /// either chamber and positions between 0 and `stroke` m.
+    pub fn warnings(&self, gauge: f64, stroke: f64) -> Vec<String> {
+        let pressed = self.seal_lips.is_some() || self.dwell().is_some();
+        let corners: &[[f64; 2]] =
+            if pressed { &[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] } else { &[[0.0, 0.0]] };
+        let ats: Vec<At<f64>> =
+            corners.iter().map(|[a, b]| At::at_rest().pressed(a * gauge, b * gauge)).collect();
+        let extremes = ats.iter().flat_map(|at| self.extremes(at, stroke));
+        let of_law = extremes.into_iter().find_map(|levels| self.law.warning(&levels));
+        let stated = self.law.meta().parameters.iter().any(|parameter| parameter.key == "breakaway");
+        let inverted = ats.iter().map(|at| self.seals(at)).find(|l| stated && l.breakaway < l.coulomb);
+        let inverted = inverted.map(|levels| {
+            format!(
+                "under supply pressure the breakaway force falls below the Coulomb force ({:.3} N, {:.3} N): \
+                 friction.pressure.breakaway is usually not below friction.pressure.coulomb",
+                levels.breakaway, levels.coulomb
+            )
+        });
+        let lost = self.lost_age(&ats[0]);
+        of_law.into_iter().chain(inverted).chain(lost).collect()
+    }
+
+    /// The levels furthest apart from each other that this contact can have at these pressures.
+    fn extremes(&self, at: &At<f64>, stroke: f64) -> Vec<Levels<f64>> {
+        let seals = self.seals(at);
+        let Some(composition) = &self.composition else { return vec![seals] };
+        let places = composition.position.as_ref().map_or([1.0, 1.0], |position| position.range(stroke));
+        let ways = composition.direction.as_ref().map_or([1.0, 1.0], |way| [way.positive, way.negative]);
+        let aged = self.dwell().map_or(0.0, |dwell| dwell.largest(at));
+        let factors = places.into_iter().flat_map(|place| ways.map(|way| place * way));
+        let levels = factors.map(|factor| {
+            let levels = seals.times(factor);
+            let levels = composition.side_load.as_ref().map_or(levels, |load| load.apply(&levels));
+            Levels { breakaway: levels.breakaway + aged, ..levels }
+        });
+        levels.collect()
+    }
+
+    /// Bristles that slip from the first load on renew the contact before it breaks away.
+    fn lost_age(&self, at: &At<f64>) -> Option<String> {
+        let dwell = self.dwell().filter(|_| self.law.meta().creeps)?;
+        let stiffness = 2.0 * self.law.stored(&[1.0]);
+        let needed = dwell::CREEP_RANGE * self.seals(at).breakaway / stiffness;
+        (dwell.distance < needed).then(|| {
+            format!(
+                "law \"{}\" slips while it is loaded, so that the age of the contact is lost before breakaway: \
+                 friction.dwell.distance = {:.3} mm is below {:.3} mm ({} breakaway/bristle_stiffness); \
+                 law = \"elasto-plastic\" keeps it",
+                self.law.meta().key,
+                1e3 * dwell.distance,
+                1e3 * needed,
+                dwell::CREEP_RANGE
+            )
+        })
+    }
+}

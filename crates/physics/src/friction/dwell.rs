@@ -1,0 +1,148 @@
+use super::{At, InnerState};
+use crate::parameter::{above, any, at_least, between};
+use math::{Over, Real};
+
+/// How friction grows with the age phi of the contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Growth {
+    /// 1 - exp(-(phi/tau)^m): bounded. Source: [kato1972].
+    Saturating,
+    /// ln(1 + phi/tau): without bound, so for the decades of age that were measured. Source: [dieterich1979].
+    Logarithmic,
+    /// phi/(phi + tau): bounded. Source: [armstrong1994].
+    Hyperbolic,
+}
+
+impl Growth {
+    pub const ALL: [Growth; 3] = [Growth::Saturating, Growth::Logarithmic, Growth::Hyperbolic];
+
+    /// Its name in a description.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Growth::Saturating => "saturating",
+            Growth::Logarithmic => "log",
+            Growth::Hyperbolic => "hyperbolic",
+        }
+    }
+
+    /// Key in references.bib.
+    pub const fn source(self) -> &'static str {
+        match self {
+            Growth::Saturating => "kato1972",
+            Growth::Logarithmic => "dieterich1979",
+            Growth::Hyperbolic => "armstrong1994",
+        }
+    }
+}
+
+/// (phi/tau) below this is taken as this in the saturating growth, whose slope at zero would be infinite: it
+/// changes the level by less than 2e-5 of the increment for exponents from 0.4.
+const SMALLEST_RATIO: f64 = 1e-12;
+
+/// The speed, m/s, up to which the age of sliding is resolved so well that the level is.
+const FAST: f64 = 1.0;
+
+/// The longest stop that warnings think of, s: a day.
+pub(super) const LONGEST_STOP: f64 = 86_400.0;
+
+/// Times Fs/sigma0: the slip of bristles that creep while a load builds up to breakaway, from which on a
+/// distance L keeps nearly all of the age.
+pub(super) const CREEP_RANGE: f64 = 10.0;
+
+/// Sliding slower than this, m/s, ages like this: a contact of a million years.
+const SLOWEST: f64 = 1e-18;
+
+crate::parameters! {
+    /// Friction that grows with the age of the contact (dwell), on any law:
+    ///
+    ///   dphi/dt = 1 - phi |w| / L          age of the contact                 s
+    ///   Fd = b0 (1 + b_a (p_a - p_amb) + b_b (p_b - p_amb)) Psi(phi)          [N], added to Fc and Fs
+    ///
+    /// w is the plastic slip rate (v - dz/dt for bristles, v for a law that sticks exactly), so that the
+    /// elastic motion before breakaway renews nothing. In a stop phi grows as time; in steady sliding
+    /// phi = L/|v|. The stiffness of bristles does not depend on phi: their store stays that of the
+    /// law, and so does passivity, with Fs + Fd as breakaway force. Source: [dieterich1979] for phi;
+    /// for Psi see [`Growth`].
+    pub struct Dwell {
+        /// Increment b0
+        increment: "N", at_least(0.0);
+        /// Time tau of the growth
+        time: "s", above(0.0);
+        /// Exponent m of the saturating growth
+        exponent: "-", between(0.0, 2.0), default 0.4;
+        /// Sliding distance L that renews the contact
+        distance: "m", above(0.0);
+        /// Share b_a by which the increment grows with the gauge pressure in chamber a
+        pressure_a: "1/Pa", any(), default 0.0;
+        /// Share b_b by which the increment grows with the gauge pressure in chamber b
+        pressure_b: "1/Pa", any(), default 0.0;
+    } with {
+        growth: Growth,
+        /// Absolute error scale of phi, s
+        scale: f64,
+    }
+}
+
+impl Dwell<f64> {
+    /// From the values of [`Dwell::PARAMETERS`], in their order.
+    pub fn new(
+        growth: Growth,
+        [increment, time, exponent, distance, pressure_a, pressure_b]: [f64; 6],
+    ) -> Self {
+        // An error of phi must not cost more than the same share of b0: where Psi is nearly linear below
+        // tau, tau itself; where it rises steeply from zero, the age at which m (phi/tau)^m is that share.
+        let scale = match growth {
+            Growth::Logarithmic | Growth::Hyperbolic => time,
+            Growth::Saturating => {
+                let youngest = distance / FAST;
+                time.min(youngest * (time / youngest).powf(exponent) / exponent)
+            }
+        };
+        Dwell { increment, time, exponent, distance, pressure_a, pressure_b, growth, scale }
+    }
+
+    /// The greatest increment that a stop can leave, N, at these gauge pressures.
+    pub(super) fn largest(&self, at: &At<f64>) -> f64 {
+        self.increment(at, LONGEST_STOP)
+    }
+}
+
+impl<P: Real> Dwell<P> {
+    pub fn state(&self) -> InnerState {
+        InnerState { name: "contact_age_s", unit: "s", scale: self.scale }
+    }
+
+    /// Psi(phi).
+    #[inline(always)]
+    fn growth<S: Over<P>>(&self, age: S) -> S {
+        let ratio = age / S::from(self.time);
+        match self.growth {
+            Growth::Saturating => {
+                S::one() - (-ratio.max(S::c(SMALLEST_RATIO)).pow(S::from(self.exponent))).exp()
+            }
+            Growth::Logarithmic => (S::one() + ratio.max(S::zero())).ln(),
+            Growth::Hyperbolic => {
+                let ratio = ratio.max(S::zero());
+                ratio / (ratio + S::one())
+            }
+        }
+    }
+
+    /// Fd at the age phi, N.
+    #[inline(always)]
+    pub fn increment<S: Over<P>>(&self, at: &At<S>, age: S) -> S {
+        let pressed = S::from(self.pressure_a).fma(at.gauge_a, S::from(self.pressure_b) * at.gauge_b);
+        S::from(self.increment) * (S::one() + pressed).max(S::zero()) * self.growth(age)
+    }
+
+    /// dphi/dt for the plastic slip rate w.
+    #[inline(always)]
+    pub fn rate<S: Over<P>>(&self, age: S, slip: S) -> S {
+        S::one() - age * slip.abs() / S::from(self.distance)
+    }
+
+    /// Age in steady sliding at velocity v, s.
+    pub fn steady<S: Over<P>>(&self, v: S) -> S {
+        S::from(self.distance) / v.abs().max(S::c(SLOWEST))
+    }
+}

@@ -1,0 +1,171 @@
+//! What acts on a law: friction that grows with the age of the contact, bristles that relax, position,
+//! direction and side load, each against numbers worked out by hand.
+
+mod support;
+
+use physics::friction::{At, Composition, Contact, Dwell, Growth, LAWS, Position, Relaxation, SealLips};
+use support::*;
+
+fn reference(key: &str, composition: Composition<f64>) -> Contact<f64> {
+    Contact::new(law(registered(key), &with(&[("viscous", 200.0)])), None, composition)
+}
+
+fn aging(dwell: Dwell<f64>) -> Composition<f64> {
+    Composition { dwell: Some(dwell), ..Composition::NONE }
+}
+
+/// Random numbers in [0, 1).
+fn uniform(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+#[test]
+fn age_grows_friction_by_the_law_of_its_name() {
+    let at = At::at_rest();
+    let grown = |growth, time, exponent, age| {
+        Dwell::new(growth, [2.0, time, exponent, 1e-5, 0.0, 0.0]).increment(&at, age)
+    };
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+    near(grown(Growth::Logarithmic, 0.5, 1.0, 0.0), 0.0);
+    near(grown(Growth::Logarithmic, 0.5, 1.0, 99.5), 2.0 * 200.0_f64.ln());
+    near(grown(Growth::Hyperbolic, 30.0, 1.0, 10.0), 0.5);
+    near(grown(Growth::Saturating, 30.0, 1.0, 30.0), 2.0 * (1.0 - (-1.0_f64).exp()));
+    // The prior for elastomers: m = 0.4, tau = 5.4e4 s give 3.7 % of the increment after 15 s.
+    let share = grown(Growth::Saturating, 5.4e4, 0.4, 15.0) / 2.0;
+    near(share, 1.0 - (-(15.0_f64 / 5.4e4).powf(0.4)).exp());
+    assert!((share - 0.037).abs() < 5e-4);
+    // Pressure in either chamber raises the increment, and never turns it round.
+    let dwell = Dwell::new(Growth::Hyperbolic, [2.0, 30.0, 1.0, 1e-5, 1e-6, -4e-6]);
+    near(dwell.increment(&at.pressed(5e5, 0.0), 30.0), 1.5);
+    near(dwell.increment(&at.pressed(0.0, 1e5), 30.0), 0.6);
+    near(dwell.increment(&at.pressed(0.0, 9e5), 30.0), 0.0);
+}
+
+#[test]
+fn age_counts_standing_time_and_is_worn_off_by_slip_alone() {
+    for meta in LAWS {
+        let contact = reference(meta.key, aging(dwell(Growth::Logarithmic)));
+        let age = contact.age_index().expect("it ages");
+        let rate = |v: f64, z: f64, phi: f64, mode: f64| {
+            let mut p = Point { v, mode, ..Point::at_rest(&contact) };
+            p.inner[..age].fill(z);
+            p.inner[age] = phi;
+            evaluate(&contact, &p).1[age]
+        };
+        for phi in [0.0, 3.0, 1e4] {
+            assert_eq!(rate(0.0, 1e-4, phi, 0.0), 1.0, "{}: at rest it grows as time", meta.key);
+        }
+        // Bristles at 20 N of some 45 N: only LuGre's slip then.
+        let slip = match meta.key {
+            "lugre" => 1e-3 * 20.0 / (30.0 + 15.0 * (-0.0025_f64).exp() + 1.5 * 1.5_f64.ln()),
+            "elasto-plastic" => 0.0,
+            _ => 1e-3,
+        };
+        let (got, by_hand) = (rate(1e-3, 2e-4, 0.5, 1.0), 1.0 - 0.5 * slip / 2e-5);
+        assert!((got - by_hand).abs() < 1e-11, "{}: {got} {by_hand}", meta.key);
+    }
+}
+
+/// Law and relaxation with numbers of all sizes, at a point within the bounds that motion keeps to.
+fn relaxing(seed: u64) -> (Contact<f64>, Contact<f64>, Point) {
+    let mut unit = uniform(seed);
+    let mut log = |low: f64, high: f64| low * (high / low).powf(unit());
+    let key = if seed.is_multiple_of(2) { "elasto-plastic" } else { "lugre" };
+    let relaxation =
+        Relaxation { share: 1.0 - log(0.02, 1.0), time: log(1e-3, 1e3), distance: log(1e-7, 1e-2) };
+    let keep = 1.0 - relaxation.share;
+    let alone = reference(key, Composition::NONE);
+    let contact = reference(key, Composition { relaxation: Some(relaxation.clone()), ..Composition::NONE });
+    let v = log(1e-9, 10.0);
+    let mut side = || 2.0 * unit() - 1.0;
+    let (s, d) = (4.5e-4 * side(), 4.5e-4 / keep * side());
+    let mut p = Point { v: v * side().signum(), ..Point::at_rest(&contact) };
+    p.inner.copy_from_slice(&[s + relaxation.share * d, d]);
+    (contact, alone, p)
+}
+
+#[test]
+fn relaxing_bristles_only_add_to_the_heat_of_their_law() {
+    let mut more = 0;
+    for seed in 0..20_000 {
+        let (contact, alone, p) = relaxing(seed);
+        let (force, rates) = evaluate(&contact, &p);
+        let heat = contact.heat(p.v, force, &p.inner, &rates);
+        let seen = p.inner[0]
+            - contact.composition.as_ref().unwrap().relaxation.as_ref().unwrap().share * p.inner[1];
+        let plain = Point { inner: vec![seen], ..p.clone() };
+        let (same, rate) = evaluate(&alone, &plain);
+        assert!((force - same).abs() < 1e-9 * (1.0 + force.abs()), "the law sees s");
+        let of_law = alone.heat(p.v, same, &plain.inner, &rate);
+        let turned =
+            (force * p.v).abs() + (1e5 * p.inner[0] * rates[0]).abs() + (1e5 * p.inner[1] * rates[1]).abs();
+        assert!(heat - of_law > -1e-12 * turned, "{p:?}: {heat} {of_law}");
+        more += usize::from(heat - of_law > 1e-6 * turned);
+    }
+    assert!(more > 10_000, "and mostly do: {more}");
+}
+
+#[test]
+fn relaxing_bristles_never_push_harder_than_their_law() {
+    for seed in 0..40 {
+        let (contact, _, _) = relaxing(seed);
+        let share = contact.composition.as_ref().unwrap().relaxation.as_ref().unwrap().share;
+        let mut p = Point::at_rest(&contact);
+        for (v, duration) in random_motion(seed) {
+            p.v = v;
+            for _ in 0..50 {
+                implicit(&contact, &mut p, duration / 50.0, 1.0, &mut |_, _| {});
+                let seen = p.inner[0] - share * p.inner[1];
+                assert!(seen.abs() <= 4.5e-4 * (1.0 + 1e-9), "{seed}: {seen}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_trend_along_the_stroke_never_turns_friction_round() {
+    let position = Position { slope: -3.0, ..position() };
+    let contact = reference("coulomb", Composition { position: Some(position), ..Composition::NONE });
+    let level = |x: f64| contact.levels(&At { x, ..At::at_rest() }, &[], 1.0).coulomb;
+    assert!(level(0.1) > 29.0);
+    assert_eq!(level(5.0), 0.3);
+}
+
+#[test]
+fn direction_follows_mode_and_force_of_a_law_that_sticks() {
+    let meta = registered("stribeck");
+    let contact =
+        reference("stribeck", Composition { direction: Some(direction(meta)), ..Composition::NONE });
+    let level =
+        |applied: f64, mode: f64| contact.levels(&At { applied, ..At::at_rest() }, &[], mode).breakaway;
+    // 45 N by 1.2 and 0.85: in slip whatever the force, in stick as the force pushes.
+    assert_eq!([level(-9.0, 1.0), level(9.0, 1.0)], [54.0; 2]);
+    assert_eq!([level(-9.0, -1.0), level(9.0, -1.0)], [38.25; 2]);
+    assert_eq!([level(-9.0, 0.0), level(9.0, 0.0)], [38.25, 54.0]);
+    let event = |applied: f64| contact.event(&At { applied, ..At::at_rest() }, &[], 0.0);
+    assert!((event(40.0) - 14.0).abs() < 1e-12);
+    assert!((event(-40.0) + 1.75).abs() < 1e-12, "it leaves backwards where forwards it would stick");
+}
+
+#[test]
+fn what_does_not_fit_together_is_told() {
+    // 200 N s/m is enough for the law, 300 (45 - 30)/30 = 150, but not for a day's stop: 1.5 ln(86401) = 17 N.
+    let contact = reference("elasto-plastic", aging(dwell(Growth::Logarithmic)));
+    let warnings = contact.warnings(0.0, 1.0);
+    assert!(warnings.len() == 1 && warnings[0].contains("breakaway 62.0"), "{warnings:?}");
+    // LuGre slips while it is loaded: 10 * 45 N/(1e5 N/m) = 4.5 mm are needed.
+    let mut short = dwell(Growth::Saturating);
+    let contact = |dwell: &Dwell<f64>| reference("lugre", aging(dwell.clone()));
+    let warnings = contact(&short).warnings(0.0, 1.0);
+    assert!(warnings.len() == 1 && warnings[0].contains("below 4.500 mm"), "{warnings:?}");
+    short.distance = 5e-3;
+    assert_eq!(contact(&short).warnings(0.0, 1.0), Vec::<String>::new());
+    let lips = SealLips { coulomb_a: 8e-5, ..LIPS };
+    let contact = Contact::new(law(registered("stribeck"), &with(&[])), Some(lips), Composition::NONE);
+    let warnings = contact.warnings(6e5, 1.0);
+    assert!(warnings.len() == 1 && warnings[0].contains("falls below the Coulomb force"), "{warnings:?}");
+}
