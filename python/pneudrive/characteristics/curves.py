@@ -10,6 +10,7 @@ import numpy as np
 from pneudrive.characteristics.basics import BOTH
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint
+from pneudrive.characteristics.self_excited import reasons as self_excited
 from pneudrive.characteristics.smooth import CARRIED, CurveData, CurveFit, carried_drift, fit_curves
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-RIPPLE_LIMIT = 0.2  # of the mean speed: above it the mean friction is no point of F(v)
 SATURATED_SHARE = 0.005  # of a cycle's samples: more at the sensor's limit, and the mean is not the friction's
 SAME_SPEED = 0.05  # measured speeds closer than this are one point of the curve
 NORMAL_95 = 1.959964  # two-sided 95 % of the normal distribution
@@ -77,12 +77,12 @@ def points_of(reading: Reading) -> Points | None:
     unpaired = tuple(d for d in reading.sliding if len(d.sides) != 2)
     if not paired:
         return None
-    slipping = [max(np.nan_to_num(s.ripple) for s in d.sides.values()) > RIPPLE_LIMIT for d in paired]
-    reduced = reduce(paired, reading.edges_m, ~np.array(slipping, dtype=bool))
+    unsteady = self_excited(paired, reading.tares, reading.identity)
+    reduced = reduce(paired, reading.edges_m, np.array([not reason for reason in unsteady], dtype=bool))
     conditions = tuple(sorted({d.condition for d in paired}))
     condition = np.array([conditions.index(d.condition) for d in paired], dtype=np.int64)
     level, speeds = _levels(reduced.speed_m_s)
-    reasons = _reasons(paired, condition, level)
+    reasons = _reasons(paired, unsteady, condition, level)
     return Points(reduced, conditions, condition, level, speeds, reasons, unpaired)
 
 
@@ -99,21 +99,22 @@ def _levels(speed: Array) -> tuple[NDArray[np.int64], Array]:
     return level, means
 
 
-def _reasons(data: Sequence[CycleData], condition: NDArray[np.int64], level: NDArray[np.int64]) -> tuple[str, ...]:
+def _reasons(
+    data: Sequence[CycleData], unsteady: Sequence[str], condition: NDArray[np.int64], level: NDArray[np.int64]
+) -> tuple[str, ...]:
     """Say of each cycle why it is no point of F(v). Stick-slip is a matter of a condition and speed, not of a cycle."""
-    slips = np.array([any(s.stick_slip for s in d.sides.values()) for d in data])
-    ripples = np.array([max(np.nan_to_num(s.ripple) for s in d.sides.values()) > RIPPLE_LIMIT for d in data])
-    reasons = [""] * len(data)
+    bad = np.array([bool(reason) for reason in unsteady], dtype=bool)
+    found = []
     for i, d in enumerate(data):
         same = (condition == condition[i]) & (level == level[i])
         samples = sum(s.samples for s in d.sides.values())
-        if slips[same].mean() > 0.5 or slips[i]:
-            reasons[i] = "stick-slip"
-        elif ripples[same].mean() > 0.5 or ripples[i]:
-            reasons[i] = "speed ripple"
+        if bad[i] or bad[same].mean() > 0.5:
+            found.append(unsteady[i] or next(unsteady[k] for k in np.flatnonzero(same & bad).tolist()))
         elif d.flags.get("saturated", 0) > SATURATED_SHARE * samples:
-            reasons[i] = "saturated"
-    return tuple(reasons)
+            found.append("saturated")
+        else:
+            found.append("")
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,7 +356,8 @@ def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
     found = []
     for i, reason in enumerate(points.reasons):
         if reason and points.condition[i] == condition:
-            ripple = max(np.nan_to_num(s.ripple) for s in points.reduced.data[i].sides.values())
+            sides = points.reduced.data[i].sides.values()
+            ripple = max(np.nan_to_num([v for s in sides for v in (s.ripple, s.piston_ripple)]))
             speed, friction = points.reduced.speed_m_s[i], points.reduced.friction_n[i]
             found.append(ExcludedPoint(float(speed), float(friction), reason, float(ripple)))
     return tuple(sorted(found, key=lambda p: p.speed_m_s))

@@ -62,6 +62,10 @@ class Side:
         Of the reversal before it; NaN where there is no usable peak.
     ripple, period_s, step_m, swing_n : float
         Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
+    piston_ripple : float
+        The same of the piston's speed behind the rig's spring; NaN where its stiffness is not known.
+    scatter_n : float
+        Standard deviation of the balance within the bins.
     stick_slip : bool
     """
 
@@ -80,6 +84,8 @@ class Side:
     period_s: float
     step_m: float
     swing_n: float
+    piston_ripple: float
+    scatter_n: float
     stick_slip: bool
 
     def means(self) -> DirectionMeans:
@@ -104,8 +110,9 @@ class CycleData:
     temperature_k : float
         NaN where it was not measured.
     duration_s : float
-    standing_n, standing_stderr_n : float
-        Mean of force (vented: of the balance) and its standard error while standing released: the sensor's zero.
+    standing_n, standing_stderr_n, standing_sd_n : float
+        Mean of force (vented: of the balance), its standard error and standard deviation while standing released: the
+        sensor's zero and noise.
     u_gain_n, u_hysteresis_n : float
         Standard systematic uncertainty of friction: in proportion to it, and of the share of the accuracy that is
         assumed to change with direction.
@@ -124,6 +131,7 @@ class CycleData:
     duration_s: float = 0.0
     standing_n: float = float("nan")
     standing_stderr_n: float = float("nan")
+    standing_sd_n: float = float("nan")
     u_gain_n: float = 0.0
     u_hysteresis_n: float = 0.0
     u_offset_n: float = 0.0
@@ -215,6 +223,7 @@ def read_standing(file: CycleFile, identity: Identity) -> CycleData:
         duration_s=float(recording.time_s[-1] - recording.time_s[0]),
         standing_n=float(force.mean()),
         standing_stderr_n=stderr_of_mean(force),
+        standing_sd_n=float(force.std()),
     )
 
 
@@ -341,9 +350,13 @@ def _side(
 
     speeds = [_speed(motion, settled, s) for s in strokes]
     peaks = _peaks(recording, motion, settled, strokes)
-    slipping, slips = _ripple(motion, balance_n, strokes)
+    slipping, slips = _ripple(recording, motion, balance_n, strokes)
+    squares = np.bincount(place, weights=stands * balance_n[index] ** 2, minlength=bins)
+    means = binned(balance_n)
+    inside_bins = np.where(covered, squares / np.where(weight > 0, weight, 1.0) - means**2, np.nan)
+    scatter = float(np.sqrt(max(np.nanmean(inside_bins), 0.0))) if covered.any() else float("nan")
     return Side(
-        balance_n=binned(balance_n),
+        balance_n=means,
         air_n=binned(air),
         velocity_m_s=float(np.mean(speeds)),
         pressure_a_pa=mean(recording.pressure_a_pa),
@@ -351,6 +364,7 @@ def _side(
         force_n=mean(recording.force_n),
         samples=index.size,
         strokes=len(strokes),
+        scatter_n=scatter,
         stick_slip=slipping,
         **peaks,
         **slips,
@@ -386,44 +400,52 @@ def _peaks(recording: Recording, motion: Motion, settled: NDArray[np.bool_], str
     }
 
 
-def _ripple(motion: Motion, balance_n: Array, strokes: list[Stroke]) -> tuple[bool, dict[str, float]]:
-    """Stick-slip in the middle 80 % of the strokes, on samples that are even in time."""
-    found = []
-    swings = []
+def _ripple(
+    recording: Recording, motion: Motion, balance_n: Array, strokes: list[Stroke]
+) -> tuple[bool, dict[str, float]]:
+    """Stick-slip in the middle 80 % of the strokes, on samples that are even in time.
+
+    The axis may run evenly while the piston behind a soft force sensor does not: where the stiffness is known, the
+    piston's own position is the axis' less the deflection.
+    """
+    found, behind, swings = [], [], []
     for stroke in strokes:
         share = (motion.position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
         inside = np.flatnonzero((share >= 0.1) & (share <= 0.9))
         if inside.size < MINIMUM_SAMPLES:
             continue
         part = slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
-        time, position = _even(motion.time_s[part], motion.position_m[part])
+        time, position, force = _even(motion.time_s[part], motion.position_m[part], recording.force_n[part])
         found.append(measure_stick_slip(time, position))
+        if recording.stiffness_n_m:
+            behind.append(measure_stick_slip(time, position - force / recording.stiffness_n_m))
         low, high = np.quantile(balance_n[part], [0.02, 0.98])
         swings.append(float(high - low))
     nothing = float("nan")
     if not found:
-        return False, dict.fromkeys(("ripple", "period_s", "step_m", "swing_n"), nothing)
-    slipping = sum(s.found for s in found) > 0.5 * len(found)
+        return False, dict.fromkeys(("ripple", "period_s", "step_m", "swing_n", "piston_ripple"), nothing)
+    seen = max((found, behind), key=lambda slips: sum(s.found for s in slips))
+    slipping = sum(s.found for s in seen) > 0.5 * len(seen)
     return slipping, {
         "ripple": float(np.median([s.ripple for s in found])),
-        "period_s": float(np.median([s.period_s for s in found])) if slipping else nothing,
-        "step_m": float(np.median([s.step_m for s in found])) if slipping else nothing,
-        "swing_n": float(np.median(swings)) if slipping else nothing,
+        "period_s": float(np.median([s.period_s for s in seen])) if slipping else nothing,
+        "step_m": float(np.median([s.step_m for s in seen])) if slipping else nothing,
+        "swing_n": float(np.median(swings)),
+        "piston_ripple": float(np.median([s.ripple for s in behind])) if behind else nothing,
     }
 
 
-def _even(time_s: Array, position_m: Array) -> tuple[Array, Array]:
-    """Positions at even times, where the samples were not even: means over equal intervals."""
+def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
+    """Values at even times, where the samples were not even: means over equal intervals."""
     steps = np.diff(time_s)
     if steps.max() <= 2.0 * middle(steps):
-        return time_s, position_m
+        return time_s, *values
     count = min(EVEN_SAMPLES, max(int((time_s[-1] - time_s[0]) / steps.max()), MINIMUM_SAMPLES))
     edges = np.linspace(time_s[0], time_s[-1], count + 1)
     place = np.minimum(np.searchsorted(edges, time_s, side="right") - 1, count - 1)
     number = np.bincount(place, minlength=count)
     known = number > 0
-    times = np.bincount(place, weights=time_s, minlength=count)[known] / number[known]
-    return times, np.bincount(place, weights=position_m, minlength=count)[known] / number[known]
+    return tuple(np.bincount(place, weights=v, minlength=count)[known] / number[known] for v in (time_s, *values))
 
 
 def _systematic(recording: Recording, sides: dict[int, Side]) -> dict[str, float | bool]:

@@ -115,7 +115,7 @@ def _curves(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Ite
     elif gain.cycles:
         yield Statement(
             "curve",
-            f"Known weights show a force that is off by {100 * gain.measured:.0f} %: no gain is that wrong, and nothing "
+            f"Known weights show a force that is off by {100 * gain.measured:.0f} %: no gain is so wrong, and nothing "
             "was corrected.",
             carried=False,
             remedy="Check weight_n of the cycles, and that nothing else carried the weight.",

@@ -6,47 +6,44 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.curves import RIPPLE_LIMIT
 from pneudrive.characteristics.effects import StickSlipPoint, StickSlipThreshold
+from pneudrive.characteristics.self_excited import NAMES
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.characteristics.basics import Condition
     from pneudrive.characteristics.curves import Points
 
 
 def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:
-    """Give the conditions and speeds at which a stroke shows stick-slip, or a speed ripple above 20 %."""
+    """Give the conditions and speeds at which sliding was not steady."""
     found = []
     for index, condition in enumerate(points.conditions):
         for level in range(points.level_speeds_m_s.size):
-            sides = _sides(points, index, level)
-            if not sides:
+            members = _members(points, index, level)
+            bad = [i for i in members if points.reasons[i] in NAMES]
+            if not bad:
                 continue
+            sides = [side for i in members for side in points.reduced.data[i].sides.values()]
             slipping = [s for s in sides if s.stick_slip]
-            ripple = float(np.median([np.nan_to_num(s.ripple) for s in sides]))
-            if not slipping and ripple <= RIPPLE_LIMIT:
-                continue
             nothing = float("nan")
+            ripples = [max(np.nan_to_num([s.ripple, s.piston_ripple])) for s in sides]
             found.append(
                 StickSlipPoint(
                     condition=condition,
                     speed_m_s=float(points.level_speeds_m_s[level]),
-                    share=len(slipping) / len(sides),
+                    share=len(bad) / len(members),
                     strokes=len(sides),
-                    ripple=ripple,
+                    ripple=float(np.median(ripples)),
                     period_s=float(np.median([s.period_s for s in slipping])) if slipping else nothing,
                     step_m=float(np.median([s.step_m for s in slipping])) if slipping else nothing,
-                    amplitude_n=float(np.median([s.swing_n for s in slipping])) if slipping else nothing,
+                    amplitude_n=float(np.median([s.swing_n for s in sides])),
                 )
             )
     return tuple(found)
 
 
-def _sides(points: Points, condition: int, level: int) -> list:
-    members: NDArray[np.bool_] = (points.condition == condition) & (points.level == level)
-    chosen = (d for d, member in zip(points.reduced.data, members, strict=True) if member)
-    return [side for d in chosen for side in d.sides.values()]
+def _members(points: Points, condition: int, level: int) -> list[int]:
+    return np.flatnonzero((points.condition == condition) & (points.level == level)).tolist()
 
 
 def thresholds(points: Points) -> tuple[StickSlipThreshold, ...]:
@@ -55,15 +52,15 @@ def thresholds(points: Points) -> tuple[StickSlipThreshold, ...]:
     for index, condition in enumerate(points.conditions):
         with_it, without = [], []
         for level, speed in enumerate(points.level_speeds_m_s.tolist()):
-            sides = _sides(points, index, level)
-            if sides:
-                slips = sum(s.stick_slip or np.nan_to_num(s.ripple) > RIPPLE_LIMIT for s in sides)
-                (with_it if slips > 0.5 * len(sides) else without).append(speed)
+            members = _members(points, index, level)
+            if members:
+                bad = sum(points.reasons[i] in NAMES for i in members)
+                (with_it if bad > 0.5 * len(members) else without).append(speed)
         found.append(_threshold(condition, with_it, without))
     return tuple(found)
 
 
-def _threshold(condition, with_it: list[float], without: list[float]) -> StickSlipThreshold:  # noqa: ANN001
+def _threshold(condition: Condition, with_it: list[float], without: list[float]) -> StickSlipThreshold:
     if not with_it:
         lowest = min(without)
         return StickSlipThreshold(condition, 0.0, lowest, f"no stick-slip down to {1e3 * lowest:.3g} mm/s")
