@@ -20,6 +20,7 @@ def demo(
     from pneudrive.cli.output import writable_folder
     from pneudrive.errors import CommandError
     from pneudrive.identify.seals import fit_characterisation
+    from pneudrive.paper import FOLDER
     from pneudrive.report import reproduce, write_report
     from pneudrive.report.verdict import verdict
 
@@ -36,7 +37,7 @@ def demo(
     fits, _ = fit_characterisation(found)
     if "stribeck" in fits.get(ALL_RECORDINGS, {}):
         fits[ALL_RECORDINGS]["stribeck"].to_toml(folder / "fit.toml")
-    made = reproduce()
+    made = reproduce(folder / FOLDER)
     report = write_report(found, fits, folder, made)
     for number, line in enumerate(verdict(found, fits, made), 1):
         typer.echo(f"{number}. {line}")

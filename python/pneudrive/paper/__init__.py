@@ -4,46 +4,59 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pneudrive.paper.experiments import EXPERIMENTS, FOLDER, Experiment, run_experiments
 from pneudrive.paper.figure import PaperFigure
 from pneudrive.paper.friction_curves import figure_5, figure_6, figure_8
+from pneudrive.paper.rigs import figure_4, figure_7
 from pneudrive.paper.stick_slip import figure_1, figure_2, figure_3
+from pneudrive.paper.stops import figure_9
 
 if TYPE_CHECKING:
-    from pneudrive.rig.simulated import SimulatedRig
-
-#: Figures of the paper that are not made here, and why.
-NOT_REPRODUCED = {
-    "4 and 7": "the rigs themselves: nothing to check",
-    "9": "friction after stops of 15 s: needs a law of dwell, which the friction laws do not have yet",
-}
+    from collections.abc import Mapping
 
 __all__ = [
-    "NOT_REPRODUCED",
+    "EXPERIMENTS",
+    "FOLDER",
+    "Experiment",
     "PaperFigure",
     "figure_1",
     "figure_2",
     "figure_3",
+    "figure_4",
     "figure_5",
     "figure_6",
+    "figure_7",
     "figure_8",
+    "figure_9",
     "paper_figures",
+    "run_experiments",
 ]
 
 
-def paper_figures(rig: SimulatedRig | None = None, seed: int = 0) -> dict[int, PaperFigure]:
-    """Make the figures 1, 2, 3, 5, 6 and 8; `NOT_REPRODUCED` says why the others are missing.
+def paper_figures(runs: Mapping[str, Experiment], seed: int = 0) -> dict[int, PaperFigure]:
+    """Make all figures of the paper.
 
     Parameters
     ----------
-    rig : SimulatedRig, optional
-        The default rig where nothing is said.
+    runs : mapping of Experiment
+        What `run_experiments` gave.
     seed : int
-        Of the noise of all sensors.
+        Of the sensors on the drive of figure 1.
 
     Returns
     -------
     dict of PaperFigure
         By the figure's number in the paper.
     """
-    figures = [figure_1(seed), figure_2(), figure_3(), figure_5(rig, seed), figure_6(rig, seed), figure_8(rig, seed)]
+    figures = [
+        figure_1(seed),
+        figure_2(),
+        figure_3(),
+        figure_4(runs["speed"]),
+        figure_5(runs["cycle"]),
+        figure_6(runs["speed"]),
+        figure_7(runs["pressure"]),
+        figure_8(runs["pressure"]),
+        figure_9(runs["stops"]),
+    ]
     return {figure.number: figure for figure in figures}

@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from pneudrive.rig.interface import Envelope, Identity
+
 
 @dataclass(frozen=True)
 class PaperFigure:
@@ -29,6 +31,10 @@ class PaperFigure:
         The numbers behind it, SI.
     columns : dict
         Name with unit -> array; all of one figure's arrays fit together (curves over pressure are two-dimensional).
+    assumed : str
+        What the simulated rig assumed that the paper does not say.
+    rig : (Identity, Envelope) or None
+        Of a figure that shows a rig.
     synthetic : bool
         Always true: the paper's own data are not published.
     """
@@ -40,4 +46,6 @@ class PaperFigure:
     measured: str
     quantities: dict[str, float]
     columns: dict[str, NDArray[np.float64]] = field(repr=False)
+    assumed: str = ""
+    rig: tuple[Identity, Envelope] | None = field(default=None, repr=False)
     synthetic: bool = True

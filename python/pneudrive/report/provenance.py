@@ -32,8 +32,7 @@ def section(found: Characterisation | None, made: Reproduction | None) -> Sectio
         for note in source_notes(found):
             blocks += [Text(f"{note.parent.name}/{note.name} beside the recordings says:"), Text(_head(note), "code")]
     if made is not None:
-        blocks.append(Text("The simulated rig's values, each with its source:"))
-        blocks.append(_rig_values(made))
+        blocks += _rig_values(made)
         blocks += [Text("The simulated drives, all values assumed:"), *_drives()]
     cited = [line for key in _keys(found, made) if (line := reference(key))]
     if cited:
@@ -93,9 +92,20 @@ def _head(path: Path) -> str:
         return f"(it cannot be read: {error.strerror})"
 
 
-def _rig_values(made: Reproduction) -> Table:
-    rows = tuple((key, s.value, s.source, s.reason) for key, s in made.rig.description.sources.items())
-    return Table(("value", "", "source", "why"), rows, numbers_from=9)
+def _rig_values(made: Reproduction) -> list[Text | Table]:
+    """Values of the default rig, then those that the other rigs have beside them or instead."""
+    base = made.rig.description.sources
+    blocks: list[Text | Table] = []
+    rigs = {made.rig.description.name: base, **{d.name: d.sources for d in made.rigs.values()}}
+    for name, sources in rigs.items():
+        own = sources if sources is base else {k: s for k, s in sources.items() if s != base.get(k)}
+        said = "" if sources is base else ", where they are not those of the default rig"
+        rows = tuple((key, s.value, s.source, s.reason) for key, s in own.items())
+        blocks += [
+            Text(f"Values of the {name[0].lower()}{name[1:]}{said}, each with its source:"),
+            Table(("value", "", "source", "why"), rows, numbers_from=9),
+        ]
+    return blocks
 
 
 def _drives() -> list[Text]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.pressure_line import CONFOUNDED
-from pneudrive.paper import NOT_REPRODUCED
 from pneudrive.report.recovered import recovered
 from pneudrive.report.speed import richest
 from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s, with_u
@@ -162,5 +161,4 @@ def _reproduced(made: Reproduction, *, all_of_it: bool) -> list[str]:
         f"temperature off by up to {c.largest_difference('temperature_b'):.0f} K and "
         f"{c.energy_residual_j['as-printed']:.0f} J of {c.stroke_work_j:.0f} J from nowhere."
     )
-    lines.append(f"Figures {' and '.join(NOT_REPRODUCED)} are not reproduced.")
     return lines

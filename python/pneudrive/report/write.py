@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from pneudrive.paper.chamber_laws import ChamberComparison
     from pneudrive.report.page import Section
     from pneudrive.rig import SimulatedRig
+    from pneudrive.rig.description import RigDescription
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 
@@ -50,8 +51,11 @@ class Reproduction:
     Attributes
     ----------
     rig : SimulatedRig
+        That made the recordings with known truth.
     figures : dict of PaperFigure
         By number in the source paper.
+    rigs : dict
+        Rig -> its description; those of the figures.
     found : Characterisation
         Of simulated recordings with known truth.
     fits : dict
@@ -64,39 +68,52 @@ class Reproduction:
 
     rig: SimulatedRig
     figures: Mapping[int, PaperFigure]
+    rigs: Mapping[str, RigDescription]
     found: Characterisation
     fits: Fits
     chambers: ChamberComparison
     seed: int
 
 
-def reproduce(rig: SimulatedRig | None = None, seed: int = 0) -> Reproduction:
-    """Run the simulated rig and drive for the source paper's figures 1, 2, 3, 5, 6 and 8.
+def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | None = None) -> Reproduction:
+    """Run the source paper's experiments on simulated rigs and a drive, and make its figures 1 to 9.
 
     Parameters
     ----------
-    rig : SimulatedRig, optional
-        The package's own rig, all of it assumed, where nothing is said.
+    into : path-like
+        Folder for the campaigns; what is finished in it is not run again.
     seed : int
-        Of the simulated sensors' noise.
+        Of all that is random on the rigs.
+    rigs : mapping, optional
+        Experiment (`pneudrive.paper.EXPERIMENTS`) -> rig file that takes the place of its own.
 
     Returns
     -------
     Reproduction
+
+    Raises
+    ------
+    CommandError
+        bluesky, which runs campaigns, is not installed.
+    CampaignError
+        The folder cannot be used.
     """
     import numpy as np
 
     from pneudrive.characterise import characterise_recordings
     from pneudrive.identify.seals import fit_characterisation
-    from pneudrive.paper import paper_figures
+    from pneudrive.paper import paper_figures, run_experiments
     from pneudrive.paper.chamber_laws import compare_chamber_laws
-    from pneudrive.rig import SimulatedRig, sweep
+    from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 
-    rig = rig or SimulatedRig.default()
+    runs = run_experiments(into, seed, rigs)
+    rig = SimulatedRig.default()
     recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=seed)
     found = characterise_recordings(recordings)
     fits, _ = fit_characterisation(found)
-    return Reproduction(rig, paper_figures(rig, seed), found, fits, compare_chamber_laws(), seed)
+    files = {run.rig: shipped_rigs().get(run.rig, run.rig) for run in runs.values()}
+    described = {name: SimulatedRig.load(path).description for name, path in files.items()}
+    return Reproduction(rig, paper_figures(runs, seed), described, found, fits, compare_chamber_laws(), seed)
 
 
 def write_report(

@@ -2,27 +2,64 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from pneudrive.paper import figure_1, figure_2, figure_3, figure_5, figure_6, figure_8, paper_figures
+from pneudrive.paper import figure_1, figure_2, figure_3, paper_figures, run_experiments
 from pneudrive.paper import stick_slip as ss
-from pneudrive.rig import SimulatedRig
 
-RIG = SimulatedRig.default()
+#: Breakaway no higher than sliding, no effect of pressure, no ageing: nothing of what the paper shows.
+FLAT = """
+schema = 1
+extends = "{base}"
+name = "Rig with a seal that the paper did not have"
+
+[friction]
+breakaway = {{ value = "9 N", source = "assumed", reason = "test" }}
+
+[friction.pressure]
+coulomb = {{ a = "0 N/bar", b = "0 N/bar", source = "assumed", reason = "test" }}
+breakaway = {{ a = "0 N/bar", b = "0 N/bar", source = "assumed", reason = "test" }}
+
+[friction.dwell]
+increment = {{ value = "0 N", source = "assumed", reason = "test" }}
+"""
 
 
-def test_all_figures_hold_and_are_marked_synthetic():
-    figures = paper_figures(seed=3)
-    assert list(figures) == [1, 2, 3, 5, 6, 8]
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory):
+    return paper_figures(run_experiments(tmp_path_factory.mktemp("campaigns"), seed=3), seed=3)
+
+
+@pytest.fixture(scope="module")
+def flat(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flat")
+    rigs = {}
+    for name, base in (
+        ("cycle", "open-chambers"),
+        ("speed", "open-chambers"),
+        ("pressure", "common-manifold"),
+        ("stops", "open-chambers"),
+    ):
+        rigs[name] = folder / f"{name}.toml"
+        rigs[name].write_text(FLAT.format(base=base), encoding="utf-8")
+    return paper_figures(run_experiments(folder, seed=3, rigs=rigs))
+
+
+def test_all_figures_hold_and_are_marked_synthetic(figures):
+    assert list(figures) == list(range(1, 10))
     for number, figure in figures.items():
         assert figure.number == number
         assert figure.holds, figure.measured
         assert figure.synthetic
         assert all(np.isfinite(values).all() for values in figure.columns.values())
         assert all(np.isfinite(value) for value in figure.quantities.values())
+
+
+def test_a_seal_without_stribeck_pressure_and_age_does_not_show_them(flat):
+    assert not [n for n in (5, 6, 8, 9) if flat[n].holds]
+    assert flat[4].holds  # the campaigns themselves ran
+    assert flat[7].holds
 
 
 @pytest.mark.parametrize("figure", [figure_1(), figure_2(), figure_3()], ids=lambda f: f"figure-{f.number}")
@@ -60,45 +97,23 @@ def test_faster_drive_is_not_the_papers():
     assert not quick.holds
 
 
-def test_peak_after_the_turn_needs_a_breakaway_above_sliding():
-    assert not figure_5(RIG.with_friction(breakaway=9.0)).holds
-    assert not figure_5(RIG.with_friction(stribeck_velocity=0.5)).holds
-    good = figure_5()
-    assert good.quantities["peak_n"] < RIG.description.parameters["breakaway"] + 0.5
-    assert good.columns["time_s"][0] == 0.0
-
-
-def test_resistance_is_not_biggest_at_low_speed_where_grease_dominates():
-    assert not figure_6(RIG.with_friction(viscous=60.0)).holds
-    assert not figure_6(RIG.with_friction(breakaway=9.0)).holds
-
-
-def test_protocol_and_settling_against_the_truth():
-    figure = figure_6()
-    settled, truth = figure.columns["friction_settled_n"], figure.columns["friction_true_n"]
-    assert np.all(np.abs(settled - truth) <= figure.columns["expanded_uncertainty_n"])
-    assert figure.quantities["settled_error_n"] < 0.03
-    assert abs(figure.quantities["protocol_error_n"]) > 3.0 * figure.quantities["settled_error_n"]
+def test_protocol_and_settling_against_the_truth(figures):
+    figure = figures[6]
+    c = figure.columns
+    inside = (c["low_n"] <= c["friction_true_n"]) & (c["friction_true_n"] <= c["high_n"])
+    assert np.mean(inside) > 0.8  # of each cycle, whose own scatter of 0.3 % the band of the mean does not hold
+    assert figure.quantities["settled_error_n"] < 0.1
+    assert abs(figure.quantities["protocol_error_n"]) > figure.quantities["settled_error_n"]
     assert figure.quantities["protocol_error_at_m_s"] > 0.2  # where starting and stopping take longest
 
 
-@pytest.mark.parametrize(
-    "pressure",
-    [
-        {"coulomb_a": 0.0, "coulomb_b": 0.0, "breakaway_a": 0.0, "breakaway_b": 0.0},
-        {"coulomb_a": 5e-6, "coulomb_b": 5e-6, "breakaway_a": 5e-6, "breakaway_b": 5e-6},
-    ],
-    ids=["no-pressure", "whole-curve-shifts"],
-)
-def test_curves_that_do_not_turn_into_stribecks(pressure):
-    other = SimulatedRig(replace(RIG.description, pressure=pressure))
-    assert not figure_8(other).holds
-
-
-def test_curves_are_ordered_by_pressure():
-    columns = figure_8().columns
-    assert columns["friction_n"].shape == (15, 40)
-    assert np.all(np.diff(columns["friction_n"], axis=0) > 0.0)
-    assert np.all(np.diff(columns["dip"]) > 0.0)
-    middle = columns["speed_m_s"] < 0.1
-    np.testing.assert_allclose(columns["friction_n"][:, middle], columns["friction_true_n"][:, middle], atol=0.08)
+def test_curves_under_pressure_divide_into_air_and_seal(figures):
+    c = figures[8].columns
+    assert c["friction_n"].shape == (c["gauge_pa"].size, c["speed_m_s"].size)
+    np.testing.assert_allclose(c["air_n"] + c["seal_n"], c["friction_n"], rtol=1e-9)
+    assert np.all(np.diff(c["air_n"][:, -1]) > 0.0)  # denser air takes more force
+    middle = c["speed_m_s"] < 0.1
+    np.testing.assert_allclose(c["seal_n"][:, middle], c["friction_true_n"][:, middle], atol=0.1)
+    # at the top the force of the sensor is more wrong as friction than what is left when the air is taken out
+    top = np.abs(c["friction_n"][:, -1] - c["friction_true_n"][:, -1])
+    assert np.all(top > 10.0 * np.abs(c["seal_n"][:, -1] - c["friction_true_n"][:, -1]))

@@ -1,0 +1,100 @@
+"""The source paper's experiments: ready protocols run on simulated rigs, each into a campaign folder."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.campaign.folder import TRUTH, Campaign
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.rig.interface import Envelope
+
+#: Experiment -> (ready protocol, rig as `load_rig` takes it). Which rigs the paper had it does not say: the first one
+#: without pressure, the second with one pressure for both chambers.
+EXPERIMENTS = {
+    "cycle": ("paper-cycle", "open-chambers"),
+    "speed": ("paper-speed", "open-chambers"),
+    "pressure": ("paper-pressure", "common-manifold"),
+    "stops": ("paper-stops", "open-chambers"),
+}
+FOLDER = "campaigns"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A campaign as it was run.
+
+    Attributes
+    ----------
+    name : str
+        Key of `EXPERIMENTS`.
+    protocol, rig : str
+        What was run on what.
+    campaign : Campaign
+    envelope : Envelope
+        Of the rig.
+    """
+
+    name: str
+    protocol: str
+    rig: str
+    campaign: Campaign
+    envelope: Envelope
+
+    def truth(self) -> list[dict[str, Any]]:
+        """Give what was true of each cycle, in the order in which they were run."""
+        files = sorted((self.campaign.path / TRUTH).glob("*.json"))
+        return [json.loads(path.read_text(encoding="utf-8")) for path in files]
+
+
+def run_experiments(
+    into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | None = None
+) -> dict[str, Experiment]:
+    """Run the campaigns, each in a process of its own.
+
+    Parameters
+    ----------
+    into : path-like
+        Folder for the campaign folders; what is finished in it is not run again.
+    seed : int
+        Of all that is random on the rigs.
+    rigs : mapping, optional
+        Experiment -> rig that takes the place of its own.
+
+    Returns
+    -------
+    dict of Experiment
+        By name, in the order of `EXPERIMENTS`.
+
+    Raises
+    ------
+    CommandError
+        bluesky is not installed; the message names the extra.
+    CampaignError, RigError, SimulationError
+        A campaign could not be run.
+    """
+    from pneudrive.campaign.run import need_bluesky
+    from pneudrive.characterise.pool import in_processes
+
+    need_bluesky()
+    jobs = [
+        (name, protocol, str((rigs or {}).get(name, rig)), str(Path(into) / protocol), seed)
+        for name, (protocol, rig) in EXPERIMENTS.items()
+    ]
+    return {experiment.name: experiment for experiment in in_processes(run_experiment, jobs)}
+
+
+def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> list[Experiment]:
+    """Run one campaign; a list of one, as work in processes gives it."""
+    from pneudrive.campaign.options import Options
+    from pneudrive.campaign.run import run_campaign
+    from pneudrive.rig import load_rig
+
+    bench = load_rig(rig, seed=seed)
+    done = run_campaign(protocol, bench, into, options=Options(yes=True))
+    return [Experiment(name, protocol, rig, done.campaign, bench.limits())]
