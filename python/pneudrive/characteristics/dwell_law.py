@@ -1,0 +1,451 @@
+"""Breakaway against stop duration and pressure: slope per decade, laws side by side, what the stops cannot carry."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.budget import COVERAGE_FACTOR
+from pneudrive.characteristics.basics import Estimate
+from pneudrive.characteristics.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
+from pneudrive.characteristics.dwell_forms import CONCLUSIVE, UNCERTAIN, LawFit, fit_forms
+from pneudrive.characteristics.result import Statement
+from pneudrive.characteristics.stops import SPOILING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.characteristics.basics import Condition
+    from pneudrive.characteristics.stops import Stop
+
+    Array = NDArray[np.float64]
+
+#: Where the slope is told: the stop that the source paper shows [bracha].
+REFERENCE_S = 15.0
+INSIDE = 1.5  # factor by which the durations must go beyond it on both sides
+GRID_POINTS = 61
+SAME_PLACE_M = 1e-3
+SAME_PRESSURE_PA = 100.0
+#: Stops not longer than this leave the time of saturation open, whatever law is best (of the order of hours to days
+#: for elastomers: assumed).
+LONG_S = 1000.0
+#: Share of a law's growth that the peak loses where the contact creeps before it breaks away: simulated elasto-plastic
+#: contacts lose a sixth (synthetic).
+PEAK_LOSS = "about a sixth"
+RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
+
+
+@dataclass(frozen=True)
+class DwellPressure:
+    """Effect of the chamber pressures on ageing.
+
+    Attributes
+    ----------
+    slope_a, slope_b, slope_sum : Estimate or None
+        Change of the slope per decade with each pressure, N/Pa; `slope_sum` where both moved together.
+    increment_a, increment_b, increment_sum : Estimate or None
+        Change of the increment at the reference duration, N/Pa.
+    statement : str
+    """
+
+    slope_a: Estimate | None
+    slope_b: Estimate | None
+    slope_sum: Estimate | None
+    increment_a: Estimate | None
+    increment_b: Estimate | None
+    increment_sum: Estimate | None
+    statement: str
+
+
+@dataclass(frozen=True, eq=False)
+class DwellSeries:
+    """Breakaway against stop duration for one set of levels, restart speed and way of holding.
+
+    Attributes
+    ----------
+    levels : str
+        Mounting, seal, drive; "" where there are none.
+    speed_m_s : float
+        Of the restart.
+    released : bool
+    conditions : tuple of Condition
+    stops : tuple of Stop
+        Those used.
+    left_out : int
+        Stops of the series that were not.
+    reference_s : float
+        Duration at which slopes are told.
+    slopes : tuple of Estimate
+        Slope per decade of the increment at the reference duration, at each condition, N. Law-free.
+    mean_slopes : tuple of Estimate
+        Mean slope per decade from the shortest to the longest duration, at each condition, N. Law-free.
+    slope, mean_slope, increment : Estimate or None
+        Means over the conditions; increment at the reference duration.
+    share : Estimate or None
+        `slope` over running friction.
+    running_n : float
+        Mean running friction; both directions where they were run, otherwise with the offset in it.
+    duration_s : ndarray, shape (m,)
+        For the curves below.
+    increment_n, low_n, high_n : ndarray, shape (C, m)
+        Law-free curve with its pointwise 95 % band at each condition.
+    laws : tuple of LawFit
+        Best first; empty where fewer than three durations were run.
+    pressure : DwellPressure or None
+    scatter_n, block_n : float
+        Standard deviation from stop to stop, and of blocks.
+    outlying : tuple of str
+        Keys of stops that stand out and count less.
+    curve : DwellCurve or None
+    """
+
+    levels: str
+    speed_m_s: float
+    released: bool
+    conditions: tuple[Condition, ...]
+    stops: tuple[Stop, ...]
+    left_out: int
+    reference_s: float
+    slopes: tuple[Estimate, ...]
+    mean_slopes: tuple[Estimate, ...]
+    slope: Estimate | None
+    mean_slope: Estimate | None
+    increment: Estimate | None
+    share: Estimate | None
+    running_n: float
+    duration_s: Array
+    increment_n: Array
+    low_n: Array
+    high_n: Array
+    laws: tuple[LawFit, ...]
+    pressure: DwellPressure | None
+    scatter_n: float
+    block_n: float
+    outlying: tuple[str, ...]
+    curve: DwellCurve | None
+
+    @property
+    def name(self) -> str:
+        """Levels, speed and way of holding in words."""
+        held = "released" if self.released else "held"
+        parts = [self.levels, f"restart at {1e3 * self.speed_m_s:.3g} mm/s", held]
+        return ", ".join(part for part in parts if part)
+
+    def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
+        """Slope per decade at another duration, at each condition, N. Law-free."""
+        if self.curve is None:
+            return ()
+        return tuple(self.curve.slopes(np.log10([duration_s])).estimates())
+
+
+def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[DwellSeries, ...], list[Statement]]:
+    """Describe breakaway against stop duration.
+
+    Parameters
+    ----------
+    stops : sequence of Stop
+    ambient_pressure_pa : float
+
+    Returns
+    -------
+    tuple of DwellSeries, list of Statement
+        One series for each set of levels, restart speed and way of holding; what they carry and what not.
+    """
+    groups: dict[tuple, list[Stop]] = {}
+    for stop in stops:
+        c = stop.condition
+        groups.setdefault((c.mounting, c.seal, c.drive, round(stop.speed_m_s, 6), stop.released), []).append(stop)
+    series, statements = [], []
+    for key in sorted(groups):
+        one = _series(groups[key], ", ".join(k for k in key[:3] if k), ambient_pressure_pa)
+        series.append(one)
+        statements += _statements(one, groups[key])
+    return tuple(series), statements
+
+
+def _series(stops: list[Stop], levels: str, ambient: float) -> DwellSeries:
+    used = [s for s in stops if s.usable]
+    conditions = sorted({s.condition for s in used})
+    enough = [c for c in conditions if _durations([s for s in used if s.condition == c]) >= 2]
+    used = [s for s in used if s.condition in enough]
+    reference = _reference([s.dwell_s for s in used])
+    common = {
+        "levels": levels,
+        "speed_m_s": stops[0].speed_m_s,
+        "released": stops[0].released,
+        "conditions": tuple(enough),
+        "stops": tuple(used),
+        "left_out": len(stops) - len(used),
+        "reference_s": reference,
+        "running_n": _running(used or stops),
+    }
+    data = _data(used, enough) if used else None
+    curve = fit_curve(data) if data is not None else None
+    return DwellSeries(**common, **_results(curve, reference, common["running_n"], _inertia(used), ambient))
+
+
+def _results(curve: DwellCurve | None, reference: float, running_n: float, inertia_n: float, ambient: float) -> dict:
+    if curve is None:
+        nothing = np.zeros((0, 0))
+        return {
+            "slopes": (), "mean_slopes": (), "slope": None, "mean_slope": None, "increment": None, "share": None,
+            "duration_s": np.zeros(0), "increment_n": nothing, "low_n": nothing, "high_n": nothing, "laws": (),
+            "pressure": None, "scatter_n": float("nan"), "block_n": float("nan"), "outlying": (), "curve": None,
+        }  # fmt: skip
+    data, at = curve.data, np.log10([reference])
+    low, high = float(data.log_s.min()), float(data.log_s.max())
+    mean = np.full((1, len(data.conditions)), 1.0 / len(data.conditions))
+    slopes, gains, level = curve.slopes(at), curve.gains(low, high), curve.values(at)
+    # Inertia adds to every peak, but less where the contact gives way more: at most all of it over the durations.
+    u = inertia_n / max(high - low, 0.3) / np.sqrt(12.0)
+    grid = np.linspace(low, high, GRID_POINTS)
+    shown = curve.values(grid).estimates()
+    shape = (len(data.conditions), GRID_POINTS)
+    slope = _wider(slopes.combine(mean).estimates(), u)[0]
+    share = None
+    if running_n > 0:
+        share = Estimate(
+            *(v / running_n for v in (slope.value, slope.low, slope.high, slope.stderr)),
+            unit="",
+            degrees_of_freedom=slope.degrees_of_freedom,
+            p=slope.p,
+        )
+    return {
+        "slopes": _wider(slopes.estimates(), u),
+        "mean_slopes": _wider(gains.estimates(), u),
+        "slope": slope,
+        "mean_slope": _wider(gains.combine(mean).estimates(), u)[0],
+        "increment": level.combine(mean).estimates()[0],
+        "share": share,
+        "duration_s": 10.0**grid,
+        "increment_n": np.array([e.value for e in shown]).reshape(shape),
+        "low_n": np.array([e.low for e in shown]).reshape(shape),
+        "high_n": np.array([e.high for e in shown]).reshape(shape),
+        "laws": fit_forms(curve, reference),
+        "pressure": _pressure(curve, at, ambient),
+        "scatter_n": curve.sd("scatter"),
+        "block_n": curve.sd("block"),
+        "outlying": tuple(k for k, w in zip(data.key, curve.weight, strict=True) if w < 0.7),
+        "curve": curve,
+    }
+
+
+def _wider(estimates: list[Estimate], u: float) -> tuple[Estimate, ...]:
+    """Widen intervals by a systematic standard uncertainty."""
+    out = []
+    for e in estimates:
+        below, above = (float(np.hypot(side, COVERAGE_FACTOR * u)) for side in (e.value - e.low, e.high - e.value))
+        out.append(replace(e, low=e.value - below, high=e.value + above, stderr=float(np.hypot(e.stderr, u))))
+    return tuple(out)
+
+
+def _inertia(stops: Sequence[Stop]) -> float:
+    return float(np.median([s.inertia_n for s in stops])) if stops else 0.0
+
+
+def _durations(stops: Sequence[Stop]) -> int:
+    logs = np.sort(np.log10([max(s.dwell_s, 1e-6) for s in stops]))
+    return 1 + int((np.diff(logs) > 0.02).sum()) if logs.size else 0
+
+
+def _reference(durations: list[float]) -> float:
+    if not durations:
+        return REFERENCE_S
+    low, high = min(durations), max(durations)
+    if low * INSIDE <= REFERENCE_S <= high / INSIDE:
+        return REFERENCE_S
+    return float(f"{np.sqrt(low * high):.3g}")
+
+
+def _running(stops: Sequence[Stop]) -> float:
+    """Average running friction; the mean of both directions takes the offset out."""
+    by_direction = [np.mean([s.running_n for s in stops if s.direction == d]) for d in {s.direction for s in stops}]
+    return float(np.mean(by_direction)) if by_direction else float("nan")
+
+
+def _data(stops: list[Stop], conditions: list[Condition]) -> DwellData:
+    places: dict[tuple, int] = {}
+    for s in stops:
+        places.setdefault((s.direction, round(s.position_m / SAME_PLACE_M)), len(places))
+    return DwellData(
+        key=tuple(s.key for s in stops),
+        duration_s=np.array([s.dwell_s for s in stops]),
+        increment_n=np.array([s.increment_n for s in stops]),
+        stderr_n=np.array([s.increment_stderr_n for s in stops]),
+        condition=np.array([conditions.index(s.condition) for s in stops], dtype=np.int64),
+        place=np.array([places[s.direction, round(s.position_m / SAME_PLACE_M)] for s in stops], dtype=np.int64),
+        began_s=np.array([s.began_s for s in stops]),
+        block=np.array([s.block for s in stops], dtype=np.int64),
+        conditions=tuple(conditions),
+        drift_prior_n=_running_drift(stops) * float(np.ptp([s.increment_n for s in stops])),
+    )
+
+
+def _running_drift(stops: Sequence[Stop]) -> float:
+    """Relative change of running friction over half the campaign: what ageing may have drifted by, too (assumed)."""
+    time = np.array([s.began_s for s in stops])
+    if np.ptp(time) == 0:
+        return 0.0
+    running = np.array([s.running_n for s in stops])
+    for direction in {s.direction for s in stops}:
+        own = np.array([s.direction == direction for s in stops])
+        running[own] -= running[own].mean()
+    slope = float(np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0])
+    return abs(slope) / 2.0 / max(abs(_running(stops)), 1e-9)
+
+
+def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
+    """Regress slopes and increments of the conditions on their pressures, as functionals of the one model."""
+    gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
+    spread = np.ptp(gauge, axis=0) > SAME_PRESSURE_PA
+    if len(gauge) < 2 or not spread.any():
+        return None
+    away = gauge - gauge.mean(axis=0)
+    together = bool(np.allclose(gauge[:, 0], gauge[:, 1], atol=SAME_PRESSURE_PA))
+    names, columns = [], []
+    if together:
+        names, columns = ["sum"], [away[:, 0]]
+    elif np.linalg.matrix_rank(away / np.abs(away).max(), tol=1e-6) == 2 and len(gauge) >= 3:
+        names, columns = ["a", "b"], [away[:, 0], away[:, 1]]
+    elif spread.sum() == 1:
+        names, columns = [("a", "b")[int(np.argmax(spread))]], [away[:, int(np.argmax(spread))]]
+    text = {
+        ("sum",): "both pressures moved together: their effects cannot be told apart",
+        ("a", "b"): "effects of both pressures, each with the other one held",
+        ("a",): "only the pressure in chamber a was varied",
+        ("b",): "only the pressure in chamber b was varied",
+    }.get(tuple(names), "the pressures moved along one line: their effects cannot be told apart")
+    found: dict[str, Estimate] = {}
+    if names:
+        rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:]
+        for word, functionals in (("slope", curve.slopes(at)), ("increment", curve.values(at))):
+            for name, estimate in zip(
+                names, functionals.combine(rows.astype(np.float64)).estimates("N/Pa"), strict=True
+            ):
+                found[f"{word}_{name}"] = estimate
+    keys = [f"{w}_{n}" for w in ("slope", "increment") for n in ("a", "b", "sum")]
+    return DwellPressure(**{key: found.get(key) for key in keys}, statement=text)
+
+
+# --- what the stops carry ------------------------------------------------------------------------------------------
+
+
+def _statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]:
+    where = f"Stops ({series.name}): "
+    return [Statement(s.topic, where + s.text, s.carried, s.remedy) for s in _plain_statements(series, stops)]
+
+
+def _plain_statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]:
+    out: list[Statement] = []
+    spoiled = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
+    if spoiled:
+        counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in spoiled.most_common())
+        text = f"{sum(not s.usable for s in stops)} of {len(stops)} peaks are spoiled and not counted: {counts}."
+        remedy = "sample the restart at 5 kHz or more, restart more slowly" if spoiled["undersampled"] else ""
+        out.append(Statement("stops", text, carried=False, remedy=remedy))
+    number = series.curve.data.durations if series.curve is not None else _durations(series.stops)
+    if series.curve is None or number < 2:
+        text = f"{len(series.stops)} usable stops of {number} durations do not carry breakaway against stop duration."
+        out.append(Statement("stops", text, carried=False, remedy="run at least three durations, each several times"))
+        return out
+    out += _slope_statement(series, number)
+    out += _law_statements(series, number)
+    out += _confounding(series)
+    text = (
+        "The increment is that of the force's peak. Where the contact creeps before it breaks away, the peak shows "
+        f"less than the law of the contact itself has gained ({PEAK_LOSS} in simulated elasto-plastic contacts): for "
+        "a simulation, fit the law's amplitude on simulated breakaways."
+    )
+    out.append(Statement("stops", text))
+    return out
+
+
+def _slope_statement(series: DwellSeries, number: int) -> list[Statement]:
+    slope = series.slope
+    if slope is None:
+        return []
+    sure = slope.low > 0 or slope.high < 0
+    text = (
+        f"breakaway changes by {slope.value:.3g} N ({slope.low:.3g} to {slope.high:.3g}) per decade of stop duration "
+        f"at {series.reference_s:g} s, from {len(series.stops)} stops of {number} durations"
+    )
+    if series.share is not None:
+        text += f"; {100 * series.share.value:.2g} % of running friction"
+    if not sure:
+        text += ". The interval holds zero: an effect of the stop is not shown"
+    return [Statement("stops", text + ".", carried=sure, remedy="" if sure else "more repeats, or longer stops")]
+
+
+def _law_statements(series: DwellSeries, number: int) -> list[Statement]:
+    if number < 3 or not series.laws:
+        text = f"{number} durations carry a difference, no law."
+        return [Statement("stops", text, carried=False, remedy="run at least three durations, better seven")]
+    out = []
+    best = series.laws[0]
+    if not np.isfinite(best.aicc):
+        return [Statement("stops", "too few stops to compare laws.", carried=False, remedy="repeat each duration")]
+    equal = [law.form.title for law in series.laws[1:] if law.delta < UNCERTAIN]
+    refuted = [law.form.title for law in series.laws if law.delta > CONCLUSIVE]
+    text = f"best law by AICc: {best.form.title}"
+    text += f"; as good: {', '.join(equal)}" if equal else ""
+    text += f"; without support: {', '.join(refuted)}" if refuted else ""
+    out.append(Statement("stops", text + ".", carried=not equal, remedy="longer stops, more repeats" if equal else ""))
+    longest = max(s.dwell_s for s in series.stops)
+    kato = next((law for law in series.laws if law.name == "kato"), None)
+    open_end = kato is not None and kato.delta < CONCLUSIVE and not np.isfinite(kato.shape_intervals["tau"][1])
+    bounded = any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
+    if longest <= LONG_S * 1.01 and (best.name == "log" or open_end or bounded):
+        text = (
+            f"stops of at most {longest:.3g} s do not tell whether and where breakaway saturates; beyond them every "
+            "law is an extrapolation. Told are the slope and the laws within the durations that were run."
+        )
+        out.append(Statement("stops", text, carried=False, remedy="a few stops of hours to a day"))
+    return out
+
+
+def _confounding(series: DwellSeries) -> list[Statement]:
+    out = []
+    curve = series.curve
+    assert curve is not None
+    if curve.inflation >= CONFOUNDED:
+        text = (
+            "the durations were run in an order in which drift of the drive cannot be told from ageing; the intervals "
+            "assume that ageing drifts by no more than running friction did."
+        )
+        out.append(Statement("stops", text, carried=False, remedy="randomise the order of the durations"))
+    rate = np.array([s.loading_rate_n_s for s in series.stops])
+    known = np.isfinite(rate) & (rate > 0)
+    if known.sum() > 5:
+        logs, durations = np.log(rate[known]), curve.data.log_s[known]
+        spread = float(np.subtract(*np.quantile(logs, [0.9, 0.1])))
+        together = float(np.corrcoef(logs, durations)[0, 1]) if spread > 0 and np.ptp(durations) > 0 else 0.0
+        if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
+            text = (
+                f"the force rose at other rates after long stops than after short ones (correlation {together:+.2f}); "
+                "breakaway depends on that rate, so that part of the slope may be the rate's."
+            )
+            out.append(Statement("stops", text, carried=False, remedy="the same restart speed and held axis for all"))
+    long = [s for s in series.stops if "long_loading" in s.flags]
+    if long:
+        text = (
+            f"in {len(long)} stops the force took more than a tenth of the stop itself to rise: the contact had aged "
+            "for longer than the stop says. Slopes at the shortest durations are too small for it."
+        )
+        out.append(Statement("stops", text, carried=False, remedy="restart faster after short stops"))
+    inertia = [s for s in series.stops if "inertia" in s.flags]
+    if inertia:
+        text = (
+            f"the mass that breaks loose on the rig's spring may add up to {_inertia(series.stops):.2g} N to every "
+            "peak: the level of breakaway is as uncertain, its slope much less (the interval holds it)."
+        )
+        out.append(Statement("stops", text, carried=False, remedy="restart more slowly, or with a softer sensor"))
+    slow = sum("slow_samples" in s.flags for s in series.stops)
+    if slow:
+        text = f"{slow} of {len(series.stops)} peaks were sampled at less than 5 kHz: sharp peaks are cut."
+        out.append(Statement("stops", text, carried=False, remedy="bursts of 5 kHz around each restart"))
+    return out

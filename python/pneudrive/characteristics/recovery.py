@@ -1,0 +1,213 @@
+"""How far and how long after a restart friction is back at that of uninterrupted sliding.
+
+  excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
+
+c is what is left at the end of the move. Friction counts as back where the excess over c has fallen to 5 % of what it
+was: a distance that does not depend on noise, as "no longer distinguishable" would.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.spread import student
+from pneudrive.characteristics.basics import Estimate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+BACK = 0.05  # of the excess at the peak
+BINS_PER_DECADE = 14
+LEAST_IN_BIN = 4
+FEWEST_BINS = 8
+LENGTHS = 60
+MISFIT = 0.05  # of the excess: an exponential that misses by less than this is good enough to read a distance from
+#: An excess below this many standard errors cannot be followed.
+SIGNIFICANT = 3.0
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Way back to uninterrupted sliding.
+
+    Attributes
+    ----------
+    distance : Estimate
+        m, from the peak to where 5 % of the excess are left; high is inf where the move ends before.
+    time : Estimate
+        s, likewise.
+    length_m : float
+        L.
+    left : Estimate
+        c: friction at the end less that before the stop, N.
+    seen_m : float
+        Travel after the peak that the move has.
+    complete : bool
+        The move is long enough to see it.
+    exponential : bool
+        The excess is an exponential within its noise; otherwise the distance is read from the bins.
+    """
+
+    distance: Estimate
+    time: Estimate
+    length_m: float
+    left: Estimate
+    seen_m: float
+    complete: bool
+    exponential: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """Excess over uninterrupted sliding in bins of travel since the peak, with standard errors; shape (m,) each."""
+
+    travel_m: Array
+    time_s: Array
+    excess_n: Array
+    stderr_n: Array
+
+
+def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Excess | None:
+    """Average over bins that widen with travel; None where there are too few.
+
+    Parameters
+    ----------
+    travel_m, time_s, excess_n : ndarray, shape (n,)
+        Since the peak.
+    noise_n : float
+        Of one sample.
+    texture_n : float
+        Standard deviation of friction over position in uninterrupted sliding, which bins do not average out.
+    """
+    known = travel_m > 0
+    travel, time, excess = travel_m[known], time_s[known], excess_n[known]
+    if travel.size < FEWEST_BINS * LEAST_IN_BIN:
+        return None
+    low = float(travel[LEAST_IN_BIN])
+    edges = np.r_[0.0, np.geomspace(low, float(travel[-1]) * (1 + 1e-9), BINS_PER_DECADE * 4)]
+    at = np.searchsorted(edges, travel, side="right") - 1
+    number = np.bincount(at, minlength=edges.size)
+    # Bins with too few samples join the following one.
+    target, carried, label = np.zeros(edges.size, dtype=int), 0, 0
+    for i, count in enumerate(number):
+        target[i] = label
+        carried += int(count)
+        if carried >= LEAST_IN_BIN:
+            label, carried = label + 1, 0
+    group = target[at]
+    count = np.bincount(group)
+    kept = count >= LEAST_IN_BIN
+    if kept.sum() < FEWEST_BINS:
+        return None
+
+    def mean(values: Array) -> Array:
+        return np.bincount(group, values)[kept] / count[kept]
+
+    return Excess(mean(travel), mean(time), mean(excess), np.hypot(noise_n / np.sqrt(count[kept]), texture_n))
+
+
+def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery | None:
+    """Find the way back.
+
+    Parameters
+    ----------
+    bins : Excess
+    running_stderr_n : float
+        Standard error of the level of uninterrupted sliding.
+    speed_m_s : float
+        Of the restart.
+
+    Returns
+    -------
+    Recovery or None
+        None where the excess at the peak is not distinguishable from zero.
+    """
+    s, y, sigma = bins.travel_m, bins.excess_n, bins.stderr_n
+    first = slice(0, max(2, s.size // 10))
+    start = float(np.average(y[first], weights=sigma[first] ** -2))
+    if start < SIGNIFICANT * float(np.hypot(sigma[first].min(), running_stderr_n)):
+        return None
+    limits = float(s[0]), 3.0 * float(s[-1])
+    lengths, (costs, found, spread) = _near(s, y, sigma, limits)
+    best = int(np.argmin(costs))
+    freedom = s.size - 3
+    scale = max(float(costs[best]) / freedom, 1.0)
+    inside = costs <= costs[best] + scale * student(freedom) ** 2
+    back = lengths * np.log(1.0 / BACK)
+    seen = float(s[-1])
+    low, high = float(back[inside].min()), float(back[inside].max())
+    rest = y - np.c_[np.exp(-s / lengths[best]), np.ones(s.size)] @ found[best]
+    strange = float(costs[best]) > freedom + 3.0 * np.sqrt(2.0 * freedom)
+    exponential = not (strange and float(np.sqrt(np.mean(rest**2))) > MISFIT * start)
+    value = float(back[best])
+    if not exponential:
+        value, low, high = _by_bins(bins, float(found[best][1]))
+    complete = high <= seen
+    high = high if complete else float("inf")
+    level = float(np.hypot(np.sqrt(scale * spread[best][1]), running_stderr_n))
+    left = float(found[best][1])
+    reach = student(freedom) * level
+    to_time = np.r_[0.0, s], np.r_[0.0, bins.time_s]
+    at, early, late, last = (_time(x, *to_time, speed_m_s) for x in (value, low, high, 2 * seen))
+    return Recovery(
+        distance=Estimate(value, low, high, (min(high, 2 * seen) - low) / 4.0, "m"),
+        time=Estimate(at, early, late, (min(late, last) - early) / 4.0, "s"),
+        length_m=float(lengths[best]),
+        left=Estimate(left, left - reach, left + reach, level, "N", float(freedom)),
+        seen_m=seen,
+        complete=complete,
+        exponential=exponential,
+    )
+
+
+def _near(s: Array, y: Array, sigma: Array, limits: tuple[float, float]) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Scan lengths over all of the way, then closely where the first scan allows them."""
+    lengths = np.geomspace(*limits, LENGTHS)
+    costs = _scan(s, y, sigma, lengths)[0]
+    scale = max(float(costs.min()) / (s.size - 3), 1.0)
+    allowed = np.flatnonzero(costs <= costs.min() + scale * student(s.size - 3) ** 2)
+    low, high = max(int(allowed[0]) - 1, 0), min(int(allowed[-1]) + 1, LENGTHS - 1)
+    fine = np.geomspace(lengths[low], lengths[high], LENGTHS)
+    return fine, _scan(s, y, sigma, fine)
+
+
+def _scan(s: Array, y: Array, sigma: Array, lengths: Array) -> tuple[Array, Array, Array]:
+    costs, found, spread = [], [], []
+    for length in lengths:
+        design = np.c_[np.exp(-s / length), np.ones(s.size)] / sigma[:, None]
+        inverse = np.linalg.pinv(design)
+        coefficient = inverse @ (y / sigma)
+        rest = y / sigma - design @ coefficient
+        costs.append(float(rest @ rest))
+        found.append(coefficient)
+        spread.append((inverse**2).sum(axis=1))
+    return np.array(costs), np.array(found), np.array(spread)
+
+
+def _by_bins(bins: Excess, left_n: float) -> tuple[float, float, float]:
+    """Read the distance from the bins: where the excess begins to stay below 5 %, give or take its error."""
+    above = bins.excess_n - left_n
+    top = float(above[: max(2, above.size // 10)].mean())
+
+    def crossing(shift: float) -> float:
+        over = np.flatnonzero(above + shift * bins.stderr_n > BACK * top)
+        if not over.size:
+            return float(bins.travel_m[0])
+        last = int(over[-1])
+        return float(bins.travel_m[last + 1]) if last + 1 < above.size else float("inf")
+
+    low, value, high = crossing(-1.0), crossing(0.0), crossing(1.0)
+    return min(value, bins.travel_m[-1]), low, max(high, value)
+
+
+def _time(travel: float, known_m: Array, known_s: Array, speed_m_s: float) -> float:
+    """Time at a travel; beyond what was seen at the speed of the move."""
+    if not np.isfinite(travel):
+        return float("inf")
+    beyond = max(travel - float(known_m[-1]), 0.0) / max(speed_m_s, 1e-9)
+    return float(np.interp(travel, known_m, known_s)) + beyond

@@ -1,0 +1,181 @@
+"""Where in a cycle the stop is: approach, rest, restart; from its steps, or from motion where they do not tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.motion import middle, noise_level
+from pneudrive.rig.interface import Hold, Move
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.rig.interface import Step
+
+    Array = NDArray[np.float64]
+
+#: Least samples that make a phase.
+FEWEST = 5
+#: Speeds within this share of the usual one belong to the part of a move at constant speed.
+STEADY = 0.1
+#: A piston slower than this share of the move's speed rests.
+RESTS = 0.1
+#: Least and largest time over which speed is taken.
+SPEED_WINDOW_S = (0.005, 2.0)
+
+
+@dataclass(frozen=True)
+class Phases:
+    """The stop of a cycle as slices of its samples.
+
+    Attributes
+    ----------
+    approach, rest, restart : slice
+    rest_s, restart_s : float
+        When the axis came to rest and when it began to move again.
+    direction : int
+        Of the restart.
+    reversed : bool
+        The approach came from the other side, or there is none.
+    by_steps : bool
+        Found by the steps of the cycle; by motion otherwise.
+    """
+
+    approach: slice
+    rest: slice
+    restart: slice
+    rest_s: float
+    restart_s: float
+    direction: int
+    reversed: bool
+    by_steps: bool
+
+    @property
+    def dwell_s(self) -> float:
+        """Duration of the rest."""
+        return self.restart_s - self.rest_s
+
+
+def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np.int64]) -> Phases | str:
+    """Find the stop of a cycle.
+
+    Parameters
+    ----------
+    cycle : Cycle
+    time_s, position_m, step : ndarray, shape (n,)
+
+    Returns
+    -------
+    Phases or str
+        A string says why there is none.
+    """
+    hold = stop_step(cycle)
+    if hold is not None and np.unique(step).size > 1:
+        before, rest, after = (np.flatnonzero(step == hold + k) for k in (-1, 0, 1))
+        if after.size < FEWEST:
+            return "no samples of the restart: the cycle ends with its stop"
+        begins = int(after[0])
+        last = int(before[-1]) if before.size else (int(rest[0]) if rest.size else begins - 1)
+        approach = slice(int(before[0]), last + 1) if before.size >= FEWEST else slice(last, last)
+        phases = slice(last + 1, begins), slice(begins, int(after[-1]) + 1)
+        return _phases(time_s, position_m, approach, *phases, by_steps=True)
+    return _by_motion(cycle, time_s, position_m)
+
+
+def stop_step(cycle: Cycle) -> int | None:
+    """Find the hold that is the stop of a cycle, before a move and as long as planned; None where there is none."""
+    found = [
+        i
+        for i, step in enumerate(cycle.steps)
+        if isinstance(step, Hold) and step.duration_s > 0 and _moves(cycle.steps, i + 1)
+    ]
+    if not found:
+        return None
+    if cycle.stop_s is None:
+        return max(found, key=lambda i: cycle.steps[i].duration_s)  # pyright: ignore[reportAttributeAccessIssue]
+    wanted = max(cycle.stop_s, 1e-9)
+    return min(found, key=lambda i: (abs(np.log(cycle.steps[i].duration_s / wanted)), -i))  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _moves(steps: Sequence[Step], index: int) -> bool:
+    return index < len(steps) and isinstance(steps[index], Move)
+
+
+def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
+    """Signed speed over a time in which a move of this speed goes well beyond the noise of position, shape (n,)."""
+    noise = max(noise_level(position_m), 1e-12)
+    width = float(np.clip(20.0 * noise / max(speed_m_s, 1e-9), *SPEED_WINDOW_S))
+    low, high = np.maximum(time_s - width / 2, time_s[0]), np.minimum(time_s + width / 2, time_s[-1])
+    ends = np.interp(high, time_s, position_m) - np.interp(low, time_s, position_m)
+    return ends / np.maximum(high - low, 1e-12)
+
+
+def steady_part(time_s: Array, position_m: Array) -> slice:
+    """Part of one move at constant speed, from the first to the last sample near its usual speed."""
+    n = time_s.size
+    share = np.abs(position_m - position_m[0]) / max(abs(float(position_m[-1] - position_m[0])), 1e-12)
+    inner = np.flatnonzero((share > 0.2) & (share < 0.8))
+    if inner.size < FEWEST or time_s[inner[-1]] <= time_s[inner[0]]:
+        return slice(0, n)
+    usual = float(position_m[inner[-1]] - position_m[inner[0]]) / float(time_s[inner[-1]] - time_s[inner[0]])
+    steady = np.flatnonzero(np.abs(speed_of(time_s, position_m, abs(usual)) - usual) < STEADY * abs(usual))
+    return slice(int(steady[0]), int(steady[-1]) + 1) if steady.size >= FEWEST else slice(0, n)
+
+
+def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:
+    """Take the rest that is as long as planned, or the longest one between two moves in one direction."""
+    if time_s.size < 4 * FEWEST or np.ptp(position_m) <= 20 * noise_level(position_m):
+        return "nothing moves"
+    planned = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
+    usual = cycle.speed_m_s or (min(planned) if planned else None)
+    if usual is None:
+        moving = np.abs(speed_of(time_s, position_m, float(np.ptp(position_m)) / float(np.ptp(time_s))))
+        usual = middle(moving[moving > 0]) if (moving > 0).any() else 0.0
+    resting = np.abs(speed_of(time_s, position_m, usual)) < RESTS * usual
+    edges = np.flatnonzero(np.diff(np.r_[False, resting, False].astype(int)))
+    rests = [
+        (int(a), int(b))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if a > FEWEST and time_s.size - b > FEWEST
+    ]
+    if not rests:
+        return "no rest between two moves"
+    found = []
+    for begin, end in rests:
+        turn = np.flatnonzero(resting[:begin])
+        start = int(turn[-1]) + 1 if turn.size else 0
+        following = np.flatnonzero(resting[end:])
+        stop = end + (int(following[0]) if following.size else time_s.size - end)
+        if stop - end >= FEWEST:
+            parts = slice(start, begin), slice(begin, end), slice(end, stop)
+            found.append(_phases(time_s, position_m, *parts, by_steps=False))
+    if not found:
+        return "no samples of a restart"
+    if cycle.stop_s:
+        wanted = cycle.stop_s
+        return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / wanted)))
+    return max(found, key=lambda p: (not p.reversed, p.dwell_s))
+
+
+def _phases(
+    time_s: Array, position_m: Array, approach: slice, rest: slice, restart: slice, *, by_steps: bool
+) -> Phases:
+    at = float(position_m[max(restart.start - 1, 0)])
+    direction = 1 if position_m[restart.stop - 1] >= at else -1
+    came = float(at - position_m[approach.start]) if approach.stop > approach.start else 0.0
+    return Phases(
+        approach=approach,
+        rest=rest,
+        restart=restart,
+        rest_s=float(time_s[max(rest.start - 1, 0)]),
+        restart_s=float(time_s[restart.start]),
+        direction=direction,
+        reversed=came * direction <= 0,
+        by_steps=by_steps,
+    )

@@ -1,0 +1,378 @@
+"""Stops in the middle of a move: relaxation while held, breakaway peak, way back to uninterrupted sliding.
+
+Every number is a difference within one move (or to an uninterrupted one of the same cycle), so that the zero of the
+sensor and slow drift cancel. Samples are raw; friction here is direction * balance, with the offset still in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.campaign.folder import CycleFile
+from pneudrive.characterise.motion import noise_level
+from pneudrive.characterise.pool import in_processes, workers
+from pneudrive.characteristics.breakaway import Breakaway, find_breakaway
+from pneudrive.characteristics.cycle import condition_of, recording_of
+from pneudrive.characteristics.recovery import Recovery, bin_excess, recover
+from pneudrive.characteristics.relaxation import Relaxation, relax
+from pneudrive.characteristics.result import Skipped
+from pneudrive.characteristics.running import Running, running_level
+from pneudrive.characteristics.stop_phases import Phases, find_phases, steady_part, stop_step
+from pneudrive.characteristics.uninterrupted import MOST_CYCLES, SAME_SPEED, Stroke, read_strokes, strokes_of
+from pneudrive.errors import PneudriveError
+from pneudrive.rig.interface import Move
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.folder import Campaign
+    from pneudrive.characterise.recording import Recording
+    from pneudrive.characteristics.basics import Condition
+    from pneudrive.rig.interface import Identity
+
+    Array = NDArray[np.float64]
+
+#: A change of the air's force, or inertia, beyond this share of the increment spoils a peak; so does a loading that
+#: lasts longer than this share of the stop, but then only the duration is in doubt.
+SPOILS = 0.1
+LEAST_RATE_HZ = 5000.0  # of the samples around a restart
+SAME_DURATION = 0.2  # a rest that differs from the planned stop by more than this share is named
+WORTH_WORKERS = 60  # stops below which starting processes costs more than it saves
+TRACE_SAMPLES = (120, 160, 480)  # of approach, rest and restart that are kept for figures
+#: Flags that take a stop out of the law of breakaway over duration.
+SPOILING = frozenset({"undersampled", "no_peak", "pressure_transient", "saturated", "no_running"})
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """Friction around one stop, thinned; shape (m,) each. Time counts from the begin of the rest."""
+
+    time_s: Array
+    position_m: Array
+    friction_n: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """What one stop did.
+
+    Attributes
+    ----------
+    index, key, block, repeat
+        As in the head of its file.
+    condition : Condition
+    direction : int
+        Of the restart.
+    speed_m_s, position_m : float
+        Speed of the restart as planned, and where the stop was.
+    began_s : float
+        The rig's clock at the begin of the cycle.
+    stop_s, dwell_s : float
+        Duration as planned and as measured.
+    released : bool
+        The axis gave way during the stop.
+    running_n, running_stderr_n : float
+        Friction of uninterrupted sliding at the stop.
+    basis : str
+        Where it is from: approach, approach and reference, reference, or none.
+    breakaway_n, breakaway_stderr_n : float
+        Peak after the restart.
+    increment_n, increment_stderr_n : float
+        Peak less running friction.
+    loading_rate_n_s, loading_s : float
+        Rate at which the force rose, and how long from restart to peak.
+    sample_rate_hz : float
+        Around the peak.
+    inertia_n : float
+        Most that the mass which breaks loose can add to the peak: v sqrt(k m), like after every stop.
+    relaxation : Relaxation or None
+        None where the axis gave way, or too few samples were taken.
+    recovery : Recovery or None
+        None where the peak cannot be told from running friction.
+    trace : Trace
+    flags : tuple of str
+        Those of `SPOILING`, and inertia, slow_samples, long_loading, duration, reversed, by_motion.
+    """
+
+    index: int
+    key: str
+    block: int
+    repeat: int
+    condition: Condition
+    direction: int
+    speed_m_s: float
+    position_m: float
+    began_s: float
+    stop_s: float
+    dwell_s: float
+    released: bool
+    running_n: float
+    running_stderr_n: float
+    basis: str
+    breakaway_n: float
+    breakaway_stderr_n: float
+    increment_n: float
+    increment_stderr_n: float
+    loading_rate_n_s: float
+    loading_s: float
+    sample_rate_hz: float
+    inertia_n: float
+    relaxation: Relaxation | None
+    recovery: Recovery | None
+    trace: Trace
+    flags: tuple[str, ...] = ()
+
+    @property
+    def usable(self) -> bool:
+        """Whether the increment enters the law of breakaway over duration."""
+        return np.isfinite(self.increment_n) and not SPOILING.intersection(self.flags)
+
+
+def read_stop(file: CycleFile, identity: Identity, others: Sequence[Stroke] = ()) -> Stop | Skipped:
+    """Read one cycle of kind ``stop``.
+
+    Parameters
+    ----------
+    file : CycleFile
+    identity : Identity
+        Of the rig.
+    others : sequence of Stroke
+        Uninterrupted strokes of other cycles, for where this one has none of its own.
+
+    Returns
+    -------
+    Stop or Skipped
+    """
+    try:
+        return _read(file, identity, others)
+    except PneudriveError as error:
+        reason = f"{error.what} ({error.value})" if error.value is not None else error.what
+    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
+        # Samples that no check has foreseen cost their own cycle, not the campaign.
+        reason = f"{type(error).__name__}: {error}"
+    return Skipped(file.head.cycle.key, file.path.name, reason)
+
+
+def _read(file: CycleFile, identity: Identity, others: Sequence[Stroke]) -> Stop | Skipped:
+    samples = file.samples()
+    recording, _ = recording_of(file, identity, samples)
+    step = samples.step[np.clip(np.searchsorted(samples.time_s, recording.time_s), 0, len(samples) - 1)]
+    cycle = file.head.cycle
+    phases = find_phases(cycle, recording.time_s, recording.position_m, step)
+    if isinstance(phases, str):
+        return Skipped(cycle.key, file.path.name, phases)
+    friction = phases.direction * recording.balance_n()
+    own = strokes_of(file, recording, step, leave=stop_step(cycle)) if phases.by_steps else []
+    running = running_level(recording, friction, phases, own, others, condition_of(file.head))
+    time, travel, after = _restart(recording, friction, phases)
+    level = running.level_n if np.isfinite(running.level_n) else float(np.median(after[after.size // 2 :]))
+    peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m)
+    at_peak = phases.restart.start + peak.index
+    shift = float(running.shape(recording.position_m[[at_peak]])[0])
+    relaxation = None
+    if not cycle.released:
+        rest = phases.rest
+        relaxation = relax(recording.time_s[rest] - phases.rest_s, friction[rest])
+    flags = _flags(file, recording, phases, peak, running, samples.force_n)
+    stop = Stop(
+        index=file.head.index,
+        key=cycle.key,
+        block=cycle.block,
+        repeat=cycle.repeat,
+        condition=condition_of(file.head),
+        direction=phases.direction,
+        speed_m_s=_planned_speed(file, recording, phases),
+        position_m=float(recording.position_m[phases.restart.start]),
+        began_s=file.head.began_s,
+        stop_s=float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
+        dwell_s=phases.dwell_s,
+        released=cycle.released,
+        running_n=running.level_n + shift,
+        running_stderr_n=running.stderr_n,
+        basis=running.basis,
+        breakaway_n=peak.friction_n,
+        breakaway_stderr_n=peak.stderr_n,
+        increment_n=peak.friction_n - running.level_n - shift,
+        increment_stderr_n=float(np.hypot(peak.stderr_n, running.stderr_n)),
+        loading_rate_n_s=peak.loading_rate_n_s,
+        loading_s=peak.time_s,
+        sample_rate_hz=peak.rate_hz,
+        inertia_n=_inertia(recording, peak, cycle.speed_m_s),
+        relaxation=relaxation,
+        recovery=_recovery(recording, friction, phases, peak, running),
+        trace=_trace(recording, friction, phases),
+        flags=flags,
+    )
+    in_chamber = identity.pressure_measured_at == "chamber"
+    return replace(stop, flags=(*flags, *_spoiled(recording, phases, stop, at_peak, in_chamber)))
+
+
+def _restart(recording: Recording, friction: Array, phases: Phases) -> tuple[Array, Array, Array]:
+    part = phases.restart
+    travel = phases.direction * (recording.position_m[part] - recording.position_m[part.start])
+    return recording.time_s[part], np.maximum.accumulate(travel), friction[part]
+
+
+def _planned_speed(file: CycleFile, recording: Recording, phases: Phases) -> float:
+    if file.head.cycle.speed_m_s is not None:
+        return float(file.head.cycle.speed_m_s)
+    part = phases.restart
+    steady = steady_part(recording.time_s[part], recording.position_m[part])
+    time, position = recording.time_s[part][steady], recording.position_m[part][steady]
+    return abs(float(position[-1] - position[0])) / max(float(time[-1] - time[0]), 1e-12)
+
+
+def _recovery(
+    recording: Recording, friction: Array, phases: Phases, peak: Breakaway, running: Running
+) -> Recovery | None:
+    part = phases.restart
+    if not np.isfinite(running.level_n):
+        return None
+    steady = steady_part(recording.time_s[part], recording.position_m[part])
+    begin, end = part.start + peak.index, part.start + steady.stop
+    if end - begin < 2:
+        return None
+    position = recording.position_m[begin:end]
+    travel = np.maximum.accumulate(phases.direction * (position - position[0]))
+    time = recording.time_s[begin:end] - recording.time_s[begin]
+    excess = friction[begin:end] - running.level_n - running.shape(position)
+    bins = bin_excess(travel, time, excess, noise_level(friction[begin:end]), running.texture_n)
+    speed = float(travel[-1]) / max(float(time[-1]), 1e-12)
+    return recover(bins, running.stderr_n, speed) if bins is not None else None
+
+
+def _flags(
+    file: CycleFile, recording: Recording, phases: Phases, peak: Breakaway, running: Running, raw_force_n: Array
+) -> tuple[str, ...]:
+    flags = list(peak.flags)
+    if running.basis == "none":
+        flags.append("no_running")
+    if "force_n" in recording.limits:
+        low, high = recording.limits["force_n"]
+        finite = raw_force_n[np.isfinite(raw_force_n)]
+        if finite.size and (finite.max() >= high or finite.min() <= low) and recording.flags.get("saturated", 0):
+            flags.append("saturated")
+    if peak.rate_hz < LEAST_RATE_HZ * 0.9:
+        flags.append("slow_samples")
+    planned = file.head.cycle.stop_s
+    if planned is not None and abs(phases.dwell_s - planned) > SAME_DURATION * planned:
+        flags.append("duration")
+    if peak.time_s > SPOILS * phases.dwell_s:
+        flags.append("long_loading")
+    if phases.reversed:
+        flags.append("reversed")
+    if not phases.by_steps:
+        flags.append("by_motion")
+    return tuple(flags)
+
+
+def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_chamber: bool) -> tuple[str, ...]:
+    """Name what of the increment may not be friction: air that moved meanwhile, a mass that breaks loose."""
+    flags = []
+    size = max(abs(stop.increment_n), 3.0 * stop.increment_stderr_n)
+    begin = max(phases.restart.start - 3, 0)
+    moved = 0.0
+    for side in ("a", "b"):
+        channel = getattr(recording, f"pressure_{side}_pa")
+        ends = [float(channel[max(i - 20, 0) : i + 20].mean()) for i in (begin, at_peak)]
+        noise = noise_level(channel, quantisation=False) / np.sqrt(20.0)
+        moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
+    # What is measured in the chamber is taken out of the balance; it spoils only where it is as large as the result.
+    if moved > (1.0 if in_chamber else SPOILS) * size:
+        flags.append("pressure_transient")
+    if stop.inertia_n > SPOILS * size:
+        flags.append("inertia")
+    return tuple(flags)
+
+
+def _inertia(recording: Recording, peak: Breakaway, speed_m_s: float | None) -> float:
+    """Overshoot of a mass that breaks loose on the rig's spring, at the speed that the axis has by then."""
+    speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less than that in a longer move
+    speed = min(speed, speed_m_s) if speed_m_s is not None else speed
+    stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak.loading_rate_n_s)) / max(speed, 1e-12)
+    return speed * float(np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg))
+
+
+def _trace(recording: Recording, friction: Array, phases: Phases) -> Trace:
+    chosen = []
+    for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
+        size = part.stop - part.start
+        if size <= 0:
+            continue
+        if part is phases.restart:  # dense where the peak is
+            rank = np.unique(np.geomspace(1, size, most).astype(int)) - 1
+        else:
+            rank = np.unique(np.linspace(0, size - 1, most).astype(int))
+        chosen.append(part.start + rank)
+    index = np.concatenate(chosen)
+    return Trace(recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
+
+
+def find_stops(campaign: Campaign, processes: int | None = None) -> tuple[tuple[Stop, ...], tuple[Skipped, ...]]:
+    """Read all stops of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    processes : int, optional
+        None: as many as there are processors, where there are enough stops.
+
+    Returns
+    -------
+    tuple of Stop, tuple of Skipped
+        In the order in which they were run; what could not be read, and why.
+    """
+    files, _ = campaign.scan()
+    files = [CycleFile(f.path, replace(f.head, memory={})) for f in files]
+    stops = [f for f in files if f.head.cycle.kind == "stop" and f.head.cycle.stop_s != 0.0]
+    if not stops:
+        return (), ()
+    others = read_strokes(_comparable(files, stops), campaign.identity)
+    number = processes or workers()
+    if len(stops) < WORTH_WORKERS or number < 2:
+        found = read_stops(stops, campaign.identity, others)
+    else:
+        found = in_processes(read_stops, [(stops[i::number], campaign.identity, others) for i in range(number)])
+    read = sorted((s for s in found if isinstance(s, Stop)), key=lambda s: s.index)
+    skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
+    return tuple(read), tuple(skipped)
+
+
+def read_stops(files: Sequence[CycleFile], identity: Identity, others: Sequence[Stroke]) -> list[Stop | Skipped]:
+    """Read some stops one after the other."""
+    return [read_stop(file, identity, others) for file in files]
+
+
+def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
+    """Cycles without a stop, at condition and speed of one with a stop that has no uninterrupted stroke of its own."""
+    alone = [f.head for f in stops if not _has_reference(f.head.cycle)]
+    wanted = {(condition_of(h), _speed_key(h.cycle)) for h in alone}
+    found: dict[tuple, list[CycleFile]] = {}
+    for file in files:
+        cycle = file.head.cycle
+        uninterrupted = cycle.kind in ("sweep", "sentinel", "blank") or (cycle.kind == "stop" and cycle.stop_s == 0.0)
+        key = (condition_of(file.head), _speed_key(cycle))
+        if uninterrupted and key in wanted:
+            found.setdefault(key, []).append(file)
+    return [
+        group[i] for group in found.values() for i in np.unique(np.linspace(0, len(group) - 1, MOST_CYCLES).astype(int))
+    ]
+
+
+def _speed_key(cycle: Cycle) -> float:
+    return round(float(np.log(cycle.speed_m_s)) / SAME_SPEED) if cycle.speed_m_s else float("nan")
+
+
+def _has_reference(cycle: Cycle) -> bool:
+    """Whether a move of the cycle, away from the stop, is at the speed of the restart."""
+    hold = stop_step(cycle)
+    return hold is not None and any(
+        isinstance(step, Move) and abs(i - hold) > 1 and step.speed_m_s == cycle.speed_m_s
+        for i, step in enumerate(cycle.steps)
+    )
