@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import stat
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from pneudrive.cli.main import run
 from pneudrive.errors import CommandError, RigError
 from pneudrive.rig import Move, Samples, Sampling, load_rig
-from pneudrive.rig.opcua_access import Access, Protection, add_user, make_certificate
+from pneudrive.rig.opcua_access import Access, Protection, make_certificate
 from pneudrive.rig.opcua_client import open_rig
 from pneudrive.rig.opcua_nodes import load_map
 from pneudrive.rig.opcua_server import RigServer
@@ -21,11 +22,12 @@ PASSWORD = "correct horse"
 @pytest.fixture(scope="module")
 def files(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("certificates")
-    for name in ("server", "client", "stranger"):
-        make_certificate(folder, name, ["localhost"])
-    add_user(folder / "users", "anna", "old")
-    add_user(folder / "users", "bert", "another")
-    add_user(folder / "users", "anna", PASSWORD)
+    for name in ("server", "client", "stranger", "carla"):
+        assert run(["rig", "certificate", name, "--out", str(folder), "--host", "localhost"]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        for name, password in (("anna", "old"), ("bert", "another"), ("anna", PASSWORD)):
+            patch.setattr("sys.stdin", io.StringIO(f"{password}\n"))
+            assert run(["rig", "user", name, "--user-file", str(folder / "users")]) == 0
     (folder / "password").write_text(f"{PASSWORD}\n")
     (folder / "password").chmod(0o600)
     return folder
@@ -33,7 +35,9 @@ def files(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def served(files):
-    protection = Protection.of(files / "server.pem", None, [files / "client.pem"], files / "users")
+    protection = Protection.of(
+        files / "server.pem", None, [files / "client.pem"], files / "users", [files / "carla.pem"]
+    )
     with RigServer(load_rig("default", seed=3), load_map(), port=0, protection=protection) as server:
         yield server
 
@@ -61,10 +65,25 @@ def test_the_right_client_gets_all_samples(served, files, tmp_path, monkeypatch)
     rig.close()
 
 
+def test_a_user_may_be_a_certificate(served, files):
+    nobody = {"user": None, "password_file": None}
+    own = {"user_certificate": files / "carla.pem", "user_key": files / "carla.key"}
+    rig = open_rig(served.url, access=access(files, **nobody, **own))
+    assert rig.state().fault is None
+    rig.close()
+    for other in ("stranger", "client"):  # the client's application is no user
+        own = {"user_certificate": files / f"{other}.pem", "user_key": files / f"{other}.key"}
+        with pytest.raises(RigError, match="refuses us: BadUserAccessDenied"):
+            open_rig(served.url, access=access(files, **nobody, **own))
+    own = {"user_certificate": files / "carla.pem", "user_key": files / "stranger.key"}  # without her key
+    with pytest.raises(RigError, match="refuses us"):
+        open_rig(served.url, access=access(files, **nobody, **own))
+
+
 @pytest.mark.parametrize(
     ("who", "words"),
     [
-        ({"certificate": "stranger"}, "refuses us: BadUserAccessDenied"),
+        ({"certificate": "stranger"}, "refuses us: BadCertificateUntrusted"),
         ({"user": "carl"}, "refuses us: BadUserAccessDenied"),
         ({"user": "bert"}, "refuses us: BadUserAccessDenied"),
         ({"user": None, "password_file": None}, "refuses us: BadIdentityTokenRejected"),

@@ -35,6 +35,7 @@ def serve(
     key: Annotated[Path | None, typer.Option(help="Of the certificate; default: beside it, with .key.")] = None,
     trust: Annotated[list[Path] | None, typer.Option(help="Certificate of a client that is let in; repeat.")] = None,
     user_file: Annotated[Path | None, typer.Option(help="Users that may log in; made by `pneudrive rig user`.")] = None,
+    trust_user: Annotated[list[Path] | None, typer.Option(help="Certificate of a user; repeat.")] = None,
     unprotected: Annotated[bool, typer.Option(help="Let anyone on the network command the axis.")] = False,
 ) -> None:
     """Serve a rig over OPC UA, behind the nodes of a map, until Ctrl-C."""
@@ -45,7 +46,7 @@ def serve(
     from pneudrive.rig.opcua_server import RigServer
     from pneudrive.units import parse
 
-    protection = Protection.of(certificate, key, trust, user_file)
+    protection = Protection.of(certificate, key, trust, user_file, trust_user)
     if bind not in LOOPBACK and certificate is None and not unprotected:
         raise CommandError(
             f"--bind {bind} without --certificate",

@@ -18,7 +18,9 @@ from pneudrive.errors import CommandError, RigError
 if TYPE_CHECKING:
     from pneudrive.rig.rig_file import RigFile
 
-ACCESS_KEYS = {"user", "password_file", "password_env", "certificate", "key", "server_certificate"}
+ACCESS_KEYS = {
+    "user", "password_file", "password_env", "user_certificate", "user_key", "certificate", "key", "server_certificate",
+}  # fmt: skip
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and some 50 ms a try
 SALT_BYTES = 16
 OTHERS_MAY_READ = 0o077
@@ -44,12 +46,15 @@ class Access:
     """How a client shows who it is, and which server it trusts.
 
     With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server whose certificate is
-    named is spoken to. Files are read when a connection is made.
+    named is spoken to. A user is a name with a password, or a certificate of the user's own. Files are read when a
+    connection is made.
     """
 
     user: str | None = None
     password_file: Path | None = None
     password_env: str | None = None
+    user_certificate: Path | None = None
+    user_key: Path | None = None
     certificate: Path | None = None
     key: Path | None = None
     server_certificate: Path | None = None
@@ -89,6 +94,8 @@ def read_access(file: RigFile) -> Access:
         user=file.string("user"),
         password_file=file.path("password_file"),
         password_env=file.string("password_env"),
+        user_certificate=file.path("user_certificate"),
+        user_key=file.path("user_key"),
         certificate=file.path("certificate"),
         key=file.path("key"),
         server_certificate=file.path("server_certificate"),
@@ -97,9 +104,13 @@ def read_access(file: RigFile) -> Access:
     if None in encrypted and any(encrypted):
         rule = "certificate, key and server_certificate are named together: our own, its key, the one of the server"
         raise file.fail("one of the three files of encryption is missing", "certificate", rule)
-    if access.user is not None and not any(encrypted):
+    if (access.user or access.user_certificate) is not None and not any(encrypted):
         rule = "a password is sent over an encrypted connection only"
         raise file.fail("user without certificate", "user", rule, "pneudrive rig certificate makes certificates")
+    if (access.user_certificate is None) != (access.user_key is None):
+        raise file.fail("user_certificate and user_key are named together", "user_certificate")
+    if access.user is not None and access.user_certificate is not None:
+        raise file.fail("the user is named twice", "user_certificate", "either user or user_certificate")
     if access.password_file is not None and access.password_env is not None:
         raise file.fail("the password is named twice", "password_env", "either password_file or password_env")
     return access
@@ -120,6 +131,10 @@ async def secure(client: Any, access: Access) -> None:  # noqa: ANN401 - asyncua
     if access.user is not None:
         client.set_user(access.user)
         client.set_password(access.password() or "")
+    if access.user_certificate is not None:
+        own, key = _properties(read(access.user_certificate)), _properties(secret(access.user_key or Path()))
+        await client.load_client_certificate(own.path_or_content, own.extension)
+        await client.load_private_key(key.path_or_content, extension=key.extension)
 
 
 @dataclass(frozen=True)
@@ -133,17 +148,25 @@ class Protection:
     trusted : tuple of bytes
         Certificates of clients, DER; others are refused.
     users : dict
-        Name -> salted hash; where there are any, a client must log in.
+        Name -> salted hash.
+    user_certificates : tuple of bytes
+        Certificates of users, DER. Where there are users of either kind, a client must log in as one.
     """
 
     certificate: Path | None = None
     key: Path | None = None
     trusted: tuple[bytes, ...] = ()
     users: dict[str, str] = field(default_factory=dict)
+    user_certificates: tuple[bytes, ...] = ()
 
     @classmethod
     def of(
-        cls, certificate: Path | None, key: Path | None, trusted: list[Path] | None, user_file: Path | None
+        cls,
+        certificate: Path | None,
+        key: Path | None,
+        trusted: list[Path] | None,
+        user_file: Path | None,
+        user_certificates: list[Path] | None = None,
     ) -> Protection:
         """Read the files that the options of a command name.
 
@@ -152,15 +175,22 @@ class Protection:
         CommandError, RigError
             They do not fit together, or cannot be read.
         """
-        if certificate is None and (key or trusted or user_file):
-            raise CommandError("--key, --trust and --user-file need --certificate", remedy="pneudrive rig certificate")
+        if certificate is None and (key or trusted or user_file or user_certificates):
+            what = "--key, --trust, --trust-user and --user-file need --certificate"
+            raise CommandError(what, remedy="pneudrive rig certificate")
         if certificate is None:
             return cls()
         key = certificate.with_suffix(".key") if key is None else key
         if not trusted:
             raise CommandError("--certificate without --trust", rule="the certificates of clients that are let in")
         secret(key)
-        return cls(certificate, key, tuple(der(path) for path in trusted), read_users(user_file) if user_file else {})
+        return cls(
+            certificate,
+            key,
+            tuple(map(der, trusted)),
+            read_users(user_file) if user_file else {},
+            tuple(map(der, user_certificates or [])),
+        )
 
     def get_user(
         self,
@@ -171,7 +201,11 @@ class Protection:
     ) -> Any:  # noqa: ANN401 - asyncua's user, or None: refused
         """Let a client in, or not."""
         rules = opcua("asyncua.crypto.permission_rules")
+        if username is None and certificate in self.user_certificates:  # asyncua has checked the user's signature
+            return rules.User(role=rules.UserRole.User)
         if self.certificate is not None and certificate not in self.trusted:
+            return None
+        if username is None and self.user_certificates:
             return None
         if self.users and not _is_password(self.users.get(username or "", ""), password or ""):
             return None
@@ -188,11 +222,15 @@ async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 
         return
     await server.set_application_uri(application_uri(protection.certificate))
     server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
-    server.set_identity_tokens([ua.UserNameIdentityToken if protection.users else ua.AnonymousIdentityToken])
+    tokens = [
+        *([ua.UserNameIdentityToken] if protection.users else []),
+        *([ua.X509IdentityToken] if protection.user_certificates else []),
+    ]
+    server.set_identity_tokens(tokens or [ua.AnonymousIdentityToken])
     certificate, key = _properties(read(protection.certificate)), _properties(secret(protection.key))
     await server.load_certificate(certificate.path_or_content, certificate.extension)
     await server.load_private_key(key.path_or_content, format=key.extension)
-    server.set_certificate_validator(_validator("PEER_CLIENT"))
+    server.set_certificate_validator(_validator("PEER_CLIENT", protection.trusted))
 
 
 def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, days: int = 365) -> tuple[Path, Path]:
@@ -329,11 +367,19 @@ def _properties(content: bytes) -> Any:  # noqa: ANN401 - asyncua's form of a fi
     return opcua("asyncua.crypto.uacrypto").CertProperties(content, kind)
 
 
-def _validator(peer: str) -> Any:  # noqa: ANN401 - asyncua's
-    """Check of a certificate's dates and of the application that it was made for; whom we trust is our own list."""
-    module = opcua("asyncua.crypto.validator")
+def _validator(peer: str, trusted: tuple[bytes, ...] | None = None) -> Any:  # noqa: ANN401 - asyncua's
+    """Check of a certificate's dates and of the application that it was made for, and whether we trust it."""
+    module, utils, ua = opcua("asyncua.crypto.validator"), opcua("asyncua.common.utils"), opcua("asyncua.ua")
     options = module.CertificateValidatorOptions
-    return module.CertificateValidator(options.BASIC_VALIDATION | options[peer])
+    usual = module.CertificateValidator(options.BASIC_VALIDATION | options[peer])
+    encoding = opcua("cryptography.hazmat.primitives.serialization").Encoding.DER
+
+    async def check(certificate: Any, application: Any) -> None:  # noqa: ANN401
+        if trusted is not None and certificate.public_bytes(encoding) not in trusted:
+            raise utils.ServiceError(ua.StatusCodes.BadCertificateUntrusted)
+        await usual.validate(certificate, application)
+
+    return check
 
 
 def _is_password(kept: str, password: str) -> bool:
