@@ -1,0 +1,183 @@
+"""``pneudrive campaign run``, ``resume``, ``status``, ``pause``, ``abort``: what users type and what they get."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from campaign.fake_rig import PROTOCOL, FakeRig, contents, protocol
+from pneudrive.campaign import run as run_module
+from pneudrive.campaign.adaptive import Finished, Point
+from pneudrive.campaign.lock import FolderLock, holder
+from pneudrive.campaign.plan import lay_out
+from pneudrive.campaign.textplot import text_plot
+from pneudrive.cli.main import run
+
+TESTS = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return tmp_path / "c"
+
+
+@pytest.fixture
+def asked(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(PROTOCOL.format(more="", repeats=1), encoding="utf-8")
+    return str(path)
+
+
+def test_run_and_status(folder, asked, capsys):
+    assert run(["campaign", "run", asked, "--into", str(folder), "--operator", "anna", "--label", "seal=B"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("1/10 b1/warm-up")
+    assert lines[-1] == f"10 cycles in {folder}"
+    about = json.loads((folder / "campaign.json").read_text())
+    assert (about["operator"], about["labels"], about["synthetic"], about["seed"]) == ("anna", {"seal": "B"}, True, 3)
+    assert run(["campaign", "status", str(folder)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "Small campaign (synthetic), rig Default simulated rig",
+        "10 of 10 planned cycles; done",
+        "no process works on it",
+    ]
+    sorted((folder / "cycles").iterdir())[4].write_bytes(b"PAR1")
+    run(["campaign", "status", str(folder)])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("9 of 10 planned cycles; ")
+    assert lines[2].startswith("problem: cycles/00005-b1_sweep_v50_a0_b0_r1.parquet: this is not a Parquet file")
+    assert run(["campaign", "resume", str(folder)]) == 0
+    assert "put aside" in capsys.readouterr().out
+    assert len(contents(folder)) == 10
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "nothing.toml", "--into", "c"], "nothing.toml"),
+        (["run", "quick-look", "--into", "c", "--rig", "nothing"], "'nothing' is no rig"),
+        (["run", "quick-look", "--into", "c", "--label", "seal"], "--label seal is no label"),
+        (["run", "quick-look", "--into", "c", "--patience", "long"], "--patience long is no time"),
+        (["resume", "c"], "this is not a campaign folder"),
+        (["status", "c"], "this is not a campaign folder"),
+        (["pause", "c"], "no process works in this campaign folder"),
+        (["abort", "c"], "no process works in this campaign folder"),
+    ],
+)
+def test_what_cannot_be_done_is_one_clear_message(tmp_path, monkeypatch, capsys, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    assert run(["campaign", *arguments]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
+
+
+def test_without_bluesky_the_extra_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(run_module, "find_spec", lambda name: None)
+    assert run(["campaign", "run", "quick-look", "--into", str(tmp_path / "c")]) == 2
+    assert 'pip install "pneudrive[rig]"' in capsys.readouterr().err
+
+
+def test_a_fault_while_running_is_status_1_and_says_how_to_go_on(folder, asked, capsys, monkeypatch):
+    monkeypatch.setattr(FakeRig, "set_pressure", lambda self, a, b: (_ for _ in ()).throw(OSError("valve stuck")))
+    assert run(["campaign", "run", asked, "--into", str(folder), "--rig", "campaign.fake_rig:FakeRig"]) == 1
+    error = capsys.readouterr().err
+    assert "the rig's own code failed: OSError: valve stuck" in error
+    assert f"pneudrive campaign resume {folder}" in error
+
+
+def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
+    """One process runs in real time, this one talks to it."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pneudrive", "campaign", "run", asked, "--into", str(folder), "--pace", "20"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), *sys.path])},
+    )
+    deadline = time.monotonic() + 60.0
+    while (at := holder(folder)) is None or at.state != "running":
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert run(["campaign", "pause", "--now", str(folder)]) == 0
+    assert "paus" in capsys.readouterr().out
+    while holder(folder).state != "paused":
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert run(["campaign", "run", asked, "--into", str(folder)]) == 2
+    assert "another process works in this campaign folder" in capsys.readouterr().err
+    run(["campaign", "status", str(folder)])
+    assert f"in work by process {process.pid}" in capsys.readouterr().out
+    assert run(["campaign", "resume", str(folder), "--operator", "eve"]) == 0
+    assert "It goes on" in capsys.readouterr().out
+    assert run(["campaign", "abort", str(folder)]) == 0
+    assert "Ended" in capsys.readouterr().out
+    out, _ = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert "Go on: pneudrive campaign resume" in out
+
+
+def test_a_lock_ends_with_its_process(tmp_path):
+    code = "import sys, time; from pneudrive.campaign.lock import FolderLock; from pathlib import Path\n"
+    code += "lock = FolderLock(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    assert holder(tmp_path).pid == process.pid
+    process.kill()
+    process.communicate()
+    assert holder(tmp_path) is None
+    with FolderLock(tmp_path):
+        assert holder(tmp_path).pid == os.getpid()
+    assert holder(tmp_path) is None
+
+
+def test_the_live_picture_shows_what_runs():
+    from rich.console import Console
+
+    from pneudrive.campaign.live import Screen
+
+    out = io.StringIO()
+    screen = Screen(Console(file=out, force_terminal=True, width=100, height=30, color_system=None))
+    rig = FakeRig()
+    plan = lay_out(protocol(), rig.identity(), rig.limits())
+    screen.began(plan, [])
+    cycle = plan.cycles[2]
+    screen.cycle(cycle, "", 2, 10)
+    for part in rig.acquire(cycle.steps, cycle.sampling):
+        screen.part(part)
+    for speed, friction in ((2e-3, 40.0), (0.2, 42.0)):
+        done = Finished(next(c for c in plan.cycles if c.speed_m_s == speed), {"stuck": 3}, Point(friction, 0.1, 1.0))
+        screen.finished(done)
+    threading.Event().wait(0.3)
+    screen.say("the supply pressure is low")
+    screen.ended()
+    shown = out.getvalue()
+    assert "now: b1/sweep/v2/a0/b0/r1" in shown
+    assert "2/10" in shown
+    assert "the supply pressure is low" in shown
+    assert "stuck 3" in shown
+
+
+def test_a_text_plot_puts_points_where_they_belong():
+    lines = text_plot([([0.0, 1.0, 2.0], [0.0, 1.0, np.nan])], 30, 6, x_label="mm", y_label="N", x_range=(0.0, 2.0))
+    assert len(lines) == 6
+    top, bottom = lines[1], lines[-2]
+    assert top.startswith("        1 ")
+    assert bottom.startswith("        0 ")
+    dots = [[i for i, c in enumerate(line[10:]) if ord(c) > 0x2800] for line in lines[1:-1]]
+    assert dots[-1] == [0]
+    assert abs(dots[0][0] - 10) <= 1
+    assert lines[-1].split() == ["0", "2"]

@@ -1,0 +1,61 @@
+"""A campaign folder that somebody else wrote, as docs/reference/campaign-folder.md tells, is read and characterised."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneudrive.campaign.adaptive import measure
+from pneudrive.campaign.checks import FLAGS
+from pneudrive.campaign.cycle import KINDS, Cycle
+from pneudrive.campaign.folder import COLUMNS, Campaign
+from pneudrive.campaign.head import Head
+from pneudrive.campaign.status import status_of
+from pneudrive.rig.interface import Identity
+
+PAGE = (Path(__file__).parents[2] / "docs/reference/campaign-folder.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Run the page's example."""
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert len(code.splitlines()) <= 32
+    exec(compile(code, "campaign-folder.md", "exec"), {})
+    return tmp_path / "my-campaign"
+
+
+def test_the_example_of_the_page_is_a_campaign(folder):
+    campaign = Campaign.open(folder)
+    assert campaign.problems() == []
+    assert campaign.identity.labels == {"seal": "B"}
+    for file, speed in zip(campaign.cycles(), [0.005, 0.02, 0.1], strict=True):
+        assert file.head.cycle.key == f"sweep-{1e3 * speed:g}"
+        assert (file.head.cycle.speed_m_s, file.head.cycle.pressure_a_pa) == (speed, 150900.0)
+        samples = file.samples()
+        assert np.isnan(samples.temperature_k).all()
+        assert set(samples.pressure_b_pa) == {150900.0}
+        assert np.mean(samples.step == np.repeat([0, 1], 2000)) > 0.99
+        point = measure(samples, file.head.cycle, campaign.identity)
+        assert point.friction_n == pytest.approx(18.0 + 40.0 * speed, abs=0.05)
+    assert status_of(folder).planned is None
+
+
+def test_the_page_names_every_key_kind_flag_and_column():
+    names = {
+        *COLUMNS,
+        *KINDS,
+        *FLAGS,
+        *Identity.__dataclass_fields__,
+        *Head.__dataclass_fields__,
+        *Cycle.__dataclass_fields__,
+    }
+    assert [name for name in sorted(names) if f"`{name}`" not in PAGE] == []
+    for kind in KINDS:
+        assert f"| `{kind}` |" in PAGE
+    for flag, what in FLAGS.items():
+        assert f"| `{flag}` | {what} |" in PAGE
