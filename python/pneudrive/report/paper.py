@@ -143,6 +143,7 @@ def stop(data: PaperFigure) -> Figure:
     """Figure 9: friction through one stop over time, around the restart over travel, and the peaks over speed."""
     figure = style.new_figure(2.9)
     left, middle, right = figure.subplots(1, 3, width_ratios=(1.4, 1, 1))
+    middle.sharey(left)
     c = data.columns
     left.plot(c["time_s"], c["friction_n"], ".-", color=style.BLACK, ms=1.5, lw=0.6)
     left.plot(c["time_s"], c["running_n"], "--", color=style.ORANGE, label="uninterrupted")

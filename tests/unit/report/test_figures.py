@@ -2,7 +2,7 @@
 
 import pytest
 
-from pneudrive.report import reproduce, style
+from pneudrive.report import style
 from pneudrive.report.page import Picture, svg_text
 from pneudrive.report.write import sections
 
@@ -10,10 +10,10 @@ UNITLESS = {"samples on the rise", "stroke in its direction"}
 
 
 @pytest.fixture(scope="module")
-def pictures(real):
+def pictures(real, made):
     found, fits = real
     with style.applied():
-        parts = sections(found, fits, reproduce())
+        parts = sections(found, fits, made)
     return [block for part in parts for block in part.blocks if isinstance(block, Picture)]
 
 

@@ -21,7 +21,7 @@ def test_what_the_code_raises_is_explained():
     of_samples |= set(
         re.findall(r'"(\w+)"', inspect.getsource(samples._bad_samples).split("masks = ")[1].split("}")[0])
     )
-    of_rows = set(re.findall(r'\{"(\w+)": len', inspect.getsource(text_table._parse_slow)))
+    of_rows = set(re.findall(r'\{"(\w+)": len', inspect.getsource(text_table)))
     assert len(of_levels) >= 9
     assert len(of_samples) >= 6
     assert of_rows == {"unreadable_row"}

@@ -4,13 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from pneudrive.report import reproduce, write_report
+from pneudrive.report import write_report
 from pneudrive.report.verdict import verdict
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    return reproduce(tmp_path_factory.mktemp("campaigns"))
 
 
 def test_sentences_hold_for_the_packages_own_rigs(made, tmp_path, loads_from_elsewhere):
