@@ -335,6 +335,9 @@ pub struct Rig {
     /// Time constant with which the axis gives way during a released hold, s; 20 ms where absent.
     #[serde(default)]
     pub release_time_s: Option<f64>,
+    /// For how long the contact has stood where a run starts from rest; for friction that remembers it.
+    #[serde(default)]
+    pub initial_age_s: f64,
 }
 
 /// Where a drive starts.

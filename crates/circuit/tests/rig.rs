@@ -65,6 +65,7 @@ fn rig(supply: Option<AirSupply>) -> spec::Rig {
         servo: None,
         ripple: None,
         release_time_s: None,
+        initial_age_s: 0.0,
     }
 }
 

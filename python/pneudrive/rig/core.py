@@ -24,7 +24,10 @@ def core_friction(d: RigDescription, mounting: Mounting | None = None) -> dict[s
 
 
 def steady_friction_n(
-    friction: dict[str, Any], velocity_m_s: float | Array, gauges_pa: tuple[float, float] = (0.0, 0.0)
+    friction: dict[str, Any],
+    velocity_m_s: float | Array,
+    gauges_pa: tuple[float, float] = (0.0, 0.0),
+    position_m: float = 0.0,
 ) -> Array:
     """Return the friction of steady sliding, N, of the sign of the velocity.
 
@@ -35,6 +38,8 @@ def steady_friction_n(
     velocity_m_s : float or ndarray
     gauges_pa : (float, float)
         Gauge pressures in the chambers.
+    position_m : float
+        Where, for friction that depends on it.
 
     Returns
     -------
@@ -44,9 +49,10 @@ def steady_friction_n(
     from pneudrive import _core
 
     velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=np.float64))
-    return np.asarray(
-        _core.steady_friction(friction["law"], friction["parameters"], velocity, *gauges_pa, friction.get("pressure"))
-    )
+    others = {name: table for name, table in friction.items() if name not in ("law", "parameters", "pressure")}
+    law, parameters, pressure = friction["law"], friction["parameters"], friction.get("pressure")
+    steady = _core.steady_friction(law, parameters, velocity, *gauges_pa, pressure, others, position_m)
+    return np.asarray(steady)
 
 
 def core_rig(

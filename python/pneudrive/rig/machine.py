@@ -65,6 +65,15 @@ class Machine:
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
         return float(abs(steady_friction_n(friction, velocity_m_s, gauges)[0]))
 
+    def dwell_increment_n(self, friction: dict[str, Any], age_s: float) -> float:
+        """Return what an age of the contact adds to the level of friction at the set pressures, N."""
+        dwell = friction.get("dwell")
+        if dwell is None or not age_s > 0.0:
+            return 0.0
+        # In steady sliding at this speed the contact is so old.
+        speed = dwell["distance_m"] / age_s
+        return self.steady_n(friction, speed) - self.steady_n({**friction, "dwell": None}, speed)
+
     def run(self, step: Step, motion: Motion, times: Array) -> dict[str, Array]:
         """Run one step; what it leaves behind goes into `past`.
 

@@ -9,6 +9,9 @@ A move says its ``speed_m_s`` and ``direction``; ``friction``, the law with the 
 friction at that speed and the set pressures; over the part at constant speed, if there is one, the means of the true
 friction force (``friction_mean_n``), of both pressures and of the force of the air on the piston in +x
 (``air_force_n``). A hold says how long it was, whether released, and the force of the sensor at its beginning and end.
+Where friction has a memory, every step says the age of the contact at both ends, and a move what that age adds to the
+level of friction when it begins (``dwell_increment_n``): what a stop before it is worth, before presliding takes its
+share. ``friction_peak_n`` is the largest friction over the first `RESTART_M` of a move.
 """
 
 from __future__ import annotations
@@ -30,6 +33,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+#: Way at the beginning of a move in which its peak is looked for, m.
+RESTART_M = 5e-3
 #: The commanded speed counts as reached within this share.
 AT_SPEED = 1e-3
 
@@ -53,21 +58,27 @@ def truth_of_step(machine: Machine, before: Past, step: Step, motion: Motion, tr
     if isinstance(step, Hold):
         ends = {"force_begin_n": float(force[0]), "force_end_n": float(force[-1])}
         return out | {"released": step.released, "shut": step.shut, "weight_n": step.weight_n} | ends | _ages(true)
-    return out | _of_move(machine, before, step, motion, true) | _ages(true)
+    ages = _ages(true)
+    return out | _of_move(machine, before, step, motion, true, ages.get("age_begin_s", 0.0)) | ages
 
 
-def _of_move(machine: Machine, before: Past, step: Move, motion: Motion, true: dict[str, Array]) -> dict[str, Any]:
+def _of_move(
+    machine: Machine, before: Past, step: Move, motion: Motion, true: dict[str, Array], age_s: float
+) -> dict[str, Any]:
     after, machine.past = machine.past, before
     friction = machine.friction()
     direction = 1.0 if step.to_m > motion.start_m else -1.0
     steady = machine.steady_n(friction, direction * step.speed_m_s)
+    increment = machine.dwell_increment_n(friction, age_s)
     machine.past = after
+    begins = np.abs(true["position_m"] - true["position_m"][0]) <= RESTART_M
     out: dict[str, Any] = {
         "speed_m_s": step.speed_m_s,
         "direction": int(direction),
         "friction": friction,
         "friction_n": steady,
-        "friction_peak_n": float(np.max(direction * true["friction_force_n"])),
+        "friction_peak_n": float(np.max(direction * true["friction_force_n"][begins])),
+        "dwell_increment_n": increment,
     }
     commanded = motion.at(true["time_s"])[1]
     cruise = np.abs(commanded * direction - step.speed_m_s) < AT_SPEED * step.speed_m_s

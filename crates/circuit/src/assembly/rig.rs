@@ -22,6 +22,7 @@ pub struct Rig {
     /// Pressure, Pa, in every volume at rest, and the temperature of the room, K.
     filling: Vec<(GasId, f64)>,
     room_k: f64,
+    initial_age: f64,
     /// What is always open, and what shutting off the supply closes.
     open: Vec<RestrictionId>,
     supply: Vec<RestrictionId>,
@@ -131,6 +132,7 @@ impl Rig {
             gas,
             filling,
             room_k,
+            initial_age: spec.initial_age_s,
             open,
             supply,
             columns,
@@ -153,7 +155,8 @@ impl Rig {
         circuit.set_giving_way(self.carriage, 0, motion.released);
         let filled: Vec<_> = self.filling.iter().map(|&(id, p)| (id, p, self.room_k)).collect();
         let at = if let Start::Rest(position) = from { position } else { 0.0 };
-        let mut y = circuit.initial(&filled, &[(self.axis, at, 0.0), (self.carriage_axis, at, 0.0)]);
+        let axes = [(self.axis, at, 0.0), (self.carriage_axis, at, 0.0)];
+        let mut y = circuit.initial_aged(&filled, &axes, &[(self.axis, self.initial_age)]);
         if let Start::State(state) = from {
             let n = circuit.n_states();
             if state.len() != n {
