@@ -20,7 +20,7 @@ from pneudrive.campaign import session as session_module
 from pneudrive.campaign import storage
 from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP, ask, wait_for
 from pneudrive.campaign.folder import Campaign
-from pneudrive.campaign.lock import holder
+from pneudrive.campaign.lock import FolderLock, holder
 from pneudrive.campaign.run import DONE, ENDED, resume_campaign, run_campaign
 from pneudrive.campaign.status import status_of
 from pneudrive.errors import CampaignError, ConnectionLostError, ProtocolError, RigError
@@ -121,7 +121,7 @@ def in_background(folder, rig):
 
 
 def test_pause_resume_and_abort_from_another_process(tmp_path, undisturbed):
-    rig = FakeRig(hold_up_s=0.03)
+    rig = FakeRig(hold_up_s=0.2)
     thread, result = in_background(tmp_path / "c", rig)
     for word in (PAUSE, STOP):
         ask(tmp_path / "c", word, "eve")
@@ -157,26 +157,26 @@ def fail(rig):
 
 
 def test_the_second_process_is_refused(tmp_path):
-    rig = FakeRig(hold_up_s=0.03)
-    thread, _ = in_background(tmp_path / "c", rig)
+    run_campaign(protocol(), FakeRig(), tmp_path / "c", options=QUICK)
     code = (
         "import sys\n"
         "from pneudrive.campaign.run import resume_campaign\n"
         "from campaign.fake_rig import FakeRig\n"
         "resume_campaign(sys.argv[1], FakeRig())\n"
     )
-    other = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / "c")],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE.parent), *sys.path])},
-    )
-    ask(tmp_path / "c", ABORT, "eve")
-    thread.join(20.0)
+    with FolderLock(tmp_path / "c"):
+        before = {path: path.stat().st_mtime_ns for path in (tmp_path / "c" / "cycles").iterdir()}
+        other = subprocess.run(
+            [sys.executable, "-c", code, str(tmp_path / "c")],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE.parent), *sys.path])},
+        )
     assert other.returncode != 0
     assert f"another process works in this campaign folder.   {tmp_path / 'c'}" in other.stderr
     assert f"process {os.getpid()} of" in other.stderr
+    assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "c" / "cycles").iterdir()}
 
 
 def press(rig):
