@@ -105,13 +105,13 @@ class SourcePaper:
     uses_window: bool = False
 
     def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Give the mask of samples after the first 5 % of each stroke and the smoothed balance."""
+        """Give the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()
         for stroke in motion.strokes:
-            length = stroke.stop - stroke.start
-            dropped = int(np.ceil(self.dropped_share * length))
-            mask[stroke.start + dropped : stroke.stop] = True
+            time = motion.time_s[stroke.samples]
+            # By time, which for even samples is by their number: a burst after the reversal is no larger share.
+            mask[stroke.samples] = time >= time[0] + self.dropped_share * (time[-1] - time[0])
             smooth[stroke.samples] = moving_average(motion.balance_n[stroke.samples], self.average_samples)
         return mask, smooth
 

@@ -16,12 +16,14 @@ if TYPE_CHECKING:
     from pneudrive.characteristics.basics import Estimate
     from pneudrive.characteristics.curves import Fits, Points
     from pneudrive.characteristics.drift import Causes
+    from pneudrive.characteristics.effects import Drift
     from pneudrive.characteristics.reading import Reading
     from pneudrive.characteristics.result import CampaignCharacteristics
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 CHANCE = 0.05
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
+LAST_SHARE = 0.25  # of the campaign's time, over which a change is still going on
 NAMED = 3  # cycles that are named where several share a fate
 
 
@@ -162,6 +164,7 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
         return
     text = f"Friction drifted by {np.ptp(drift.drift_n):.2g} N over the campaign (told by {drift.basis})"
     yield Statement("drift", f"{text}; the band holds the state of the rig as uncertain by {drift.spread_n:.2g} N.")
+    yield from _still_changing(drift)
     for effect, name in (
         (drift.per_hour, "time"),
         (drift.per_decade_of_travel, "travel (run-in)"),
@@ -185,6 +188,23 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
             "Continuous against interrupted operation cannot be compared: too few cycles follow a rest, or all do.",
             carried=False,
             remedy="Put rests of minutes before some of the cycles.",
+        )
+
+
+def _still_changing(drift: Drift) -> Iterator[Statement]:
+    """Say where friction has not come to rest when the campaign ends."""
+    last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
+    if last.sum() < NAMED:
+        return
+    change = float(drift.drift_n[last][-1] - drift.drift_n[last][0])
+    reach = float(np.mean((drift.high_n - drift.low_n)[last])) / 2.0
+    if abs(change) > reach:
+        yield Statement(
+            "drift",
+            f"Friction still changes at the end, by {change:+.2g} N over the last {100 * LAST_SHARE:.0f} % of time: "
+            "what it comes to is not known.",
+            carried=False,
+            remedy="Add warm-up cycles, and repeat the campaign when the reference speed no longer drifts.",
         )
 
 
