@@ -15,6 +15,7 @@ from pneudrive.characteristics.air import air_shares
 from pneudrive.characteristics.budget import sources
 from pneudrive.characteristics.curves import Points, curves_of, fit_points, points_of
 from pneudrive.characteristics.drift import causes, drift_of, repeatability
+from pneudrive.characteristics.dwell_law import fit_dwell
 from pneudrive.characteristics.loops import loops
 from pneudrive.characteristics.position import position_dependence
 from pneudrive.characteristics.pressure import pressure_effects
@@ -22,6 +23,7 @@ from pneudrive.characteristics.reading import Reading, read_campaign
 from pneudrive.characteristics.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.characteristics.statements import statements
 from pneudrive.characteristics.stick_slip import stick_slip_points, thresholds
+from pneudrive.characteristics.stops import find_stops
 from pneudrive.characteristics.table import friction_map
 from pneudrive.characteristics.threads import one_thread
 from pneudrive.characteristics.zero import asymmetries, sensor_zero
@@ -63,7 +65,7 @@ def characteristics(
     choice = protocol if protocol is not None else Settled()
     reading = read_campaign(opened, choice, processes)
     with one_thread():
-        return _characterise(opened, choice, reading)
+        return _with_stops(_characterise(opened, choice, reading), opened, reading, processes)
 
 
 def characterise(
@@ -139,6 +141,18 @@ def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> C
             repeatability=repeatability(fits),
         )
     return replace(found, statements=statements(found, reading, points, fits, why))
+
+
+def _with_stops(
+    found: CampaignCharacteristics, opened: Campaign, reading: Reading, processes: int | None
+) -> CampaignCharacteristics:
+    """Add what the stops say, where there are any."""
+    if not any(head.cycle.kind == "stop" for head in reading.heads):
+        return found
+    stops, lost = find_stops(opened, processes)
+    dwell, said = fit_dwell(stops, opened.identity.ambient_pressure_pa)
+    skipped, statements_ = (*found.skipped, *lost), (*found.statements, *said)
+    return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
 
 
 def _cycles(reading: Reading, points: Points | None) -> tuple[CycleResult, ...]:

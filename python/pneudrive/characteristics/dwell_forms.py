@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.characterise.spread import student
+from pneudrive.characteristics.separable import Scan, scan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -200,16 +201,6 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[LawFit, ...]:
     return tuple(sorted(out, key=lambda f: f.aicc))
 
 
-@dataclass(frozen=True, eq=False)
-class _Profile:
-    """Linear fits over the grid of shapes: cost (g,), coefficients (g, p), covariance for unit scale (g, p, p)."""
-
-    shapes: list[tuple[float, ...]]
-    cost: Array
-    coefficient: Array
-    covariance: Array
-
-
 def _limits(form: Form, duration_s: Array) -> tuple[float, float]:
     below, above = REACH["log" if form.name == "log" else "kato" if form.name.startswith("kato") else "saturating"]
     return float(duration_s.min()) / below, float(duration_s.max()) * above
@@ -224,42 +215,36 @@ def _shapes(form: Form, low: float, high: float, count: int) -> list[tuple[float
     return [(float(t), float(m)) for t in times for m in EXPONENTS]
 
 
-def _profile(curve: DwellCurve, form: Form, whitener: Array, shapes: list[tuple[float, ...]]) -> _Profile:
+def _profile(curve: DwellCurve, form: Form, whitener: Array, shapes: list[tuple[float, ...]]) -> Scan:
     data, conditions = curve.data, len(curve.data.conditions)
-    y = whitener @ data.increment_n
     own = np.zeros((len(data), conditions))
     own[np.arange(len(data)), data.condition] = 1.0
-    common = whitener @ np.c_[own, curve.extra]
-    costs, coefficients, covariances = [], [], []
-    for shape in shapes:
-        psi = form.psi(data.duration_s, *shape)
-        design = common if form.name == "none" else np.c_[common, whitener @ (own * psi[:, None])]
-        size = np.linalg.norm(design, axis=0)
-        size[size == 0.0] = 1.0
-        root = np.linalg.pinv(design / size, rcond=1e-10)
-        coefficient = root @ y
-        rest = y - (design / size) @ coefficient
-        costs.append(float(rest @ rest))
-        coefficients.append(coefficient / size)
-        covariances.append((root @ root.T) / np.outer(size, size))
-    return _Profile(shapes, np.array(costs), np.array(coefficients), np.array(covariances))
+    common = np.broadcast_to(
+        whitener @ np.c_[own, curve.extra], (len(shapes), len(data), conditions + curve.extra.shape[1])
+    )
+    designs = common
+    if form.shape:
+        psi = np.array([form.psi(data.duration_s, *shape) for shape in shapes])
+        designs = np.concatenate([common, whitener @ (own[None, :, :] * psi[:, :, None])], axis=2)
+    return scan(designs, whitener @ data.increment_n)
 
 
 def _fit(curve: DwellCurve, form: Form, whitener: Array, reference_s: float) -> dict[str, Any]:
     data, conditions = curve.data, len(curve.data.conditions)
     limits = _limits(form, data.duration_s)
-    profile = _profile(curve, form, whitener, _shapes(form, *limits, int(PER_DECADE * np.log10(limits[1] / limits[0]))))
+    shapes = _shapes(form, *limits, int(PER_DECADE * np.log10(limits[1] / limits[0])))
+    profile = _profile(curve, form, whitener, shapes)
     n, linear = len(data), profile.coefficient.shape[1]
     allowed = _allowed(profile.cost.min(), n, linear + len(form.shape))
     if form.shape:
-        times = np.array([s[0] for s in profile.shapes])
+        times = np.array([s[0] for s in shapes])
         near = times[profile.cost <= profile.cost.min() + allowed]
         step = 10.0 ** (1.0 / PER_DECADE)
         fine = (max(near.min() / step, limits[0]), min(near.max() * step, limits[1]))
-        profile = _profile(curve, form, whitener, _shapes(form, *fine, FINE))
-    shapes = profile.shapes
+        shapes = _shapes(form, *fine, FINE)
+        profile = _profile(curve, form, whitener, shapes)
     count = linear + len(form.shape) + 1
-    at = int(np.argmin(profile.cost))
+    at = profile.best
     deviance = n * np.log(max(profile.cost[at], 1e-300) / n) - 2.0 * float(np.log(np.diag(whitener)).sum())
     spare = n - count - 1
     allowed = _allowed(profile.cost[at], n, linear + len(form.shape))
@@ -297,7 +282,7 @@ def _allowed(cost: float, n: int, parameters: int) -> float:
     return cost / freedom * student(freedom) ** 2
 
 
-def _union(profile: _Profile, inside: NDArray[np.intp], slack: Array, rows: Array) -> tuple[float, float]:
+def _union(profile: Scan, inside: NDArray[np.intp], slack: Array, rows: Array) -> tuple[float, float]:
     """Give the ends of a linear quantity over all shapes that the data allow."""
     value = np.einsum("gi,gi->g", rows, profile.coefficient)[inside]
     reach = slack * np.sqrt(np.maximum(np.einsum("gi,gij,gj->g", rows, profile.covariance, rows), 0.0)[inside])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.characteristics.stop_files import STOPS_FILE, dwell_tables, write_stops
 from pneudrive.characteristics.table import COLUMNS, TEXT, WHOLE
 from pneudrive.trajectory import check_target, write_frame
 
@@ -32,7 +33,7 @@ CURVE_COLUMNS = (
 
 
 def write_characteristics(found: CampaignCharacteristics, folder: str | Path) -> list[Path]:
-    """Write map.parquet, map.csv, curves.parquet and effects.toml.
+    """Write map.parquet, map.csv, curves.parquet and effects.toml; stops.parquet where there are stops.
 
     Returns
     -------
@@ -45,7 +46,8 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
     """
     folder = Path(folder)
     written = [write_campaign_map(found.friction_map, folder / name) for name in MAP_FILES]
-    return [*written, write_curves(found, folder / CURVES_FILE), write_effects(found, folder / EFFECTS_FILE)]
+    written += [write_curves(found, folder / CURVES_FILE), write_effects(found, folder / EFFECTS_FILE)]
+    return [*written, write_stops(found, folder / STOPS_FILE)] if found.stops else written
 
 
 def write_campaign_map(friction_map: xr.Dataset, path: str | Path) -> Path:
@@ -112,6 +114,7 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
         "position": list(found.position),
         "stick_slip": list(found.stick_slip),
         "stick_slip_threshold": list(found.stick_slip_thresholds),
+        "dwell": dwell_tables(found),
     }
     path.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
     return path

@@ -15,6 +15,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import Estimate
+from pneudrive.characteristics.separable import Scan, scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -133,24 +134,24 @@ def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery
     if start < SIGNIFICANT * float(np.hypot(sigma[first].min(), running_stderr_n)):
         return None
     limits = float(s[0]), 3.0 * float(s[-1])
-    lengths, (costs, found, spread) = _near(s, y, sigma, limits)
-    best = int(np.argmin(costs))
+    lengths, found = _near(s, y, sigma, limits)
+    best, costs = found.best, found.cost
     freedom = s.size - 3
     scale = max(float(costs[best]) / freedom, 1.0)
     inside = costs <= costs[best] + scale * student(freedom) ** 2
     back = lengths * np.log(1.0 / BACK)
     seen = float(s[-1])
     low, high = float(back[inside].min()), float(back[inside].max())
-    rest = y - np.c_[np.exp(-s / lengths[best]), np.ones(s.size)] @ found[best]
+    rest = y - np.c_[np.exp(-s / lengths[best]), np.ones(s.size)] @ found.coefficient[best]
     strange = float(costs[best]) > freedom + 3.0 * np.sqrt(2.0 * freedom)
     exponential = not (strange and float(np.sqrt(np.mean(rest**2))) > MISFIT * start)
     value = float(back[best])
     if not exponential:
-        value, low, high = _by_bins(bins, float(found[best][1]))
+        value, low, high = _by_bins(bins, float(found.coefficient[best, 1]))
     complete = high <= seen
     high = high if complete else float("inf")
-    level = float(np.hypot(np.sqrt(scale * spread[best][1]), running_stderr_n))
-    left = float(found[best][1])
+    level = float(np.hypot(np.sqrt(scale * found.covariance[best, 1, 1]), running_stderr_n))
+    left = float(found.coefficient[best, 1])
     reach = student(freedom) * level
     to_time = np.r_[0.0, s], np.r_[0.0, bins.time_s]
     at, early, late, last = (_time(x, *to_time, speed_m_s) for x in (value, low, high, 2 * seen))
@@ -165,10 +166,10 @@ def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery
     )
 
 
-def _near(s: Array, y: Array, sigma: Array, limits: tuple[float, float]) -> tuple[Array, tuple[Array, Array, Array]]:
+def _near(s: Array, y: Array, sigma: Array, limits: tuple[float, float]) -> tuple[Array, Scan]:
     """Scan lengths over all of the way, then closely where the first scan allows them."""
     lengths = np.geomspace(*limits, LENGTHS)
-    costs = _scan(s, y, sigma, lengths)[0]
+    costs = _scan(s, y, sigma, lengths).cost
     scale = max(float(costs.min()) / (s.size - 3), 1.0)
     allowed = np.flatnonzero(costs <= costs.min() + scale * student(s.size - 3) ** 2)
     low, high = max(int(allowed[0]) - 1, 0), min(int(allowed[-1]) + 1, LENGTHS - 1)
@@ -176,17 +177,9 @@ def _near(s: Array, y: Array, sigma: Array, limits: tuple[float, float]) -> tupl
     return fine, _scan(s, y, sigma, fine)
 
 
-def _scan(s: Array, y: Array, sigma: Array, lengths: Array) -> tuple[Array, Array, Array]:
-    costs, found, spread = [], [], []
-    for length in lengths:
-        design = np.c_[np.exp(-s / length), np.ones(s.size)] / sigma[:, None]
-        inverse = np.linalg.pinv(design)
-        coefficient = inverse @ (y / sigma)
-        rest = y / sigma - design @ coefficient
-        costs.append(float(rest @ rest))
-        found.append(coefficient)
-        spread.append((inverse**2).sum(axis=1))
-    return np.array(costs), np.array(found), np.array(spread)
+def _scan(s: Array, y: Array, sigma: Array, lengths: Array) -> Scan:
+    decay = np.exp(-s[None, :] / lengths[:, None])
+    return scan(np.stack([decay, np.ones_like(decay)], axis=2) / sigma[None, :, None], y / sigma)
 
 
 def _by_bins(bins: Excess, left_n: float) -> tuple[float, float, float]:

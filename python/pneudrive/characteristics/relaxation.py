@@ -18,6 +18,7 @@ import numpy as np
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import Estimate
+from pneudrive.characteristics.separable import Scan, scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,9 +27,8 @@ if TYPE_CHECKING:
 
 PER_DECADE = 12
 FEWEST_BINS = 6
-#: Start and end of the hold that the amount is the difference of.
-START_SHARE, END_SHARE = 0.02, 0.1
-START_LEAST_S = 0.05
+#: Start and end of the hold that the amount is the difference of: the force falls fastest at first.
+START_S, END_SHARE = 0.1, 0.1
 LEAST_SAMPLES = 3
 #: Times are sought from the first bin, divided by this, to the last one, times this.
 REACH = 5.0
@@ -102,7 +102,7 @@ def relax(time_s: Array, friction_n: Array) -> Relaxation | None:
         return None
     noise = max(noise_level(friction_n), 1e-12 * float(np.abs(friction_n).max()) + 1e-300)
     duration = float(time_s[-1])
-    early = max(int(np.searchsorted(time_s, max(START_SHARE * duration, START_LEAST_S))), LEAST_SAMPLES)
+    early = max(int(np.searchsorted(time_s, START_S)), LEAST_SAMPLES)
     late = min(int(np.searchsorted(time_s, (1.0 - END_SHARE) * duration)), time_s.size - LEAST_SAMPLES)
     early = min(early, late)
     start, end = friction_n[:early], friction_n[late:]
@@ -147,22 +147,22 @@ def _forms(bins: _Bins, amount: Estimate, held_n: float) -> Relaxation:
     n = bins.time_s.size
     fits = {}
     for form, shapes in candidates.items():
-        costs, coefficients, spreads = _scan(bins, weight, form, shapes)
+        found = _scan(bins, weight, form, shapes)
         count = 1 + (0 if form == "none" else 2 * len(shapes[0]))
         spare = n - count - 1
-        best = int(np.argmin(costs))
-        aicc = float(costs[best]) + 2 * count + 2 * count * (count + 1) / spare if spare > 0 else np.inf
-        fits[form] = (aicc, best, shapes, costs, coefficients, spreads)
+        least = float(found.cost[found.best])
+        aicc = least + 2 * count + 2 * count * (count + 1) / spare if spare > 0 else np.inf
+        fits[form] = (aicc, shapes, found)
     least = min(f[0] for f in fits.values())
     form = min(fits, key=lambda name: fits[name][0])
-    _, best, shapes, costs, coefficients, _ = fits[form]
+    _, shapes, found = fits[form]
     return Relaxation(
         amount=amount,
         held_n=held_n,
         form=form,
-        times_s=shapes[best],
-        time_intervals_s=_time_interval(shapes, costs, grid) if form in ("log", "exponential") else (),
-        amplitudes_n=tuple(float(c) for c in coefficients[best][1:]),
+        times_s=shapes[found.best],
+        time_intervals_s=_time_interval(shapes, found.cost, grid) if form in ("log", "exponential") else (),
+        amplitudes_n=tuple(float(c) for c in found.coefficient[found.best, 1:]),
         per_decade=_per_decade(fits["log"], n),
         aicc={name: f[0] - least for name, f in fits.items() if np.isfinite(f[0])},
     )
@@ -177,21 +177,12 @@ def _slow_variance(bins: _Bins) -> float:
     return max(float(rest.sum()) / freedom - float(bins.variance.mean()), 0.0)
 
 
-def _scan(
-    bins: _Bins, weight: Array, form: str, shapes: list[tuple[float, ...]]
-) -> tuple[Array, list[Array], list[Array]]:
-    """Weighted linear fit at each shape: costs, coefficients, their variances."""
+def _scan(bins: _Bins, weight: Array, form: str, shapes: list[tuple[float, ...]]) -> Scan:
+    """Weighted linear fit at each shape."""
     root = np.sqrt(weight)
-    costs, coefficients, spreads = [], [], []
-    for shape in shapes:
-        design = np.c_[np.ones(bins.time_s.size), -_basis(form, bins.time_s, shape)] * root[:, None]
-        inverse = np.linalg.pinv(design, rcond=1e-10)
-        found = inverse @ (bins.force_n * root)
-        rest = bins.force_n * root - design @ found
-        costs.append(float(rest @ rest))
-        coefficients.append(found)
-        spreads.append((inverse**2).sum(axis=1))
-    return np.array(costs), coefficients, spreads
+    basis = np.array([_basis(form, bins.time_s, shape) for shape in shapes])
+    ones = np.ones((len(shapes), bins.time_s.size, 1))
+    return scan(np.concatenate([ones, -basis], axis=2) * root[None, :, None], bins.force_n * root)
 
 
 def _time_interval(shapes: list[tuple[float, ...]], costs: Array, grid: Array) -> tuple[tuple[float, float], ...]:
@@ -200,17 +191,16 @@ def _time_interval(shapes: list[tuple[float, ...]], costs: Array, grid: Array) -
     return ((low, float("inf") if allowed[-1] >= grid[-1] else allowed[-1]),)
 
 
-def _per_decade(fit: tuple, n: int) -> Estimate | None:
+def _per_decade(fit: tuple[float, list, Scan], n: int) -> Estimate | None:
     """R of the log with its profile interval."""
-    aicc, best, _, costs, coefficients, spreads = fit
+    aicc, _, found = fit
     if not np.isfinite(aicc):
         return None
-    quantile = student(max(n - 3, 1))
-    scale = max(float(costs[best]) / max(n - 3, 1), 1.0)
-    slack = scale * quantile**2 + costs[best] - costs
+    best, freedom = found.best, max(n - 3, 1)
+    scale = max(float(found.cost[best]) / freedom, 1.0)
+    slack = scale * student(freedom) ** 2 + found.cost[best] - found.cost
     inside = slack >= 0
-    value = np.array([c[1] for c in coefficients])
-    reach = np.sqrt(np.maximum(slack, 0.0)) * np.sqrt([s[1] for s in spreads])
-    stderr = float(np.sqrt(scale * spreads[best][1]))
+    value, variance = found.coefficient[:, 1], found.covariance[:, 1, 1]
+    reach = np.sqrt(np.maximum(slack, 0.0) * variance)
     low, high = float((value - reach)[inside].min()), float((value + reach)[inside].max())
-    return Estimate(float(value[best]), low, high, stderr, "N", float(n - 3))
+    return Estimate(float(value[best]), low, high, float(np.sqrt(scale * variance[best])), "N", float(freedom))

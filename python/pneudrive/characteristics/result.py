@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characteristics.basics import Condition
+    from pneudrive.characteristics.dwell_law import DwellSeries
     from pneudrive.characteristics.effects import (
         AirShare,
         Asymmetry,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
         StickSlipPoint,
         StickSlipThreshold,
     )
+    from pneudrive.characteristics.stops import Stop
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]
@@ -212,6 +214,9 @@ class CampaignCharacteristics:
     sources : tuple of Source
         Budget of the band.
     pressure, air, position, asymmetry, loops, stick_slip, stick_slip_thresholds, drift, repeatability, zero
+    stops : tuple of Stop
+    dwell : tuple of DwellSeries
+        Breakaway against stop duration, one for each set of levels, restart speed and way of holding.
     ranges : Ranges
     statements : tuple of Statement
         What the data carry, and what not and which cycles would.
@@ -238,6 +243,8 @@ class CampaignCharacteristics:
     stick_slip_thresholds: tuple[StickSlipThreshold, ...] = ()
     drift: Drift | None = None
     repeatability: Repeatability | None = None
+    stops: tuple[Stop, ...] = ()
+    dwell: tuple[DwellSeries, ...] = ()
     statements: tuple[Statement, ...] = ()
 
     @property
