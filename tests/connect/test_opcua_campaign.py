@@ -15,6 +15,7 @@ import pytest
 
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import run_campaign
+from pneudrive.characteristics import characterise
 from pneudrive.rig import load_rig
 from pneudrive.rig.opcua_nodes import load_map
 from pneudrive.rig.opcua_server import RigServer
@@ -49,6 +50,7 @@ def test_a_campaign_over_a_connection_is_the_direct_one(direct, tmp_path):
     with RigServer(load_rig("default", seed=seed), load_map(), port=0) as server:
         run_campaign(PROTOCOL, server.url, tmp_path / "there")
     assert set(assert_same_campaign(direct, tmp_path / "there")) == {1}
+    assert characterise(tmp_path / "there").identical(characterise(direct))
 
 
 class Server:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneudrive.errors import RigError
+from pneudrive.errors import ConnectionLostError, RigError
 from pneudrive.rig import Changeable, Envelope, Hold, Identity, Move, Reproducible, Rig, Samples, Sampling, load_rig
 from pneudrive.rig.interface import CHANNELS
 from pneudrive.rig.opcua_access import read_access
@@ -194,6 +194,16 @@ def test_closing_an_acquisition_brings_the_axis_to_rest():
         with pytest.raises(RigError, match="ended by another command"):
             for _ in parts:
                 pass
+        rig.home()
+        parts = rig.acquire([Move(0.29, 0.02)], Sampling())
+        next(parts)
+        link = rig._link
+        link._loop.loop.call_soon_threadsafe(link._client.disconnect_socket)  # a cable that was pulled, and put back
+        with pytest.raises(ConnectionLostError, match=r"(?s)during the acquisition and is back.*run the cycle again"):
+            for _ in parts:
+                pass
+        assert not rig.state().moving
+        rig.home()
         time.sleep(0.3)
         assert rig.state().pressure_a_pa == pytest.approx(rig.identity().ambient_pressure_pa, abs=1000.0)
         rig.close()

@@ -11,6 +11,7 @@ import pytest
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import run_campaign
 from pneudrive.characterise import load_recordings
+from pneudrive.characteristics import characterise
 from pneudrive.errors import RigError
 from pneudrive.rig import Changeable, Hold, Move, Reproducible, Rig, Samples, Sampling, load_rig
 
@@ -37,6 +38,7 @@ def test_a_campaign_again(recorded, tmp_path):
         assert a.head.began_s == b.head.began_s
         truths = [(folder / "truth" / f"{a.name}.json").read_text() for folder in (recorded, tmp_path / "again")]
         assert truths[0] == truths[1]
+    assert characterise(tmp_path / "again").identical(characterise(recorded))
 
 
 def test_real_time_and_stop(recorded):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import threading
 import time
 import weakref
 from typing import TYPE_CHECKING, Any
@@ -65,6 +66,8 @@ class OpcUaRig:
         self._link = link
         self._finalizer = weakref.finalize(self, link.close)
         self._gone = False
+        self._starting = threading.RLock()
+        self._told = self._told_name()
         self._identity = identity or self._described("rig.identity", identity_of)
         link.ambient_pa = self._identity.ambient_pressure_pa
         self._limits = limits or self._described("rig.limits", envelope_of)
@@ -145,10 +148,11 @@ class OpcUaRig:
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
         try:
-            if self._link.lost is None:
-                self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
-            else:
-                self._connect()
+            with self._starting:
+                if self._link.lost is None:
+                    self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
+                else:
+                    self._connect()
             self._gone = False  # whoever stops begins anew anyway
         except LinkError as error:
             beat = self._link.nodes.heartbeat_s
@@ -163,12 +167,13 @@ class OpcUaRig:
             self._await(self._start(verb, arguments or {}), expected_s, verb)
 
     def _start(self, verb: Verb, arguments: dict[str, Any]) -> int:
-        """Write arguments, then the id that starts the command."""
-        self._link.beat()
-        self._id = self._id % COUNTER + 1
-        self._link.write({**arguments, "command.verb": int(verb)})
-        self._link.write({"command.id": self._id})
-        return self._id
+        """Write arguments, then the id that starts the command; not before a stop that is on its way is answered."""
+        with self._starting:
+            self._link.beat()
+            self._id = self._id % COUNTER + 1
+            self._link.write({**arguments, "command.verb": int(verb)})
+            self._link.write({"command.id": self._id})
+            return self._id
 
     def _await(self, identity: int, expected_s: float, verb: Verb) -> None:
         nodes, look = self._link.nodes, FIRST_LOOK_S
@@ -319,15 +324,21 @@ class OpcUaRig:
             wait = min(2.0 * wait, LONGEST_WAIT_S)
 
     def _connect(self) -> None:
-        """Connect again, to the same rig, and make sure that it is at rest."""
-        self._link.connect()
-        self._id = int(self._link.read("command.id")[0])
-        self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
-        if "rig.identity" in self._link.nodes:
-            found = self._described("rig.identity", identity_of)
-            if found.name != self._identity.name and self._identity.name:
-                what = f"another rig answers: {found.name!r} instead of {self._identity.name!r}"
-                raise RigError(what, where=self._link.url)
+        """Connect again, to the same rig, and make sure that it is at rest, unless another thread has done so."""
+        with self._starting:
+            if self._link.lost is None:
+                return
+            self._link.connect()
+            self._id = int(self._link.read("command.id")[0])
+            self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
+            if (name := self._told_name()) != self._told:
+                raise RigError(f"another rig answers: {name!r} instead of {self._told!r}", where=self._link.url)
+
+    def _told_name(self) -> str:
+        """Name that the server gives to the rig, empty where it gives none."""
+        if "rig.identity" not in self._link.nodes:
+            return ""
+        return self._described("rig.identity", identity_of).name
 
     def _halt(self) -> None:
         """Come to rest now; the pressures stay."""
