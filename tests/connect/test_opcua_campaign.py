@@ -22,6 +22,7 @@ from pneudrive.rig.opcua_server import RigServer
 
 PROTOCOL = "quick-look"
 KILLS = 10
+PACE = 30.0  # a cycle takes some tenths of a second, so that a kill comes in the middle of it
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +61,7 @@ class Server:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
-        options = ["--port", str(self.port), "--pace", "0", "--seed", str(seed)]
+        options = ["--port", str(self.port), "--pace", str(PACE), "--seed", str(seed)]
         self.command = [sys.executable, "-m", "pneudrive", "rig", "serve", "default", *options]
         self.kills, self.over = 0, threading.Event()
         self.start()
@@ -80,7 +81,7 @@ class Server:
         while self.kills < KILLS and not self.over.is_set():
             finished = len(list(cycles.glob("*.parquet"))) if cycles.is_dir() else 0
             if finished > self.kills:
-                time.sleep(rng.uniform(0.0, 0.15))
+                time.sleep(rng.uniform(0.0, 0.2))
                 self.kill()
                 self.kills += 1
                 self.start()

@@ -105,6 +105,7 @@ class RigServer:
         self._commands: queue.Queue[tuple[int, dict[str, Any]] | None] = queue.Queue()
         self._worker = threading.Thread(target=self._work, name="rig", daemon=True)
         self._busy = False
+        self._running = 0  # verb
         self._idle = threading.Event()  # no verb of the rig runs
         self._idle.set()
         self._stopper: threading.Thread | None = None
@@ -207,11 +208,10 @@ class RigServer:
     async def _on_command(self, _: int, value: Any) -> None:  # noqa: ANN401
         """Take a command: halt and stop end what runs, any other one waits for its turn or is refused."""
         identity, verb = int(value.Value.Value), int(self._value("command.verb"))
-        arguments = {name: self._value(name) for name in self._places if name.startswith(("command.", "step.", "samp"))
-                     and name not in IN_RING and self._places[name]}  # fmt: skip
-        arguments["simulation.text"] = self._value("simulation.text") if "simulation.text" in self.nodes else ""
+        arguments = {name: self._value(name) for name, node in self.nodes.nodes.items() if node.kind.client}
         if verb in (Verb.HALT, Verb.STOP):
-            self._end_what_runs(stop=verb == Verb.STOP and self._busy)  # idle: the worker does it
+            # An acquisition can be left; any other verb can only be stopped. Where nothing runs, the worker does it.
+            self._end_what_runs(stop=self._busy and (verb == Verb.STOP or self._running != Verb.ACQUIRE))
         elif self._beat_at is None:
             await self._answer(identity, "there is no heartbeat: heartbeat.client must count up first")
             return
@@ -244,13 +244,15 @@ class RigServer:
     async def _watch(self) -> None:
         """Stop the axis of a client that fell silent."""
         tick, limit = WATCH_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
+        seen_late = None
         while True:
             looked = time.monotonic()
             await asyncio.sleep(tick)
-            now = time.monotonic()
-            if self._beat_at is None or now - self._beat_at < limit:
+            now, last = time.monotonic(), self._beat_at
+            if last is None or now - last < limit:
                 continue
-            if now - looked > 2.0 * tick:  # we slept ourselves: what was sent meanwhile is still to be read
+            if now - looked > 2.0 * tick and last != seen_late:
+                seen_late = last  # we slept ourselves: what was sent meanwhile is read first, once
                 continue
             with self._taken:
                 self._beat_at = None
@@ -273,8 +275,10 @@ class RigServer:
     async def _keep_state(self) -> None:
         while True:
             await asyncio.sleep(STATE_S)
-            with contextlib.suppress(Exception):  # a rig that is being changed by its worker; the next look will do
+            try:
                 await self._show_state()
+            except Exception as error:  # of a lab's own code
+                await self._write({"state.fault": f"the rig does not tell its state: {error}"})
 
     async def _show_state(self) -> None:
         async with self._showing:  # what was asked earlier is shown earlier
@@ -291,6 +295,7 @@ class RigServer:
             with self._taken:
                 allowed = self._beat_at is not None or verb in (Verb.HALT, Verb.STOP)
                 if allowed:
+                    self._running = verb
                     self._interrupt.clear()
                     self._idle.clear()
             fault = self._run(verb, arguments) if allowed else self._silent

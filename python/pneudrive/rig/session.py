@@ -151,7 +151,7 @@ class RigSession:
             supply = self.rig.description.supply_pressure_pa or max(past.pressure_a_pa, past.pressure_b_pa)
             began = past if run is None or run.before is None else run.before
             clock = began.clock_s + (0.0 if run is None else run.reached_s)
-            seen = self._at_rest(past) if run is None or run.seen is None else run.seen
+            seen = self._at_rest(began) if run is None or run.seen is None else run.seen
             return RigState(
                 position_m=seen["position_m"],
                 force_n=seen["force_n"],
