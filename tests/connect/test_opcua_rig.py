@@ -249,3 +249,15 @@ def test_the_rig_file_of_the_guide_is_one():
     assert (identity.resolution, limits.supply_pressure_pa) == ({"force_n": pytest.approx(0.006)}, 5e5)
     assert limits.pressure_pa == pytest.approx((101300.0, 251300.0))
     assert read_access(file).password_env == "RIG_PASSWORD"
+
+
+def test_without_the_library_the_extra_is_named(monkeypatch):
+    from pneudrive.rig import opcua_access
+
+    def absent(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(opcua_access, "import_module", absent)
+    for use in (lambda: load_rig("opc.tcp://127.0.0.1:1"), lambda: RigServer(load_rig("default"), load_map())):
+        with pytest.raises(RigError, match=r"(?s)needs the optional library asyncua.*pneudrive\[rig\]"):
+            use()
