@@ -29,7 +29,7 @@ settling = "1 s"
 durations = ["0.5 s"]
 preconditioning = { strokes = 1 }
 [mounting]
-levels = ["rigid"]
+levels = ["rigid", "offset"]
 [order]
 kind = "randomised"
 [warm_up]

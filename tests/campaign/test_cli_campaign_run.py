@@ -40,7 +40,8 @@ def asked(tmp_path):
 def test_run_and_status(folder, asked, capsys):
     assert run(["campaign", "run", asked, "--into", str(folder), "--operator", "anna", "--label", "seal=B"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("1/10 b1/warm-up")
+    assert lines[0].startswith("Small campaign: 10 cycles, ")
+    assert any(line.startswith("1/10 b1/warm-up") for line in lines)
     assert lines[-1] == f"10 cycles in {folder}"
     about = json.loads((folder / "campaign.json").read_text())
     assert (about["operator"], about["labels"], about["synthetic"], about["seed"]) == ("anna", {"seal": "B"}, True, 3)

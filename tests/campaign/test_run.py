@@ -20,6 +20,7 @@ from pneudrive.campaign import session as session_module
 from pneudrive.campaign import storage
 from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP, ask, wait_for
 from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.live import Silent
 from pneudrive.campaign.lock import FolderLock, holder
 from pneudrive.campaign.run import DONE, ENDED, resume_campaign, run_campaign
 from pneudrive.campaign.status import status_of
@@ -208,12 +209,48 @@ def test_ctrl_c_finishes_the_cycle_and_asks_and_twice_stops_at_once(tmp_path, un
     rig, prompt = FakeRig(trouble=on_part(4, press)), Answers("")
     assert run_campaign(protocol(), rig, tmp_path / "a", options=QUICK, prompt=prompt).ended == DONE
     assert "Paused after 3 of 10 cycles" in prompt.shown[0]
+    assert rig.calls.count("home") == 1  # nothing was broken off
     assert contents(tmp_path / "a") == undisturbed
     rig, prompt = FakeRig(trouble=on_part(4, twice)), Answers("a")
     assert run_campaign(protocol(), rig, tmp_path / "b", options=QUICK, prompt=prompt).ended == ENDED
     assert "Paused after 2 of 10 cycles" in prompt.shown[0]
     assert at_rest(rig)
     finish(tmp_path / "b", undisturbed)
+
+
+def test_ctrl_c_in_a_pause_ends_the_campaign(tmp_path):
+    class Presses(Answers):
+        def line(self, seconds):
+            press(None)
+
+    rig = FakeRig(trouble=on_part(4, press))
+    assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK, prompt=Presses()).ended == ENDED
+    assert at_rest(rig)
+
+
+def test_a_display_that_fails_does_not_end_the_campaign(tmp_path, undisturbed):
+    class Broken(Silent):
+        def part(self, samples):
+            raise OSError("the terminal is gone")
+
+        cycle = finished = say = part
+
+    assert run_campaign(protocol(), FakeRig(), tmp_path / "c", options=QUICK, display=Broken()).ended == DONE
+    assert contents(tmp_path / "c") == undisturbed
+
+
+def test_a_rig_that_ends_early_when_it_is_stopped_has_not_finished_the_cycle(tmp_path, undisturbed):
+    class Obedient(FakeRig):
+        def acquire(self, steps, sampling):
+            for part in super().acquire(steps, sampling):
+                yield part
+                if self.calls[-1] == "stop":
+                    return
+
+    rig = Obedient(trouble=on_part(4, lambda rig: (press(rig), press(rig))))
+    assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK, prompt=Answers("")).ended == DONE
+    assert contents(tmp_path / "c") == undisturbed
+    assert rig.calls.count("home") == 2
 
 
 def test_ctrl_c_where_nobody_would_answer_ends_after_the_cycle(tmp_path, undisturbed):

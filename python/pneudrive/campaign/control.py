@@ -33,6 +33,7 @@ WORDS = (PAUSE, STOP, RESUME, ABORT)
 LOOK_S = 0.2
 #: Presses of Ctrl-C nearer than this are one, s.
 BOUNCE_S = 0.2
+CTRL_C = "Ctrl-C"
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,7 @@ class Requests:
             return
         self._presses += 1
         word = {1: PAUSE, 2: STOP}.get(self._presses, ABORT)
-        self.put(Request(word, "Ctrl-C", leave=not self._someone_there))
+        self.put(Request(word, CTRL_C, leave=not self._someone_there))
 
     def _told(self, number: int, frame: FrameType | None) -> None:
         del frame

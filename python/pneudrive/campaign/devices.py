@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from pneudrive.campaign.head import plain
+from pneudrive.campaign.lock import now
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.rig.interface import CHANNELS, Changeable, Reproducible, Samples
 
@@ -81,6 +82,8 @@ class Outcome:
         None where the cycle was not finished.
     began_s : float
         The rig's clock at time zero.
+    started : str
+        Date and time of the computer.
     memory, truth : dict
         Of a reproducible rig, after the cycle.
     error : Exception or None
@@ -91,6 +94,7 @@ class Outcome:
 
     samples: Samples | None = None
     began_s: float = 0.0
+    started: str = ""
     memory: dict[str, Any] = field(default_factory=dict)
     truth: dict[str, Any] = field(default_factory=dict)
     error: Exception | None = None
@@ -268,7 +272,7 @@ class Axis:
         self.pressures_pa: tuple[float, float] | None = None  # in the chambers now, where that is known
         self.trouble = ""  # why the rig may not be at rest
         self._initial: dict[str, Any] | None = None
-        self._homed = False
+        self._homed = self._whole = False  # whether the axis knows where it is; whether the last cycle came to its end
 
     @property
     def rig(self) -> Rig:
@@ -286,7 +290,7 @@ class Axis:
 
     def begin(self, cycle: Cycle) -> None:
         """Bring axis and memory to where a cycle begins."""
-        self.outcome = Outcome()
+        self.outcome, self._whole = Outcome(started=now()), False
         self.attempts[cycle.key] = self.attempts.get(cycle.key, 0) + 1
         rig = self.rig
         if not self._homed:
@@ -332,6 +336,8 @@ class Axis:
                 if self.outcome.out_of_bounds:
                     raise _InterruptedError
                 self._show(part)
+            if self._thread.interrupt.is_set():  # the rig has ended early because it was told to
+                raise _InterruptedError
         finally:
             close = getattr(iterator, "close", None)
             if close is not None:
@@ -343,7 +349,7 @@ class Axis:
         remembering = _as(self.rig, Reproducible)
         if remembering is not None:
             outcome.memory, outcome.truth = as_plain(remembering.memory()), remembering.truth()
-        outcome.began_s, outcome.samples = began_s, samples
+        outcome.began_s, outcome.samples, self._whole = began_s, samples, True
 
     def finished(self, cycle: Cycle) -> None:
         """Take the cycle as done: the next one goes on from here."""
@@ -355,10 +361,16 @@ class Axis:
         await asyncio.get_running_loop().run_in_executor(None, self.rest)
 
     def rest(self) -> str:
-        """Come to rest; give what stands in the way, in words. The next cycle begins at home."""
-        self._homed, self.pressures_pa = False, None
+        """Come to rest; give what stands in the way, in words."""
         self.trouble = self._thread.rest()
+        self.pressures_pa = None
+        if not self._whole:
+            self.go_home_first()
         return self.trouble
+
+    def go_home_first(self) -> None:
+        """Begin the next cycle at home: the axis may not know where it is."""
+        self._homed = False
 
 
 def _as(rig: object, protocol: type[P]) -> P | None:

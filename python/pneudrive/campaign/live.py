@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.adaptive import Finished
     from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.journal import Journal
     from pneudrive.campaign.plan import Plan
     from pneudrive.rig.interface import Samples
 
@@ -97,6 +98,33 @@ class Remaining:
         return float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
 
 
+class Guarded:
+    """A display that cannot end a campaign: what it raises goes into the journal.
+
+    Parameters
+    ----------
+    display : Display
+    journal : Journal
+    """
+
+    def __init__(self, display: Display, journal: Journal) -> None:
+        self._display, self._journal = display, journal
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever a display has
+        """Give a method of the display, guarded."""
+        found = getattr(self._display, name)
+        if not callable(found):
+            return found
+
+        def call(*arguments: Any) -> None:  # noqa: ANN401
+            try:
+                found(*arguments)
+            except Exception as error:  # the terminal is gone, or somebody's own display is wrong
+                self._journal.write(f"the display failed: {type(error).__name__}: {error}")
+
+        return call
+
+
 class Silent:
     """Shows nothing."""
 
@@ -145,6 +173,12 @@ class Lines(Silent):
         """Begin."""
         self._remaining = Remaining(plan, {one.cycle.key for one in finished})
         self._count, self._planned = len(finished), len(plan.planned)
+        left = (
+            f"{self._planned - self._count} of {self._planned} cycles to do"
+            if self._count
+            else f"{self._planned} cycles"
+        )
+        self.say(f"{plan.protocol.name}: {left}, {duration(self._remaining.seconds)} on the rig")
 
     def finished(self, one: Finished) -> None:
         """Tell that a cycle is on the disk."""
@@ -157,11 +191,8 @@ class Lines(Silent):
 
     def say(self, text: str) -> None:
         """Write a line."""
-        try:
-            self._out.write(text + "\n")
-            self._out.flush()
-        except (OSError, ValueError):
-            pass  # the terminal is gone: the campaign is not
+        self._out.write(text + "\n")
+        self._out.flush()
 
 
 class Screen(Silent):

@@ -158,8 +158,9 @@ def holder(folder: Path) -> Holder | None:
         return None
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return _read(path) or Holder(0, "?", "?", "?")
+    except OSError as error:
+        held = error.errno in (errno.EAGAIN, errno.EACCES)
+        return (_read(path) or Holder(0, "?", "?", "?")) if held else None
     else:
         return None
     finally:

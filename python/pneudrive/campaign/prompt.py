@@ -7,7 +7,7 @@ import select
 import sys
 from typing import TYPE_CHECKING, Protocol
 
-from pneudrive.campaign.control import ABORT, LOOK_S, RESUME, Requests
+from pneudrive.campaign.control import ABORT, CTRL_C, LOOK_S, RESUME, Requests
 from pneudrive.campaign.lock import now
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def go_on(session: Session, requests: Requests, prompt: Prompt) -> bool:
 def _answered(session: Session, requests: Requests, prompt: Prompt, name: str) -> bool:
     while True:
         request = requests.take()
-        if request is not None and request.word == ABORT:
+        if request is not None and (request.word == ABORT or request.by == CTRL_C):
             session.tell(f"ended by {request.by}")
             return False
         if request is not None and request.word == RESUME:

@@ -10,13 +10,13 @@ import time
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pneudrive.campaign.control import ABORT, LOOK_S, PAUSE, RESUME, STOP, Requests
 from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
 from pneudrive.campaign.head import plain
 from pneudrive.campaign.journal import Journal
-from pneudrive.campaign.live import Silent
+from pneudrive.campaign.live import Guarded, Silent
 from pneudrive.campaign.lock import FolderLock, now
 from pneudrive.campaign.options import Options
 from pneudrive.campaign.plan import Plan, lay_out
@@ -221,6 +221,7 @@ def _go_on(
     with FolderLock(folder) as lock:
         bench, source = _rig(given, plan.protocol.seed, pace)
         _same_rig(campaign, bench.identity(), source)
+        lay_out(plan.protocol, campaign.identity, bench.limits())  # pre-flight: the rig may allow less than it did
         options = _with_operator(options, str(campaign.about.get("operator", "")))
         return _run(campaign, plan, bench, options, lock, display, prompt, subscribers)
 
@@ -294,16 +295,18 @@ def _run(
 ) -> Result:
     from pneudrive.campaign.session import Session
 
-    display, prompt = display or Silent(), prompt or Terminal()
     journal = Journal(campaign.path / LOG)
+    shown, prompt = cast("Display", Guarded(display or Silent(), journal)), prompt or Terminal()
     files, tidied = tidy(campaign)
     for line in tidied:
         journal.write(line)
-        display.say(line)
+        shown.say(line)
     requests = Requests(campaign.path, someone_there=prompt.there)
-    session = Session(campaign, plan, rig, options, lock, journal, display, files)
+    session = Session(campaign, plan, rig, options, lock, journal, shown, files)
     journal.write(f"{'resumed' if files else 'began'} after {session.now}; rig {campaign.identity.name}")
-    display.began(plan, session.finished)
+    shown.began(plan, session.finished)
+    for note in plan.notes:
+        shown.say(f"note: {note}")
     ended = "failed"
     try:
         with journal.engine_output(), requests.signals(), _engine() as engine:
@@ -317,10 +320,10 @@ def _run(
     finally:
         trouble = session.axis.rest()
         session.thread.close()
-        display.ended()
+        shown.ended()
         journal.write(f"{ended} after {session.now}" + (f"; the rig may not be at rest: {trouble}" if trouble else ""))
         if trouble:
-            display.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
+            shown.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
     if trouble:
         raise RigError("the rig could not be brought to rest", value=trouble, remedy="See to it by hand.")
     return Result(campaign, len(session.finished), len(plan.planned), ended)

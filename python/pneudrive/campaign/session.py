@@ -226,6 +226,8 @@ class Session:
             if wrong and _without_numbers(wrong) != _without_numbers(told):
                 self.tell(f"waiting before {cycle.key}: {wrong}")
                 self.state("waiting", wrong)
+            if wrong.startswith((FAULT, NO_ANSWER)):
+                self.axis.go_home_first()
             if wrong and not told:
                 yield from self._rest()
             told = wrong or told
@@ -265,7 +267,7 @@ class Session:
             index=self.index + 1,
             cycle=cycle,
             began_s=outcome.began_s,
-            started=now(),
+            started=outcome.started,
             flags=arrival_flags(samples, cycle, identity) if cycle.steps else {},
             memory=outcome.memory,
             confirmed=confirmed,
