@@ -39,7 +39,8 @@ class Take:
     name, key : str
         File; the campaign's key of it, "" where it is foreign.
     steps : tuple of Move and Hold
-        What the axis did. Of a foreign recording: its strokes, played from the one whose direction is asked.
+        What the axis did. Of a foreign recording: its strokes, played from the one whose direction is asked. Empty
+        where a campaign's writer did not say them.
     pressure_a_pa, pressure_b_pa : float
     read : callable
         ``read(first, steps)`` gives the samples of these steps, from step ``first`` of the recording on.
@@ -48,7 +49,12 @@ class Take:
     levels : dict
         What was mounted.
     foreign : bool
+    slack_m : float
+        How far a foreign stroke may end from where a move is asked to end.
+    speed_m_s, stop_s : float or None
+        What a cycle without steps was for.
     truth : Path or None
+        File that says what was true.
     """
 
     name: str
@@ -61,10 +67,14 @@ class Take:
     levels: dict[str, str] = field(default_factory=dict)
     foreign: bool = False
     slack_m: float = SAME_POSITION_M
+    speed_m_s: float | None = None
+    stop_s: float | None = None
     truth: Path | None = None
 
     def first_step(self, steps: Sequence[Step], tolerance: Tolerance) -> int | None:
         """Give the step of this recording at which the asked ones begin; None where they are not in it."""
+        if not self.foreign and not self.steps:
+            return 0 if self._was_for(steps, tolerance) else None
         if not self.foreign:
             same = len(steps) == len(self.steps)
             return 0 if same and all(map(_like, steps, self.steps, [tolerance] * len(steps))) else None
@@ -80,6 +90,14 @@ class Take:
             ):
                 return first
         return None
+
+    def _was_for(self, steps: Sequence[Step], tolerance: Tolerance) -> bool:
+        """Whether a cycle of which only the purpose is known is the asked one: speed of the last move, longest stop."""
+        moves = [step.speed_m_s for step in steps if isinstance(step, Move)]
+        if not moves or self.speed_m_s is None or not _as_fast(moves[-1], self.speed_m_s, tolerance):
+            return False
+        stop = max((step.duration_s for step in steps if isinstance(step, Hold)), default=0.0)
+        return abs(stop - (self.stop_s or 0.0)) <= tolerance.speed * stop
 
 
 class ReplayRig:

@@ -107,6 +107,8 @@ def campaign_rig(
                 read=lambda _first, _steps, file=file: file.samples(),
                 began_s=file.head.began_s,
                 levels=dict(cycle.levels),
+                speed_m_s=cycle.speed_m_s,
+                stop_s=cycle.stop_s,
                 truth=campaign.path / TRUTH / f"{file.name}.json",
             )
         )
@@ -232,9 +234,12 @@ def _envelope(takes: Sequence[Take], identity: Identity) -> Envelope:
     spans, speeds = [], []
     for take in takes:
         moves = [step for step in take.steps if isinstance(step, Move)]
-        speeds += [move.speed_m_s for move in moves]
+        speeds += [move.speed_m_s for move in moves] or [take.speed_m_s or 0.0]
         if len(moves) > 1:
             spans.append((min(move.to_m for move in moves), max(move.to_m for move in moves)))
+        elif not take.steps:
+            position = take.read(0, ()).position_m
+            spans.append((float(np.nanmin(position)), float(np.nanmax(position))))
     if not spans:
         raise RigError("no recording goes to and fro", rule="the range of the axis is not known then")
     # Files of a campaign share the axis; foreign ones each have strokes of their own, and a plan must fit into all.
