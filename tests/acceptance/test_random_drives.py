@@ -7,7 +7,7 @@ import pytest
 
 from oracle.compare import difference, simulated
 from oracle.integrate import run
-from oracle.random_drives import random_case
+from oracle.random_drives import random_case, remembering_case
 
 DEFAULT_RTOL = 1e-6
 # Every kind and both families of laws; 3 reverses without a pause where a switch once was missed by rounding.
@@ -19,6 +19,16 @@ def test_a_random_drive_moves_as_the_independent_model_says(seed):
     case = random_case(seed)
     law = case["drive"]["friction"]["law"]
     want = run(case, "Radau" if law == "lugre" else "DOP853", 1e-9)[1]
+    states, _ = simulated(case, DEFAULT_RTOL)
+    found = difference(case, states, want)
+    assert found.meets(case), found
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_friction_that_remembers_moves_as_the_independent_model_says(seed):
+    """Elasto-plastic and LuGre bristles whose contact ages and which relax while they are held."""
+    case = remembering_case(seed)
+    want = run(case, "Radau", 1e-9)[1]
     states, _ = simulated(case, DEFAULT_RTOL)
     found = difference(case, states, want)
     assert found.meets(case), found

@@ -315,6 +315,46 @@ def faded_bristles() -> Json:
 
 
 @case
+def creeps_and_remembers() -> Json:
+    """16 mm rodless on elasto-plastic bristles that age, relax, and feel pressure, place and direction; it stops."""
+    drive = changed(
+        cylinder={
+            "bore_m": 0.016,
+            "stroke_m": 0.2,
+            "dead_volume_a_m3": 3e-6,
+            "dead_volume_b_m3": 3e-6,
+            "moving_mass_kg": 0.9,
+        },
+        valve={"conductance_m3_s_pa": 4e-9},
+        friction={
+            "law": "elasto-plastic",
+            "parameters": lugre(8.0, 12.0, 0.01, 25.0, 1e5, 120.0) | {"breakaway_share": 0.85},
+            "pressure": {"coulomb_a": 4e-6, "coulomb_b": 3e-6, "breakaway_a": 6e-6, "breakaway_b": 5e-6},
+            "dwell": {
+                "growth": "saturating",
+                "increment_n": 3.0,
+                "time_s": 2.0,
+                "exponent": 0.4,
+                "distance_m": 5e-5,
+                "pressure_a": 1e-6,
+                "pressure_b": 2e-6,
+            },
+            "relaxation": {"share": 0.25, "time_s": 0.4, "distance_m": 2e-4},
+            "position": {
+                "harmonics": [{"period_m": 0.03, "amplitude": 0.05, "phase_rad": 0.7}],
+                "slope_per_m": 0.4,
+                "reference_m": 0.1,
+            },
+            "direction": {"positive": 1.1, "negative": 0.9},
+            "side_load": {"force_n": 12.0, "coefficient": 0.08},
+        },
+    )
+    steps = [(0.0, 0.02), (0.6, 0.0), (1.4, 0.02), (2.0, -0.03), (2.6, 0.0), (3.2, 0.6)]
+    initial = at(0.05, 3e5, 3e5) | {"contact_age_s": 5.0}
+    return motion(drive, steps, 3.6, initial)
+
+
+@case
 def valve_shut_rings() -> Json:
     """Shut valve: the piston rings on two air springs and comes to rest, sinking heat into the wall."""
     drive = changed(

@@ -27,7 +27,8 @@ GOLDEN = HERE.parent / "golden"
 KEPT_BITS = 36
 # DOP853 checks Radau; for exact sticking it is the other way round: DOP853's interpolant, on which the switches
 # are located, is of order 7, Radau's of order 3.
-METHODS = {"lugre": (("Radau", 1e-11), ("DOP853", 1e-12)), "stribeck": (("DOP853", 1e-12), ("Radau", 1e-11))}
+SMOOTH, SWITCHED = (("Radau", 1e-11), ("DOP853", 1e-12)), (("DOP853", 1e-12), ("Radau", 1e-11))
+METHODS = {"lugre": SMOOTH, "elasto-plastic": SMOOTH, "stribeck": SWITCHED}
 
 
 def trimmed(values: np.ndarray) -> np.ndarray:

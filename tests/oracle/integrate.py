@@ -17,8 +17,8 @@ from scipy.integrate import solve_ivp
 from oracle.model import Drive, Json
 
 COLUMNS = ("position_m", "velocity_m_s", "pressure_a_pa", "temperature_a_k", "pressure_b_pa", "temperature_b_k")
-# absolute tolerance = tol times this: x, v, p, T, p, T, z
-TOLERANCE_SCALE = np.array([0.1, 0.1, 1e5, 300.0, 1e5, 300.0, 1e-4])
+# absolute tolerance = tol times this: x, v, p, T, p, T; inner states have their own
+TOLERANCE_SCALE = [0.1, 0.1, 1e5, 300.0, 1e5, 300.0]
 # After a switch to sliding v is 0 (or its rounding error): the event "v = 0" is not looked for
 # until the piston has had this time to move.
 BLIND_TIME = 1e-9
@@ -48,8 +48,8 @@ def run(case: Json, method: str = "Radau", tol: float = 1e-11) -> tuple[np.ndarr
     Returns
     -------
     times : ndarray, shape (n,)
-    states : ndarray, shape (n, 6) or (n, 7)
-        x, v, p_a, T_a, p_b, T_b and, for `lugre`, z.
+    states : ndarray, shape (n, 6) or more
+        x, v, p_a, T_a, p_b, T_b and, for laws of bristles, their inner states.
     statistics : dict
         Right-hand sides and switches.
     """
@@ -64,7 +64,7 @@ def run(case: Json, method: str = "Radau", tol: float = 1e-11) -> tuple[np.ndarr
     mode: int | None = None
     for (t0, u), (t1, _) in itertools.pairwise(starts):
         inside = (times > t0) & (times <= t1)
-        if drive.law == "lugre":
+        if drive.bristles:
             y = _smooth(drive, y, u, t0, t1, times[inside], states, inside, method, tol, statistics)
         else:
             y, mode = _switched(drive, y, u, t0, t1, times, states, mode, method, tol, statistics)
@@ -73,9 +73,7 @@ def run(case: Json, method: str = "Radau", tol: float = 1e-11) -> tuple[np.ndarr
 
 def _initial(drive: Drive, case: Json) -> np.ndarray:
     y = np.array([case["initial"][name] for name in COLUMNS])
-    if drive.law == "lugre":
-        y = np.append(y, case["initial"].get("bristle_deflection_m", 0.0))
-    return y
+    return np.append(y, drive.bristles.initial(case["initial"])) if drive.bristles else y
 
 
 def servo_command(servo: Json, stroke: float, t: float, x: float, v: float) -> float:
@@ -94,7 +92,7 @@ def _run_servo(drive: Drive, case: Json, method: str, tol: float) -> tuple[np.nd
     kept, statistics = [y], {"rhs": 0, "switches": 0}
     for i, (t0, t1) in enumerate(itertools.pairwise(grid)):
         u = servo_command(servo, drive.stroke, t0, y[0], y[1])
-        solution = _solve(drive.rhs_lugre, t0, t1, y, method, tol, args=(u,))
+        solution = _solve(drive, drive.rhs_bristles, t0, t1, y, method, tol, args=(u,))
         statistics["rhs"] += solution.nfev
         y = solution.y[:, -1]
         if (i + 1) % keep == 0:
@@ -102,8 +100,9 @@ def _run_servo(drive: Drive, case: Json, method: str, tol: float) -> tuple[np.nd
     return grid[::keep], np.array(kept), statistics
 
 
-def _solve(fun: Any, t0: float, t1: float, y: np.ndarray, method: str, tol: float, **more: Any) -> Any:
-    solution = solve_ivp(fun, (t0, t1), y, method=method, rtol=tol, atol=tol * TOLERANCE_SCALE[: len(y)], **more)
+def _solve(drive: Drive, fun: Any, t0: float, t1: float, y: np.ndarray, method: str, tol: float, **more: Any) -> Any:
+    scales = TOLERANCE_SCALE + (drive.bristles.scales() if drive.bristles else [])
+    solution = solve_ivp(fun, (t0, t1), y, method=method, rtol=tol, atol=tol * np.array(scales), **more)
     if not solution.success:
         raise RuntimeError(solution.message)
     return solution
@@ -123,7 +122,7 @@ def _smooth(
     statistics: dict[str, int],
 ) -> np.ndarray:
     asked = np.append(times, t1) if len(times) == 0 or times[-1] < t1 else times
-    solution = _solve(drive.rhs_lugre, t0, t1, y, method, tol, t_eval=asked, args=(u,))
+    solution = _solve(drive, drive.rhs_bristles, t0, t1, y, method, tol, t_eval=asked, args=(u,))
     states[inside] = solution.y.T[: len(times)]
     statistics["rhs"] += solution.nfev
     return solution.y[:, -1]
@@ -173,7 +172,8 @@ def _switched(
     entered = t
     for _ in range(MAX_SWITCHES):
         events = _events(drive, mode, entered)
-        solution = _solve(drive.rhs_sliding, t, t1, y, method, tol, args=(u, mode), events=events, dense_output=True)
+        sliding = {"args": (u, mode), "events": events, "dense_output": True}
+        solution = _solve(drive, drive.rhs_sliding, t, t1, y, method, tol, **sliding)
         statistics["rhs"] += solution.nfev
         end, y = solution.t[-1], solution.y[:, -1].copy()
         inside = (times > t) & (times <= end)

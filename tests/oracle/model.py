@@ -6,7 +6,7 @@ of them therefore shows as a difference.
 
 State vector (SI, absolute pressure; t is temperature), chamber a grows with x::
 
-    y = [x, v, p_a, t_a, p_b, t_b]  and, for `lugre`, the bristle deflection z
+    y = [x, v, p_a, t_a, p_b, t_b]  and, for laws of bristles, the inner states of `oracle.friction`
 
 Sign conventions: x and v grow towards chamber b's end, mass flow is positive into a chamber, the
 friction force is positive when it opposes v > 0, the end stop force likewise.
@@ -17,6 +17,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from typing import Any
+
+from oracle.friction import Bristles
 
 GRAVITY = 9.80665  # m/s2, standard acceleration of free fall
 AIR_HEAT_CAPACITY_RATIO = 1.4
@@ -67,6 +69,7 @@ class Drive:
         self.rho_c = valve["conductance_m3_s_pa"] * self._density_and_conductance_factor()
         self.friction = description["friction"]
         self.law = self.friction["law"]
+        self.bristles = Bristles(self.friction, self.p_amb) if self.law in {"lugre", "elasto-plastic"} else None
         load = description["load"]
         self.mass = cylinder["moving_mass_kg"] + load["mass_kg"]
         self.weight = self.mass * GRAVITY * math.sin(cylinder["incline_rad"])
@@ -168,16 +171,6 @@ class Drive:
             -(abs(v / law["stribeck_velocity"]) ** law["stribeck_exponent"])
         )
 
-    def lugre(self, v: float, z: float, p_a: float, p_b: float) -> tuple[float, float]:
-        """(friction force, dz/dt) of the LuGre law, with the optional fade of its damping."""
-        law = self.friction["parameters"]
-        stiffness, damping = law["bristle_stiffness"], law["bristle_damping"]
-        fade = law.get("damping_fade_velocity")
-        if fade is not None:
-            damping *= math.exp(-((v / fade) ** 2))
-        z_rate = v - stiffness * abs(v) / self.stribeck_level(v, p_a, p_b) * z
-        return stiffness * z + damping * z_rate + law["viscous"] * v, z_rate
-
     # -- the whole ----------------------------------------------------------------------------
     def gas_rates(self, y: list[float], u: float) -> tuple[float, float, float, float]:
         """(dp_a/dt, dT_a/dt, dp_b/dt, dT_b/dt); NaN makes the integrator refuse an impossible trial step."""
@@ -189,13 +182,13 @@ class Drive:
         rates_b = self.chamber_rates(self.chamber_b, self.stroke - x, -v, p_b, t_b, port_b, abs(u))
         return (*rates_a, *rates_b)
 
-    def rhs_lugre(self, _t: float, y: Any, u: float) -> list[float]:
-        """State derivative of a drive with `lugre` friction."""
+    def rhs_bristles(self, _t: float, y: Any, u: float) -> list[float]:
+        """State derivative of a drive with a friction law of bristles."""
         y = y.tolist()
-        x, v, p_a, _, p_b, _, z = y
-        friction, z_rate = self.lugre(v, z, p_a, p_b)
+        x, v, p_a, _, p_b, _ = y[:6]
+        friction, inner_rates = self.bristles(x, v, p_a, p_b, y[6:])
         acceleration = (self.applied_force(x, v, p_a, p_b) - friction) / self.mass
-        return [v, acceleration, *self.gas_rates(y, u), z_rate]
+        return [v, acceleration, *self.gas_rates(y, u), *inner_rates]
 
     def rhs_sliding(self, _t: float, y: Any, u: float, mode: int) -> list[float]:
         """State derivative of a drive with exact sticking; mode -1, 0 (sticks) or +1."""

@@ -102,26 +102,63 @@ def _friction(draw: np.random.Generator, bore: float) -> Json:
     return {"law": law, "parameters": parameters, "pressure": pressure}
 
 
+def remembering_case(seed: int) -> Json:
+    """Return the drive of a seed with elasto-plastic or LuGre friction that remembers, and slower commands."""
+    case, draw = random_case(seed), np.random.default_rng([seed, 1])
+    bore = case["drive"]["cylinder"]["bore_m"]
+    coulomb = 1e3 * bore * float(draw.uniform(0.3, 1.0))
+    stiffness = float(np.exp(draw.uniform(np.log(5e4), np.log(6e5))))
+    law = str(draw.choice(["elasto-plastic", "elasto-plastic", "lugre"]))
+    parameters = lugre(
+        coulomb,
+        coulomb * float(draw.uniform(1.1, 1.6)),
+        float(draw.uniform(0.008, 0.05)),
+        1e3 * bore * float(draw.uniform(0.8, 3.0)),
+        stiffness,
+        float(draw.uniform(0.3, 1.0)) * math.sqrt(stiffness),
+    )
+    if law == "elasto-plastic":
+        parameters["breakaway_share"] = float(draw.uniform(0.7, 0.95))
+    reach = coulomb / stiffness  # about the greatest deflection
+    dwell = {
+        "growth": str(draw.choice(["saturating", "log", "hyperbolic"])),
+        "increment_n": coulomb * float(draw.uniform(0.05, 0.3)),
+        "time_s": float(np.exp(draw.uniform(np.log(0.01), np.log(10.0)))),
+        "distance_m": reach * float(draw.uniform(0.1, 2.0)),
+    }
+    relaxation = {
+        "share": float(draw.uniform(0.1, 0.6)),
+        "time_s": float(np.exp(draw.uniform(np.log(0.05), np.log(5.0)))),
+        "distance_m": reach * float(draw.uniform(0.5, 5.0)),
+    }
+    case["drive"]["friction"] = {"law": law, "parameters": parameters, "dwell": dwell, "relaxation": relaxation}
+    speeds = [1.0, 0.05, 0.0, 0.2]  # of what the seed drew
+    case["commands"] = [[t, u * factor] for (t, u), factor in zip(case["commands"], speeds, strict=True)]
+    case["initial"]["contact_age_s"] = float(np.exp(draw.uniform(np.log(0.01), np.log(1000.0))))
+    return case
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rtol", type=float, default=1e-6)
+    parser.add_argument("--remembers", action="store_true", help="with friction that ages and relaxes")
     arguments = parser.parse_args()
     worst = 0.0
     for seed in range(arguments.seed, arguments.seed + arguments.count):
-        case = random_case(seed)
+        case = remembering_case(seed) if arguments.remembers else random_case(seed)
         law, cylinder = case["drive"]["friction"]["law"], case["drive"]["cylinder"]
         started = time.perf_counter()
-        want = run(case, "Radau" if law == "lugre" else "DOP853", 1e-10)[1]
+        want = run(case, "DOP853" if law == "stribeck" else "Radau", 1e-10)[1]
         took = time.perf_counter() - started
         got, statistics = simulated(case, arguments.rtol)
         found = difference(case, got, want)
         worst = max(worst, found.position_um)
         size = f"{1e3 * cylinder['bore_m']:.0f}/{1e3 * cylinder['stroke_m']:.0f} mm"
         errors = f"x {found.position_um:8.3g} um, p {found.pressure:.2g}, T {found.temperature:.2g}"
-        line = f"{seed:4d} {cylinder['kind']:12s} {size:12s} {law:8s} {errors}, oracle {took:.1f} s, {statistics}"
+        line = f"{seed:4d} {cylinder['kind']:12s} {size:12s} {law:14s} {errors}, oracle {took:.1f} s, {statistics}"
         sys.stdout.write(line + ("" if found.meets(case) else "   <-- beyond its bounds") + "\n")
         sys.stdout.flush()
     sys.stdout.write(f"worst position {worst:.3g} um\n")

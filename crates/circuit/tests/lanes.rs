@@ -69,6 +69,13 @@ fn four(spec: &specification::Drive) -> Vec<Drive> {
         for (name, value) in &mut spec.friction.parameters {
             *value *= if name == "stribeck_exponent" { 1.0 } else { factor };
         }
+        if let Some(dwell) = &mut spec.friction.dwell {
+            dwell.increment_n *= factor;
+            dwell.time_s *= 2.0 - factor;
+        }
+        if let Some(relaxation) = &mut spec.friction.relaxation {
+            relaxation.share *= factor;
+        }
         spec.friction.pressure = Some(specification::SealPressure {
             coulomb_a: 1e-6 * i as f64,
             coulomb_b: 2e-6,
@@ -112,4 +119,11 @@ fn the_reference_drive() {
 #[test]
 fn a_drive_with_exact_sticking() {
     lanes_equal_scalars(&reference_stribeck(), 15);
+}
+
+#[test]
+fn drives_with_friction_that_remembers() {
+    for (law, least_events) in [("elasto-plastic", 0), ("stribeck", 15)] {
+        lanes_equal_scalars(&specification::Drive { friction: everything(law), ..reference() }, least_events);
+    }
 }

@@ -38,7 +38,7 @@ fn friction(drive: &mut spec::Drive, law: &str, parameters: &[(&str, f64)]) {
 const STRIBECK: [(&str, f64); 4] =
     [("coulomb", 20.0), ("breakaway", 33.0), ("stribeck_velocity", 0.01), ("viscous", 60.0)];
 
-fn cases() -> [Case; 13] {
+fn cases() -> [Case; 16] {
     let slam = [1.0, -1.0, 1.0, -1.0];
     [
         case("reference, not passive", [0.6, 0.6, -0.6, -0.6], |drive, _| {
@@ -112,6 +112,17 @@ fn cases() -> [Case; 13] {
         case("moving at the start, then closed", [0.0, 0.0, 0.0, 0.0], |drive, initial| {
             friction(drive, "stribeck", &STRIBECK);
             (initial.position_m, initial.velocity_m_s) = (0.3, -2.0);
+        }),
+        case("bristles with memory of all kinds", [0.3, 0.0, -0.01, -0.8], |drive, initial| {
+            drive.friction = everything("elasto-plastic");
+            initial.contact_age_s = 40.0;
+        }),
+        case("lugre with memory of all kinds", [0.004, 0.0, 0.2, 0.0], |drive, _| {
+            drive.friction = everything("lugre");
+        }),
+        case("exact sticking that ages", [0.002, 0.0, -0.003, -0.5], |drive, initial| {
+            drive.friction = everything("stribeck");
+            initial.contact_age_s = 10.0;
         }),
     ]
 }

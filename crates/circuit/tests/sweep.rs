@@ -35,7 +35,7 @@ impl Draw {
 
 /// A law with forces that suit a piston pushed by up to `push` N.
 fn friction(draw: &mut Draw, push: f64, supply: f64) -> Value {
-    let law = draw.one(&["coulomb", "stribeck", "lugre"]);
+    let law = draw.one(&["coulomb", "stribeck", "lugre", "elasto-plastic"]);
     let coulomb = push * draw.log(0.01, 0.15);
     let mut p = json!({ "coulomb": coulomb, "viscous": draw.one(&[0.0, 1.0]) * push * draw.log(0.02, 0.5) });
     if law != "coulomb" {
@@ -43,7 +43,8 @@ fn friction(draw: &mut Draw, push: f64, supply: f64) -> Value {
         p["stribeck_velocity"] = json!(draw.log(1e-3, 0.1));
         p["stribeck_exponent"] = json!(draw.one(&[2.0, 2.0, 1.0, 0.5, 1.4]));
     }
-    if law == "lugre" {
+    let bristles = law == "lugre" || law == "elasto-plastic";
+    if bristles {
         p["bristle_stiffness"] = json!(draw.log(1e4, 1e6));
         p["bristle_damping"] = json!(draw.log(10.0, 1000.0));
         if draw.chance(0.3) {
@@ -57,7 +58,28 @@ fn friction(draw: &mut Draw, push: f64, supply: f64) -> Value {
             "breakaway_a": lip * draw.linear(0.0, 2.0), "breakaway_b": lip * draw.linear(0.0, 2.0),
         })
     });
-    json!({ "law": law, "parameters": p, "pressure": pressure })
+    let mut friction = json!({ "law": law, "parameters": p, "pressure": pressure });
+    if draw.chance(0.3) {
+        friction["dwell"] = json!({
+            "growth": draw.one(&["saturating", "log", "hyperbolic"]),
+            "increment_n": coulomb * draw.log(0.01, 0.5),
+            "time_s": draw.log(0.01, 1e4),
+            "distance_m": draw.log(5e-6, 5e-4),
+            "pressure_a": draw.linear(0.0, 1e-6),
+        });
+    }
+    if bristles && draw.chance(0.2) {
+        friction["relaxation"] = json!({
+            "share": draw.linear(0.05, 0.9), "time_s": draw.log(0.01, 10.0), "distance_m": draw.log(1e-5, 1e-3),
+        });
+    }
+    if draw.chance(0.1) {
+        let wave = json!({ "period_m": draw.log(2e-3, 0.3), "amplitude": draw.linear(0.0, 0.2) });
+        friction["position"] = json!({ "harmonics": [wave], "slope_per_m": draw.linear(-0.3, 0.3) });
+        friction["direction"] = json!({ "positive": draw.linear(0.8, 1.2), "negative": 1.0 });
+        friction["side_load"] = json!({ "force_n": coulomb, "coefficient": 0.1 });
+    }
+    friction
 }
 
 fn drive(draw: &mut Draw) -> Value {

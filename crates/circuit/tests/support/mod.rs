@@ -137,6 +137,37 @@ pub fn reference_stribeck() -> specification::Drive {
     spec
 }
 
+/// Friction with all that can act on a law; relaxation where it has bristles.
+pub fn everything(law: &str) -> specification::Friction {
+    let sticks = law == "stribeck";
+    let mut parameters = serde_json::json!({
+        "coulomb": 30.0, "breakaway": 45.0, "stribeck_velocity": 0.02, "viscous": 40.0,
+    });
+    if !sticks {
+        parameters["bristle_stiffness"] = 1e5.into();
+        parameters["bristle_damping"] = 300.0.into();
+        parameters["damping_fade_velocity"] = 0.5.into();
+    }
+    let relaxation = serde_json::json!({ "share": 0.3, "time_s": 0.3, "distance_m": 2e-4 });
+    let table = serde_json::json!({
+        "law": law,
+        "parameters": parameters,
+        "pressure": { "coulomb_a": 2e-5, "coulomb_b": 1e-5, "breakaway_a": 2e-5, "breakaway_b": 1e-5 },
+        "dwell": {
+            "growth": "log", "increment_n": 2.0, "time_s": 0.05, "distance_m": 5e-5,
+            "pressure_a": 1e-6, "pressure_b": 2e-6,
+        },
+        "relaxation": if sticks { serde_json::Value::Null } else { relaxation },
+        "position": {
+            "harmonics": [{ "period_m": 0.1, "amplitude": 0.05, "phase_rad": 0.4 }],
+            "slope_per_m": 0.2, "reference_m": 0.25,
+        },
+        "direction": { "positive": 1.1, "negative": 0.95 },
+        "side_load": { "force_n": 20.0, "coefficient": 0.1 },
+    });
+    serde_json::from_value(table).expect("a description")
+}
+
 /// At rest at `x` m with `p` Pa in both chambers, at room temperature.
 pub fn at_rest(x: f64, p: f64) -> specification::Initial {
     specification::Initial {
