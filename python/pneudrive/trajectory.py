@@ -37,6 +37,8 @@ MEANING: dict[str, tuple[str, str, str]] = {
     "mass_flow_a_kg_s": ("mass_flow_a", "kg/s", "mass flow into chamber a"),
     "mass_flow_b_kg_s": ("mass_flow_b", "kg/s", "mass flow into chamber b"),
     "bristle_deflection_m": ("bristle_deflection", "m", "mean bristle deflection"),
+    "relaxed_deflection_m": ("relaxed_deflection", "m", "part of the bristle deflection that has relaxed"),
+    "contact_age_s": ("contact_age", "s", "age of the contact"),
 }
 _SUFFIXES = {
     "_kg_s": "kg/s",

@@ -83,7 +83,8 @@ def test_files_hold_the_same_numbers(run, tmp_path):
     assert parquet.columns == text.columns == ORDER
     assert parquet.equals(text)
     with xr.open_dataset(paths[2], engine="h5netcdf") as netcdf:
-        for column, (name, _, _) in trajectory.MEANING.items():
+        for column in ORDER:
+            name = trajectory.meaning(column)[0]
             assert np.array_equal(netcdf[name], run[name]), name
             assert np.array_equal(parquet[column], run[name]), name
         assert netcdf.attrs["description_hash"] == run.attrs["description_hash"]

@@ -1,19 +1,34 @@
 """What a drive is: quantities with units, checked, from Python or from TOML."""
 
+from pneudrive.describe.dependences import (
+    DirectionDependence,
+    Dwell,
+    Harmonic,
+    PositionDependence,
+    Relaxation,
+    SealPressure,
+    SideLoad,
+)
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.friction import Friction, SealPressure, friction_laws
+from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Spring, Supply, Valve
 
 __all__ = [
     "Ambient",
     "Cylinder",
+    "DirectionDependence",
     "Drive",
+    "Dwell",
     "EndStop",
     "Friction",
     "Gas",
+    "Harmonic",
     "Initial",
     "Load",
+    "PositionDependence",
+    "Relaxation",
     "SealPressure",
+    "SideLoad",
     "Spring",
     "Supply",
     "Valve",

@@ -11,7 +11,8 @@ from pydantic import Field, model_validator
 
 from pneudrive.describe import catalogue, toml
 from pneudrive.describe.base import Described, wrong
-from pneudrive.describe.friction import Friction
+from pneudrive.describe.dependences import DEPENDENCES
+from pneudrive.describe.friction import Friction, has_bristles
 from pneudrive.describe.parts import Ambient, Cylinder, Gas, Initial, Load, Supply, Valve
 from pneudrive.errors import DescriptionError
 
@@ -146,7 +147,7 @@ class Drive(Described):
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
     def _core(self) -> dict[str, Any]:
-        c, v, seals = self.cylinder, self.valve, self.friction.pressure
+        c, v = self.cylinder, self.valve
         stop, spring = c.end_stop, self.carried.spring
         return {
             "gas": {
@@ -183,18 +184,7 @@ class Drive(Described):
                 "subsonic_index": v.subsonic_index,
                 "linear_above": v.linear_above,
             },
-            "friction": {
-                "law": self.friction.law,
-                "parameters": dict(self.friction.parameters),
-                "pressure": None
-                if seals is None
-                else {
-                    "coulomb_a": seals.coulomb.a,
-                    "coulomb_b": seals.coulomb.b,
-                    "breakaway_a": seals.breakaway.a,
-                    "breakaway_b": seals.breakaway.b,
-                },
-            },
+            "friction": self.friction.core(),
             "load": {
                 "mass_kg": self.carried.mass_kg,
                 "force_n": self.carried.force_n,
@@ -221,7 +211,7 @@ class Drive(Described):
                 f"initial position = {position * 1e3:g} mm lies outside the stroke",
                 rule=f"0 mm <= position <= cylinder.stroke = {stroke * 1e3:g} mm",
             )
-        state = {"position_m": position, "velocity_m_s": start.velocity_m_s}
+        state = {"position_m": position, "velocity_m_s": start.velocity_m_s, "contact_age_s": start.contact_age_s}
         for chamber, pressure, temperature in (
             ("a", start.pressure_a, start.temperature_a_k),
             ("b", start.pressure_b, start.temperature_b_k),
@@ -262,7 +252,9 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
         if key == "valve" and any(size in value for size in sizes):
             old = {k: v for k, v in old.items() if k not in sizes}
         if key == "friction" and value.get("law", old.get("law")) != old.get("law"):
-            old = {k: v for k, v in old.items() if k == "pressure"}
+            old = {k: v for k, v in old.items() if k in DEPENDENCES}
+            if not has_bristles(value["law"]):
+                old.pop("relaxation", None)
         if key == "cylinder" and value.get("kind") == "rodless":
             old = {k: v for k, v in old.items() if k != "rod_diameter"}
         out[key] = merge(old, value)

@@ -7,12 +7,21 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 from pydantic import field_serializer, model_validator
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Described, EachChamber, PerChamber, Quantity, WrongValueError, wrong
+from pneudrive.describe.base import Bounds, Described, Quantity, WrongValueError, wrong
+from pneudrive.describe.dependences import (
+    DEPENDENCES,
+    DirectionDependence,
+    Dwell,
+    PositionDependence,
+    Relaxation,
+    SealPressure,
+    SideLoad,
+)
 from pneudrive.errors import nearest
 
 
@@ -25,6 +34,11 @@ def friction_laws() -> MappingProxyType[str, dict[str, Any]]:
     from pneudrive import _core
 
     return MappingProxyType({law["name"]: law for law in _core.friction_laws()})
+
+
+def has_bristles(law: str) -> bool:
+    """Say whether a law is one of elastic bristles, which can relax."""
+    return "bristle_deflection_m" in friction_laws()[law]["states"]
 
 
 # how the core writes units -> (unit of pneudrive.units, unit preferred for reading)
@@ -48,14 +62,6 @@ def _parameter_quantity(parameter: dict[str, Any]) -> Quantity:
     return Quantity(si_unit, written, Bounds(at_least=low, at_most=high))
 
 
-class SealPressure(Described):
-    """Seal lips: friction added per gauge pressure in each chamber, with any law; stored in N/Pa."""
-
-    table: ClassVar[str] = "friction.pressure"
-    coulomb: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
-    breakaway: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
-
-
 @dataclass(frozen=True)
 class Parameters(Mapping[str, float]):
     """Name -> SI value, frozen as the description that holds it."""
@@ -76,7 +82,7 @@ class Parameters(Mapping[str, float]):
 
 
 class Friction(Described):
-    """A friction law with its parameters.
+    """A friction law with its parameters, and what acts on it.
 
     They are given as keys of their own, ``Friction(law="stribeck", coulomb="30 N", ...)``; `parameters` holds
     their SI values, defaults of the law included.
@@ -87,6 +93,11 @@ class Friction(Described):
     parameters: Parameters = Parameters()
     given: frozenset[str] = frozenset()
     pressure: SealPressure | None = None
+    dwell: Dwell | None = None
+    relaxation: Relaxation | None = None
+    position: PositionDependence | None = None
+    direction: DirectionDependence | None = None
+    side_load: SideLoad | None = None
 
     @field_serializer("parameters")
     def _plain(self, parameters: Parameters) -> dict[str, float]:
@@ -104,12 +115,12 @@ class Friction(Described):
         if name not in laws:
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=nearest(str(name), laws))
         parameters = {p["key"]: p for p in laws[name]["parameters"]}
-        rest = {key: value for key, value in data.items() if key not in {"law", "pressure"}}
+        rest = {key: value for key, value in data.items() if key != "law" and key not in DEPENDENCES}
         values: dict[str, float] = {}
         for key, given in rest.items():
             full = f"friction.{key}"
             if key not in parameters:
-                remedy = nearest(key, [*parameters, "law", "pressure"])
+                remedy = nearest(key, [*parameters, "law", *DEPENDENCES])
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
             try:
                 values[key] = _parameter_quantity(parameters[key]).read(given)
@@ -125,7 +136,7 @@ class Friction(Described):
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
         out = {"law": name, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
-        return out | ({"pressure": data["pressure"]} if data.get("pressure") is not None else {})
+        return out | {key: data[key] for key in DEPENDENCES if data.get(key) is not None}
 
     @model_validator(mode="after")
     def _levels(self) -> Friction:
@@ -138,20 +149,38 @@ class Friction(Described):
             raise wrong("friction.breakaway", what, remedy="Were the two swapped?")
         return self
 
+    @model_validator(mode="after")
+    def _bristles_relax(self) -> Friction:
+        if self.relaxation is not None and not has_bristles(self.law):
+            what = f'friction.relaxation needs elastic bristles, which law "{self.law}" has not'
+            laws = ", ".join(name for name in friction_laws() if has_bristles(name))
+            raise wrong("friction.relaxation", what, remedy=f"Laws of bristles: {laws}.")
+        return self
+
+    def _dependences(self) -> dict[str, Any]:
+        """Return what acts on the law, by key."""
+        return {key: value for key in DEPENDENCES if (value := getattr(self, key)) is not None}
+
+    def core(self) -> dict[str, Any]:
+        """Return the SI form that the core takes: law, parameters, pressure, and what else acts on the law."""
+        tables = {key: value.core() for key, value in self._dependences().items()}
+        return {"law": self.law, "parameters": dict(self.parameters), "pressure": None} | tables
+
     def to_dict(self) -> dict[str, Any]:
         """Write the table as users would."""
         by_key = {p["key"]: p for p in friction_laws()[self.law]["parameters"]}
         out: dict[str, Any] = {"law": self.law}
         out |= {key: _parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
-        return out | ({"pressure": self.pressure.to_dict()} if self.pressure is not None else {})
+        return out | {key: value.to_dict() for key, value in self._dependences().items()}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
         """One alternative for each law of the core."""
-        pressure = SealPressure.model_json_schema(by_alias=True)
+        tables = {key: about.model_json_schema(by_alias=True) for key, about in DEPENDENCES.items()}
         alternatives = []
         for name, law in friction_laws().items():
-            properties: dict[str, Any] = {"law": {"const": name}, "pressure": pressure}
+            own = {key: table for key, table in tables.items() if key != "relaxation" or has_bristles(name)}
+            properties: dict[str, Any] = {"law": {"const": name}, **own}
             for p in law["parameters"]:
                 one = _parameter_quantity(p).__get_pydantic_json_schema__(None, None)
                 properties[p["key"]] = one | {"title": p["meaning"]}

@@ -245,12 +245,14 @@ class Load(Described):
 class Initial(Described):
     """The state at the start.
 
-    Where nothing is said: mid stroke, at rest, ambient pressure and temperature, bristles undeflected.
+    Where nothing is said: mid stroke, at rest, ambient pressure and temperature, bristles undeflected, a fresh
+    contact. `contact_age` is the time for which the contact has stood, for friction that remembers it.
     """
 
     table: ClassVar[str] = "initial"
     position_m: Annotated[float | None, Quantity("m", "mm")] = Field(default=None, alias="position")
     velocity_m_s: Velocity = Field(default=0.0, alias="velocity")
+    contact_age_s: Annotated[float, Quantity("s", "s", NOT_NEGATIVE)] = Field(default=0.0, alias="contact_age")
     pressure_a: Annotated[units.Pressure | None, StatedPressure()] = None
     pressure_b: Annotated[units.Pressure | None, StatedPressure()] = None
     temperature_a_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(

@@ -46,12 +46,9 @@ def read_friction(reader: Reader, law: str, given: dict[str, Any]) -> dict[str, 
         friction = Friction(law=law, **plain)
     except DescriptionError as error:
         raise DescriptionError(error.what, where=reader.where, rule=error.rule, remedy=error.remedy) from None
-    seals = friction.pressure
-    pressure = None
-    if seals is not None:
-        each = {"coulomb": seals.coulomb, "breakaway": seals.breakaway}
-        pressure = {f"{force}_{side}": getattr(pair, side) for force, pair in each.items() for side in "ab"}
-    return {"parameters": dict(friction.parameters), "pressure": pressure, "dependences": {}}
+    core = friction.core()
+    others = {key: table for key, table in core.items() if key not in ("law", "parameters", "pressure")}
+    return {"parameters": core["parameters"], "pressure": core["pressure"], "dependences": others}
 
 
 def _plain(reader: Reader, name: str, entry: Any) -> Any:  # noqa: ANN401

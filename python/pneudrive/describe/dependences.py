@@ -1,0 +1,170 @@
+"""What acts on a friction law: pressure, age of the contact, relaxation, position, direction, side load."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from pneudrive.describe.base import (
+    Bounds,
+    Described,
+    EachChamber,
+    Fraction,
+    Length,
+    PerChamber,
+    Position,
+    Quantity,
+    wrong,
+)
+
+_NOT_NEGATIVE = Bounds(at_least=0.0)
+_POSITIVE = Bounds(above=0.0)
+Duration = Annotated[float, Quantity("s", "s", _POSITIVE)]
+#: more would describe the noise of a recording
+MOST_HARMONICS = 4
+
+
+class SealPressure(Described):
+    """Seal lips: friction added per gauge pressure in each chamber, with any law; stored in N/Pa."""
+
+    table: ClassVar[str] = "friction.pressure"
+    coulomb: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
+    breakaway: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        pairs = {"coulomb": self.coulomb, "breakaway": self.breakaway}
+        return {f"{name}_{chamber}": getattr(pair, chamber) for name, pair in pairs.items() for chamber in "ab"}
+
+
+class Dwell(Described):
+    """Friction that grows with the age of the contact, with any law: a stop ages it, sliding renews it."""
+
+    table: ClassVar[str] = "friction.dwell"
+    growth: Literal["saturating", "log", "hyperbolic"]
+    increment_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)] = Field(alias="increment")
+    time_s: Duration = Field(alias="time")
+    exponent: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=2.0))] = 0.4
+    distance_m: Length = Field(alias="distance")
+    pressure: Annotated[PerChamber, EachChamber("1/Pa", "%/bar")] = PerChamber(0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _exponent_of_saturating_alone(self) -> Dwell:
+        if "exponent" in self.model_fields_set and self.growth != "saturating":
+            what = f'friction.dwell.exponent has no meaning with growth = "{self.growth}"'
+            raise wrong("friction.dwell.exponent", what, remedy='It belongs to growth = "saturating".')
+        return self
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        return {
+            "growth": self.growth,
+            "increment_n": self.increment_n,
+            "time_s": self.time_s,
+            "exponent": self.exponent,
+            "distance_m": self.distance_m,
+            "pressure_a": self.pressure.a,
+            "pressure_b": self.pressure.b,
+        }
+
+
+class Relaxation(Described):
+    """Elastic force of held bristles that relaxes, with laws of bristles; sliding renews the bristles."""
+
+    table: ClassVar[str] = "friction.relaxation"
+    share: Fraction
+    time_s: Duration = Field(alias="time")
+    distance_m: Length = Field(alias="distance")
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        return {"share": self.share, "time_s": self.time_s, "distance_m": self.distance_m}
+
+
+class Harmonic(Described):
+    """One period of friction along the stroke."""
+
+    table: ClassVar[str] = "friction.position.harmonics"
+    period_m: Length = Field(alias="period")
+    amplitude: Annotated[float, Quantity("", bounds=Bounds(above=-1.0, below=1.0))]
+    phase_rad: Annotated[float, Quantity("rad", "deg")] = Field(default=0.0, alias="phase")
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        return {"period_m": self.period_m, "amplitude": self.amplitude, "phase_rad": self.phase_rad}
+
+
+class PositionDependence(Described):
+    """Friction along the stroke, with any law: both levels times 1 + slope (x - reference) + harmonics."""
+
+    table: ClassVar[str] = "friction.position"
+    harmonics: tuple[Harmonic, ...] = ()
+    slope_per_m: Annotated[float, Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
+    reference_m: Position = Field(default=0.0, alias="reference")
+
+    @model_validator(mode="after")
+    def _few_and_small(self) -> PositionDependence:
+        key = "friction.position.harmonics"
+        if len(self.harmonics) > MOST_HARMONICS:
+            raise wrong(key, f"{key} has {len(self.harmonics)} entries", rule=f"at most {MOST_HARMONICS}")
+        total = sum(abs(wave.amplitude) for wave in self.harmonics)
+        if total >= 1.0:
+            what = f"the amplitudes of {key} add up to {total:g}: friction would change its sign"
+            raise wrong(key, what, rule="they add up to less than 1")
+        return self
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        waves = [wave.core() for wave in self.harmonics]
+        return {"harmonics": waves, "slope_per_m": self.slope_per_m, "reference_m": self.reference_m}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Write the table as users would."""
+        rest = self.model_copy(update={"harmonics": ()})
+        rest.model_fields_set.discard("harmonics")
+        waves = {"harmonics": [wave.to_dict() for wave in self.harmonics]} if self.harmonics else {}
+        return waves | super(PositionDependence, rest).to_dict()
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
+        """Hold the harmonics in place: the friction table is no definition that could be referred to."""
+        out = super().__get_pydantic_json_schema__(schema, handler)
+        one = Harmonic.model_json_schema(by_alias=True)
+        out["properties"]["harmonics"] = {"type": "array", "items": one, "maxItems": MOST_HARMONICS}
+        return out
+
+
+class DirectionDependence(Described):
+    """Friction that differs with the direction, with any law: factors on both levels for v > 0 and v < 0."""
+
+    table: ClassVar[str] = "friction.direction"
+    positive: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
+    negative: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        return {"positive": self.positive, "negative": self.negative}
+
+
+class SideLoad(Described):
+    """A force across the axis, taken by a guide: coefficient |force| more friction, with any law."""
+
+    table: ClassVar[str] = "friction.side_load"
+    force_n: Annotated[float, Quantity("N", "N")] = Field(alias="force")
+    coefficient: Annotated[float, Quantity("", bounds=_NOT_NEGATIVE)]
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        return {"force_n": self.force_n, "coefficient": self.coefficient}
+
+
+#: What can act on a law, by the key in its table; relaxation needs a law of bristles.
+DEPENDENCES: dict[str, type[Described]] = {
+    "pressure": SealPressure,
+    "dwell": Dwell,
+    "relaxation": Relaxation,
+    "position": PositionDependence,
+    "direction": DirectionDependence,
+    "side_load": SideLoad,
+}

@@ -1,0 +1,205 @@
+"""What acts on a friction law in a drive file: read to SI, written back, refused with one message, simulated."""
+
+import json
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive import _core
+from pneudrive.describe.friction import friction_laws
+from pneudrive.describe.schema import drive_schema
+from pneudrive.errors import DescriptionError, PneudriveWarning
+
+TABLES = """
+[friction.dwell]
+growth = "saturating"
+increment = "1.5 N"
+time = "15 h"
+exponent = 0.5
+distance = "20 um"
+pressure = { a = "10 %/bar", b = "0.2 1/bar" }
+
+[friction.relaxation]
+share = 0.3
+time = "5 s"
+distance = "0.2 mm"
+
+[friction.position]
+slope = "5 %/m"
+reference = "250 mm"
+harmonics = [{ period = "50 mm", amplitude = 0.04, phase = "30 deg" }, { period = "7 mm", amplitude = 0.02 }]
+
+[friction.direction]
+positive = 1.1
+negative = 0.9
+
+[friction.side_load]
+force = "20 N"
+coefficient = 0.1
+"""
+
+
+@pytest.fixture
+def text(drive_file):
+    elasto_plastic = drive_file.replace('law = "lugre"', 'law = "elasto-plastic"', 1)
+    damping = 'bristle_damping = "300 N s/m"\n'
+    shared = elasto_plastic.replace(damping, damping + "breakaway_share = 0.85\n")
+    return shared.replace("[load]", TABLES + "\n[load]", 1)
+
+
+def load(tmp_path, text):
+    path = tmp_path / "drive.toml"
+    path.write_text(text)
+    return pn.Drive.load(path)
+
+
+def test_tables_reach_the_core_in_si(tmp_path, text):
+    drive = load(tmp_path, text)
+    friction = json.loads(drive.core_json())["friction"]
+    assert friction["law"] == "elasto-plastic"
+    assert friction["parameters"]["breakaway_share"] == 0.85
+    assert friction["pressure"]["coulomb_a"] == 1e-5
+    assert friction["dwell"] == {
+        "growth": "saturating",
+        "increment_n": 1.5,
+        "time_s": 54000.0,
+        "exponent": 0.5,
+        "distance_m": 2e-5,
+        "pressure_a": 1e-6,
+        "pressure_b": 2e-6,
+    }
+    assert friction["relaxation"] == {"share": 0.3, "time_s": 5.0, "distance_m": 2e-4}
+    waves = [
+        {"period_m": 0.05, "amplitude": 0.04, "phase_rad": pytest.approx(math.pi / 6)},
+        {"period_m": 0.007, "amplitude": 0.02, "phase_rad": 0.0},
+    ]
+    assert friction["position"] == {"harmonics": waves, "slope_per_m": 0.05, "reference_m": 0.25}
+    assert friction["direction"] == {"positive": 1.1, "negative": 0.9}
+    assert friction["side_load"] == {"force_n": 20.0, "coefficient": 0.1}
+    _core.Drive(drive.core_json())
+
+
+def test_a_drive_with_tables_is_written_and_read_to_the_same_bits(tmp_path, text):
+    drive = load(tmp_path, text)
+    again = load(tmp_path, drive.to_toml())
+    assert again.core_json() == drive.core_json()
+    assert again == drive
+
+
+def test_another_law_keeps_what_acts_on_it(tmp_path, text):
+    """Relaxation goes where the new law has no bristles; the rest stays."""
+    old = load(tmp_path, text)
+    other = {"law": "stribeck", "coulomb": "20 N", "breakaway": "25 N", "stribeck_velocity": "10 mm/s"}
+    new = old.replace({"friction": other}).friction
+    assert new.relaxation is None
+    assert (new.dwell, new.position, new.side_load) == (
+        old.friction.dwell,
+        old.friction.position,
+        old.friction.side_load,
+    )
+
+
+def test_a_drive_without_tables_is_the_same_to_the_core_as_ever(drive_file, tmp_path):
+    friction = json.loads(load(tmp_path, drive_file).core_json())["friction"]
+    assert set(friction) == {"law", "parameters", "pressure"}
+
+
+WRONG = [
+    (
+        '"saturating"',
+        '"satturating"',
+        "friction.dwell.growth = 'satturating' is not known",
+        "Did you mean 'saturating'",
+    ),
+    ('"saturating"', '"log"', 'friction.dwell.exponent has no meaning with growth = "log"', "saturating"),
+    ('increment = "1.5 N"\n', "", "friction.dwell.increment is missing", "a force is needed"),
+    ('increment = "1.5 N"', 'incremnt = "1.5 N"', "friction.dwell.incremnt is not a known key", "increment"),
+    ('"1.5 N"', '"-1.5 N"', "friction.dwell.increment", "not less than 0"),
+    ('"20 um"', '"20 s"', 'unit "s" is a time', "a length is needed"),
+    ('"10 %/bar"', '"10 N/bar"', 'unit "N/bar" is a force per pressure', "a share per pressure"),
+    ("share = 0.3", "share = 1", "friction.relaxation.share: 1 is out of bounds", "less than 1"),
+    ('"5 %/m"', '"5 mm"', 'unit "mm" is a length', "a share per length"),
+    ("amplitude = 0.04", "amplitude = 0.99", "add up to 1.01: friction would change its sign", "less than 1"),
+    ('{ period = "50 mm",', '{ period = "0 mm",', "friction.position.harmonics.period: ", "greater than 0"),
+    ("positive = 1.1", "positive = 0", "friction.direction.positive: 0 is out of bounds", "greater than 0"),
+    ("coefficient = 0.1", "", "friction.side_load.coefficient is missing", "a number"),
+    ("[friction.dwell]", "[friction.dwel]", "friction.dwel is not a known key", "Did you mean 'dwell'"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "what", "also"), WRONG, ids=[row[2][:45] for row in WRONG])
+def test_wrong_tables_get_one_message(tmp_path, text, old, new, what, also):
+    assert old in text
+    with pytest.raises(DescriptionError) as caught:
+        load(tmp_path, text.replace(old, new, 1))
+    assert what in str(caught.value)
+    assert also in str(caught.value)
+    assert caught.value.where.startswith(str(tmp_path / "drive.toml"))
+
+
+def test_only_bristles_relax():
+    relaxation = {"share": 0.3, "time": "5 s", "distance": "0.2 mm"}
+    with pytest.raises(DescriptionError, match=r"needs elastic bristles.*\n.*lugre, elasto-plastic"):
+        pn.Friction(law="coulomb", coulomb="3 N", relaxation=relaxation)
+
+
+def test_the_schema_knows_the_tables_of_each_law():
+    alternatives = {a["properties"]["law"]["const"]: a for a in drive_schema()["$defs"]["Friction"]["oneOf"]}
+    assert set(alternatives) == set(friction_laws())
+    for name, alternative in alternatives.items():
+        properties = alternative["properties"]
+        assert properties["dwell"]["properties"]["increment"]["x-unit"] == "N"
+        assert properties["position"]["properties"]["harmonics"]["items"]["required"] == ["period", "amplitude"]
+        assert ("relaxation" in properties) == (name in {"lugre", "elasto-plastic"})
+    assert "$ref" not in json.dumps(alternatives)
+
+
+def test_an_old_contact_holds_a_piston_that_a_fresh_one_lets_go(tmp_path, text):
+    """60 N push against some 50 N of friction: what a day of standing adds decides."""
+    text = text.replace('increment = "1.5 N"', 'increment = "80 N"').replace("[load]", '[load]\nforce = "60 N"')
+    drive = load(tmp_path, text)
+
+    def travel(initial):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PneudriveWarning)
+            run = pn.simulate(drive, "0 s: 0", "0.3 s", initial=initial)
+        assert (run.contact_age.units, run.contact_age.long_name) == ("s", "age of the contact")
+        assert run.relaxed_deflection.attrs["units"] == "m"
+        return run
+
+    fresh, old = travel(None), travel("contact_age = 24 h")
+    assert fresh.contact_age[0] == 0.0
+    assert old.contact_age[0] == 86400.0
+    assert float(np.ptp(fresh.position.to_numpy())) > 1e-3
+    assert float(np.ptp(old.position.to_numpy())) < 1e-3
+    assert {"@article{dupont2002", "@article{kato1972", "@book{ferry1980"} <= {
+        entry.split(",")[0] for entry in pn.citations(fresh).split("\n\n")
+    }
+
+
+def test_steady_friction_with_what_acts_on_it():
+    parameters = {"coulomb": 30.0, "breakaway": 45.0, "stribeck_velocity": 0.02, "bristle_stiffness": 1e5}
+    parameters |= {"bristle_damping": 0.0, "viscous": 40.0}
+    velocity = np.array([-0.3, 0.002, 0.05])
+    dwell = {"growth": "log", "increment_n": 1.5, "time_s": 1e-3, "distance_m": 2e-5, "pressure_a": 1e-6}
+    dependences = {
+        "dwell": dwell,
+        "relaxation": {"share": 0.3, "time_s": 5.0, "distance_m": 2e-4},
+        "position": {"harmonics": [{"period_m": 0.05, "amplitude": 0.1}], "slope_per_m": 0.2, "reference_m": 0.1},
+        "direction": {"positive": 1.1, "negative": 0.8},
+        "side_load": {"force_n": -20.0, "coefficient": 0.1},
+    }
+    pressure = {"coulomb_a": 1e-5, "breakaway_a": 2e-5}
+    at = (2e5, 0.0)
+    got = _core.steady_friction("elasto-plastic", parameters, velocity, *at, pressure, dependences, position_m=0.11)
+    place = 1.0 + 0.2 * 0.01 + 0.1 * math.cos(2 * math.pi * 0.01 / 0.05)
+    factor = place * np.where(velocity > 0.0, 1.1, 0.8)
+    aged = 1.5 * 1.2 * np.log(1.0 + 2e-5 / np.abs(velocity) / 1e-3)
+    coulomb, breakaway = (level * factor + 2.0 + aged for level in (32.0, 49.0))
+    level = coulomb + (breakaway - coulomb) * np.exp(-((velocity / 0.02) ** 2))
+    np.testing.assert_allclose(got, np.sign(velocity) * level + 40.0 * velocity, rtol=1e-13)
+    with pytest.raises(ValueError, match="unknown field `dwel`"):
+        _core.steady_friction("lugre", parameters, velocity, dependences={"dwel": dwell})
