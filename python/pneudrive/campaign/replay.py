@@ -92,12 +92,13 @@ class Take:
         return None
 
     def _was_for(self, steps: Sequence[Step], tolerance: Tolerance) -> bool:
-        """Whether a cycle of which only the purpose is known is the asked one: speed of the last move, longest stop."""
-        moves = [step.speed_m_s for step in steps if isinstance(step, Move)]
-        if not moves or self.speed_m_s is None or not _as_fast(moves[-1], self.speed_m_s, tolerance):
+        """Whether a cycle of which only the purpose is known is the asked one: longest stop, speed of what follows."""
+        holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
+        stop, at = max(holds, default=(0.0, 0)) if self.stop_s else (0.0, 0)
+        moves = [step.speed_m_s for step in steps[at:] if isinstance(step, Move)]
+        if not moves or self.speed_m_s is None or not _as_fast(moves[0], self.speed_m_s, tolerance):
             return False
-        stop = max((step.duration_s for step in steps if isinstance(step, Hold)), default=0.0)
-        return abs(stop - (self.stop_s or 0.0)) <= tolerance.speed * stop
+        return bool(self.stop_s) == bool(holds) and abs(stop - (self.stop_s or 0.0)) <= tolerance.speed * stop
 
 
 class ReplayRig:

@@ -26,6 +26,7 @@ SCHEME = "opc.tcp"
 SCHEMA = 1
 KEYS = {"schema", "kind", "url", "map", "reconnect", "identity", "limits", *ACCESS_KEYS}
 RECONNECT_S = 60.0
+STOP_S = 10.0  # how long stopping tries to reach a server that is gone
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
 FIRST_LOOK_S = 0.0005
 SLACK = 1.5  # a command may take this many times as long as its steps, and the patience of the map
@@ -151,14 +152,16 @@ class OpcUaRig:
             with self._starting:
                 if self._link.lost is None:
                     self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
-                else:
-                    self._connect()
-            self._gone = False  # whoever stops begins anew anyway
-        except LinkError as error:
+                    self._gone = False  # whoever stops begins anew anyway
+                    return
+        except LinkError:
+            pass
+        if not self._back_within(min(STOP_S, self.reconnect_s)):  # which stops it
             beat = self._link.nodes.heartbeat_s
-            what = f"the rig cannot be told to stop: {error}"
+            what = f"the rig cannot be told to stop: {self._link.lost}"
             rule = f"a server whose client is silent brings the axis to rest by itself, within {beat:g} s"
             raise RigError(what, where=self._link.url, rule=rule, remedy="go and look at the rig") from None
+        self._gone = False
 
     def _do(self, verb: Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
         """Run one command to its end."""
@@ -305,21 +308,27 @@ class OpcUaRig:
             raise _back(doing, error.what, self._link.url) from None
 
     def _reconnect(self, reason: str) -> None:
-        """Connect again with growing waits, within the time that was allowed."""
-        deadline, wait = time.monotonic() + self.reconnect_s, FIRST_WAIT_S
+        """Connect again, within the time that was allowed."""
+        if self._back_within(self.reconnect_s):
+            return
+        what = f"the connection to the rig was lost and did not come back within {self.reconnect_s:g} s"
+        beat = self._link.nodes.heartbeat_s
+        raise RigError(
+            f"{what}: {reason}",
+            where=self._link.url,
+            rule=f"the server brings the axis to rest {beat:g} s after it last heard from us",
+            remedy="start the server and resume the campaign; `reconnect` in the rig file allows more time",
+        )
+
+    def _back_within(self, limit_s: float) -> bool:
+        """Connect again with growing waits and stop the rig; tell whether that could be done."""
+        deadline, wait = time.monotonic() + limit_s, FIRST_WAIT_S
         while True:
             with contextlib.suppress(LinkError):
                 self._connect()
-                return
+                return True
             if time.monotonic() + wait > deadline:
-                what = f"the connection to the rig was lost and did not come back within {self.reconnect_s:g} s"
-                beat = self._link.nodes.heartbeat_s
-                raise RigError(
-                    f"{what}: {reason}",
-                    where=self._link.url,
-                    rule=f"the server brings the axis to rest {beat:g} s after it last heard from us",
-                    remedy="start the server and resume the campaign; `reconnect` in the rig file allows more time",
-                )
+                return False
             time.sleep(wait)
             wait = min(2.0 * wait, LONGEST_WAIT_S)
 
