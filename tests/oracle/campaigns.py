@@ -23,6 +23,7 @@ BAR = 1e5
 LAWS = ("gauss", "exponential", "lorentz", "viscous")
 ROOM_K = 293.15
 HOUR_S = 3600.0
+LEAST_ACCURACY = 1e-4  # of the range, that is stated of a force sensor without a gain error
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ def _identity(world: World) -> dict:
     }
     if world.state_accuracy:
         identity["accuracy"] = {
-            "force_n": world.gain_share * world.range_n,
+            "force_n": max(world.gain_share, LEAST_ACCURACY) * world.range_n,
             "position_m": 5e-6,
             "pressure_a_pa": 100.0,
             "pressure_b_pa": 100.0,
@@ -383,3 +384,16 @@ def random_world(seed: int) -> World:
     if world.sentinel_every or world.order == "randomised":
         world = replace(world, drift_share=float(draw.normal(0.0, 0.02)))
     return world
+
+
+def gauges(condition: object) -> tuple[float, float]:
+    """Planned gauge pressures of a result's condition, to 0.1 bar."""
+    absolute = (condition.pressure_a_pa, condition.pressure_b_pa)  # type: ignore[attr-defined]
+    a, b = (BAR * round((p - AMBIENT_PA) / BAR, 1) + 0.0 for p in absolute)
+    return a, b
+
+
+def hits(world: World, curve: object) -> NDArray[np.bool_]:
+    """Whether the truth lies in the band, at each measured speed of a result's curve."""
+    true = world.truth(curve.speed_m_s, gauges(curve.condition), curve.direction)  # type: ignore[attr-defined]
+    return ((curve.low_n <= true) & (true <= curve.high_n))[curve.measured]  # type: ignore[attr-defined]

@@ -146,10 +146,14 @@ def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDA
 
 
 def _usual_run(lengths: NDArray[np.intp]) -> float:
-    """Length of run that coarse quantisation makes by itself, weighted by samples."""
-    if lengths.size == 0:
+    """Length of run that coarse quantisation makes by itself, weighted by samples.
+
+    The longest run does not count: a sensor that is stuck for most of the time must not pass for a coarse one.
+    """
+    if lengths.size <= 1:
         return 0.0
     numbers = np.bincount(lengths)
+    numbers[-1] -= 1
     covered = np.cumsum(numbers * np.arange(numbers.size))
     return float(np.searchsorted(covered, 0.9 * covered[-1]))
 
@@ -175,8 +179,9 @@ def _stuck(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[
     starts, lengths = runs
     long = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
     starts, lengths = starts[long], lengths[long]
-    travel = np.abs(position[starts + lengths - 1] - position[starts])
-    moved = travel > STUCK_TRAVEL_SHARE * np.ptp(position)
+    # Out and back ends where it began: the whole way counts, not its ends.
+    runs_of = [position[start : start + length] for start, length in zip(starts, lengths, strict=True)]
+    moved = np.array([np.ptp(run) > STUCK_TRAVEL_SHARE * np.ptp(position) for run in runs_of], dtype=bool)
     return _fill(position.size, starts[moved], lengths[moved])
 
 

@@ -105,6 +105,7 @@ def characterise(
 def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> CampaignCharacteristics:
     points = points_of(reading)
     fits = fit_points(reading, points) if points is not None else None
+    points = fits.points if fits is not None else points
     cycles = _cycles(reading, points)
     found = CampaignCharacteristics(
         name=str(opened.about.get("name", opened.path.name)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +31,10 @@ NORMAL_95 = 1.959964  # two-sided 95 % of the normal distribution
 BETWEEN = 24  # speeds per curve at which it is also given between the measured ones
 POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
 FEWEST = 4  # cycles
+ENOUGH_FOR_OUTLIERS = 12
+OUTLIER = 8.0  # standard deviations of the other cycles beyond which a single one is no result
+OUTLIER_SHARE = 0.05  # of the friction: less is no failure of a sensor
+OUTLIERS_SHARE = 0.05  # of the cycles: more of them are no outliers but how the rig is
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +154,37 @@ class Fits:
 
 
 def fit_points(reading: Reading, points: Points) -> Fits | None:
-    """Fit the models; None where too few cycles are points of F(v)."""
+    """Fit the models; None where too few cycles are points of F(v).
+
+    A cycle that lies far off all others, as a sensor that failed makes it, is taken out, and the rest fitted again.
+    """
+    fits = _fit_points(reading, points)
+    if fits is None:
+        return None
+    far = _outliers(fits)
+    if not far:
+        return fits
+    kept = tuple("outlier" if i in far else reason for i, reason in enumerate(points.reasons))
+    return _fit_points(reading, replace(points, reasons=kept))
+
+
+def _outliers(fits: Fits) -> set[int]:
+    """Find single cycles whose friction lies far from their curve, by the spread of the others."""
+    points, fit = fits.points, fits.friction
+    rows = np.flatnonzero(points.use)
+    if rows.size < ENOUGH_FOR_OUTLIERS:
+        return set()
+    rest = fit.data.y - fit.drift
+    for number in range(int(fit.data.curve.max()) + 1):
+        members = fit.data.curve == number
+        rest[members] -= fit.at(number, fit.data.speed_m_s[members]).mean
+    usual = max(float(np.median(np.abs(rest))) / 0.6745, float(np.sqrt(np.median(fit.data.noise))))
+    level = 1.0 if fit.logarithmic else float(np.median(np.abs(fit.data.y)))
+    far = (np.abs(rest) > OUTLIER * usual) & (np.abs(rest) > OUTLIER_SHARE * level)
+    return set(rows[far].tolist()) if 0 < far.sum() <= max(1, int(OUTLIERS_SHARE * rows.size)) else set()
+
+
+def _fit_points(reading: Reading, points: Points) -> Fits | None:
     use = points.use
     if use.sum() < FEWEST:
         return None

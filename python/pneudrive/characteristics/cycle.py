@@ -16,11 +16,11 @@ from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, mid
 from pneudrive.characterise.profile import build_profile
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.reversal import find_reversal_peaks, usable
-from pneudrive.characterise.samples import clean
 from pneudrive.characterise.settling import Motion, SampleChoice
 from pneudrive.characterise.stick_slip import measure_stick_slip
 from pneudrive.characteristics.autocorrelation import stderr_of_mean
 from pneudrive.characteristics.basics import Condition
+from pneudrive.characteristics.raw import recording_of, steps_of
 from pneudrive.errors import RecordingError
 from pneudrive.rig.interface import Hold
 
@@ -38,7 +38,6 @@ BINS = 60  # over the way that a campaign moves along
 #: A pressure is a level of its own where it differs by this much from the others, Pa: 1 mbar.
 PRESSURE_STEP_PA = 100.0
 SAME_SPEED = 0.1  # strokes of one cycle whose speeds differ by more are not one point
-LOST_SHARE = 0.5  # of a cycle's samples: more of them damaged, and the rest is no longer that cycle
 END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed falls below 80 %: left out
 EVEN_SAMPLES = 2000  # on which the ripple of the speed is measured, even in time
 TARE_SETTLING = 0.2  # share of a tare at its beginning that is left out
@@ -204,7 +203,7 @@ def read_standing(file: CycleFile, identity: Identity) -> CycleData:
     """
     samples = file.samples()
     recording, flags = recording_of(file, identity, samples)
-    steps = _steps_of(recording, samples)
+    steps = steps_of(recording, samples)
     holds = [(i, step) for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold)]
     meant = [i for i, step in holds if step.released or step.weight_n]
     standing = np.isin(steps, meant) if meant else np.ones(len(recording), dtype=bool)
@@ -225,62 +224,6 @@ def read_standing(file: CycleFile, identity: Identity) -> CycleData:
         standing_stderr_n=stderr_of_mean(force),
         standing_sd_n=float(force.std()),
     )
-
-
-def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
-    """Make a cleaned recording of a cycle; damaged samples are left out and counted by kind.
-
-    Raises
-    ------
-    RecordingError
-        If more than half of the samples are damaged.
-    """
-    name = file.head.cycle.key
-    count = len(samples)
-    flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
-    with np.errstate(invalid="ignore"):
-        time = np.where(np.isfinite(samples.time_s), samples.time_s, -np.inf)
-        good = time >= np.maximum.accumulate(time)
-    backwards = int((~good & np.isfinite(samples.time_s)).sum())
-    if backwards:
-        flags["time_backwards"] = backwards
-    good &= np.isfinite(samples.time_s)
-    recording = clean(
-        Recording(
-            name=name,
-            time_s=samples.time_s[good],
-            position_m=samples.position_m[good],
-            force_n=samples.force_n[good],
-            pressure_a_pa=samples.pressure_a_pa[good],
-            pressure_b_pa=samples.pressure_b_pa[good],
-            area_a_m2=identity.area_a_m2,
-            area_b_m2=identity.area_b_m2,
-            ambient_pressure_pa=identity.ambient_pressure_pa,
-            mass_beyond_sensor_kg=identity.mass_beyond_sensor_kg,
-            incline_rad=identity.incline_rad,
-            accuracy=dict(identity.accuracy),
-            labels=dict(file.head.cycle.levels),
-            source=file.path,
-            synthetic=identity.synthetic,
-            stiffness_n_m=identity.stiffness_n_m,
-            limits={channel: (float(low), float(high)) for channel, (low, high) in identity.limits.items()},
-            calibration=dict(identity.calibration),
-        )
-    )
-    if len(recording) < (1.0 - LOST_SHARE) * count:
-        found = ", ".join(f"{kind} {number}" for kind, number in {**flags, **recording.flags}.items())
-        raise RecordingError("more than half of the samples are damaged", where=name, value=f"{found} of {count}")
-    for kind, number in recording.flags.items():
-        if kind != "gap":  # bursts are denser than the rest: an interval says nothing by its length
-            flags[kind] = max(flags.get(kind, 0), number)
-    return recording, flags
-
-
-def _steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
-    """Step of the cycle to which each cleaned sample belongs."""
-    order = np.argsort(samples.time_s, kind="stable")
-    place = np.searchsorted(samples.time_s[order], recording.time_s)
-    return samples.step[order[np.minimum(place, order.size - 1)]]
 
 
 def _pressures(head: Head) -> tuple[float, float]:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pneudrive.characteristics.cycle import CycleData, Side
     from pneudrive.rig.interface import Identity
 
+SURPRISE = 3.0  # standard uncertainties between what is stated and what weights show
 PLAUSIBLE = 0.1  # a gain that is off by more was not the sensor's: the weight was another one, or was carried
 
 
@@ -32,6 +33,8 @@ class Gain:
         From the weights alone; NaN where there are none.
     cycles : int
     plausible : bool
+    surprising : bool
+        Further off than the stated accuracy and the scatter allow: the weights are then believed alone.
     """
 
     error: float = 0.0
@@ -40,6 +43,7 @@ class Gain:
     measured_stderr: float = float("nan")
     cycles: int = 0
     plausible: bool = True
+    surprising: bool = False
 
 
 def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequence[CycleData]) -> Gain:
@@ -65,7 +69,12 @@ def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequenc
     if abs(measured) > PLAUSIBLE:
         return Gain(0.0, float("nan"), measured, stderr, len(values), plausible=False)
     prior = _stated(identity)
-    share = 1.0 if prior is None else prior**2 / (prior**2 + stderr**2) if prior > 0 else 0.0
+    if prior is None:
+        return Gain(measured, stderr, measured, stderr, len(values))
+    total = float(np.hypot(prior, stderr))
+    if abs(measured) > SURPRISE * total:
+        return Gain(measured, stderr, measured, stderr, len(values), surprising=True)
+    share = prior**2 / total**2 if total > 0 else 0.0
     return Gain(share * measured, float(np.sqrt(share)) * stderr, measured, stderr, len(values))
 
 

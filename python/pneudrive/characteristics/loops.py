@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import find_strokes, local_slope
-from pneudrive.characteristics.cycle import condition_of, recording_of
+from pneudrive.characteristics.cycle import condition_of
 from pneudrive.characteristics.effects import Loop
+from pneudrive.characteristics.raw import recording_of
 from pneudrive.errors import PneudriveError
 
 if TYPE_CHECKING:

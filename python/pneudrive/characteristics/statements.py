@@ -112,7 +112,8 @@ def _curves(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Ite
         yield Statement(
             "curve",
             f"Known weights show a gain error of the force sensor of {100 * gain.measured:.2g} % "
-            f"(+-{200 * gain.measured_stderr:.2g} %); {100 * gain.error:.2g} % are taken out.",
+            f"(+-{200 * gain.measured_stderr:.2g} %); {100 * gain.error:.2g} % are taken out"
+            f"{', though the stated accuracy does not allow so much' if gain.surprising else ''}.",
         )
     elif gain.cycles:
         yield Statement(
@@ -294,7 +295,13 @@ def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
     for threshold in found.stick_slip_thresholds:
         if threshold.low_m_s > 0.0:
             yield Statement("stick-slip", f"At {threshold.condition.label(ambient)}: {threshold.text}.")
-    excluded = [p for c in found.curves if c.direction == 0 for p in c.excluded]
+    all_excluded = [p for c in found.curves if c.direction == 0 for p in c.excluded]
+    off = [p for p in all_excluded if p.reason == "outlier"]
+    if off:
+        values = ", ".join(f"{p.friction_n:.3g} N at {1e3 * p.speed_m_s:.3g} mm/s" for p in off[:NAMED])
+        text = f"{len(off)} cycle(s) lie far off all others and were not counted: {values}."
+        yield Statement("data", text, carried=False, remedy="Look at these cycles, and repeat them.")
+    excluded = [p for p in all_excluded if p.reason != "outlier"]
     if excluded:
         speeds = sorted(1e3 * p.speed_m_s for p in excluded)
         reasons = ", ".join(sorted({p.reason for p in excluded}))

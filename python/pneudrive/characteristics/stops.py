@@ -15,7 +15,8 @@ from pneudrive.campaign.folder import CycleFile
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.pool import in_processes, workers
 from pneudrive.characteristics.breakaway import Breakaway, find_breakaway
-from pneudrive.characteristics.cycle import condition_of, recording_of
+from pneudrive.characteristics.cycle import condition_of
+from pneudrive.characteristics.raw import recording_of
 from pneudrive.characteristics.recovery import Recovery, bin_excess, recover
 from pneudrive.characteristics.relaxation import Relaxation, relax
 from pneudrive.characteristics.result import Skipped

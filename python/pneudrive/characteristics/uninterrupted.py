@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.cycle import condition_of, recording_of
+from pneudrive.characteristics.cycle import condition_of
+from pneudrive.characteristics.raw import recording_of
 from pneudrive.characteristics.stop_phases import FEWEST, steady_part
 from pneudrive.errors import PneudriveError
 

@@ -1,0 +1,96 @@
+"""A cycle's raw samples as a recording: damaged ones left out and counted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.recording import Recording
+from pneudrive.characterise.samples import clean
+from pneudrive.errors import RecordingError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.folder import CycleFile
+    from pneudrive.rig.interface import Identity, Samples
+
+LOST_SHARE = 0.5  # of a cycle's samples: more of them damaged, and the rest is no longer that cycle
+
+
+def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
+    """Make a cleaned recording of a cycle; damaged samples are left out and counted by kind.
+
+    Raises
+    ------
+    RecordingError
+        If more than half of the samples are damaged.
+    """
+    name = file.head.cycle.key
+    count = len(samples)
+    flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
+    good, backwards = _forwards(samples)
+    if backwards:
+        flags["time_backwards"] = backwards
+    recording = clean(
+        Recording(
+            name=name,
+            time_s=samples.time_s[good],
+            position_m=samples.position_m[good],
+            force_n=samples.force_n[good],
+            pressure_a_pa=samples.pressure_a_pa[good],
+            pressure_b_pa=samples.pressure_b_pa[good],
+            area_a_m2=identity.area_a_m2,
+            area_b_m2=identity.area_b_m2,
+            ambient_pressure_pa=identity.ambient_pressure_pa,
+            mass_beyond_sensor_kg=identity.mass_beyond_sensor_kg,
+            incline_rad=identity.incline_rad,
+            accuracy=dict(identity.accuracy),
+            labels=dict(file.head.cycle.levels),
+            source=file.path,
+            synthetic=identity.synthetic,
+            stiffness_n_m=identity.stiffness_n_m,
+            limits={channel: (float(low), float(high)) for channel, (low, high) in identity.limits.items()},
+            calibration=dict(identity.calibration),
+        )
+    )
+    if len(recording) < (1.0 - LOST_SHARE) * count:
+        found = ", ".join(f"{kind} {number}" for kind, number in {**flags, **recording.flags}.items())
+        raise RecordingError("more than half of the samples are damaged", where=name, value=f"{found} of {count}")
+    for kind, number in recording.flags.items():
+        if kind != "gap":  # bursts are denser than the rest: an interval says nothing by its length
+            flags[kind] = max(flags.get(kind, 0), number)
+    return recording, flags
+
+
+def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
+    """Mark the samples whose time goes forwards, and count those that it does not.
+
+    Samples that came twice are dropped the second time. Where a clock jumped back, what follows has other times than
+    it says: the longest stretch without a jump is kept.
+    """
+    finite = np.isfinite(samples.time_s)
+    time = np.where(finite, samples.time_s, -np.inf)
+    good = finite & (time >= np.maximum.accumulate(time))
+    back = np.flatnonzero(finite & ~good)
+    if not back.size:
+        return good, 0
+    order = np.flatnonzero(good)
+    twin = order[np.minimum(np.searchsorted(time[order], time[back]), order.size - 1)]
+    same = (time[twin] == time[back]) & (samples.force_n[twin] == samples.force_n[back])
+    if same.all():
+        return good, back.size
+    known = np.flatnonzero(finite)
+    pieces = np.split(known, np.flatnonzero(np.diff(time[known]) < 0) + 1)
+    longest = max(pieces, key=len)
+    mask = np.zeros(time.size, dtype=bool)
+    mask[longest] = True
+    return mask, int(finite.sum()) - longest.size
+
+
+def steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
+    """Step of the cycle to which each cleaned sample belongs."""
+    order = np.argsort(samples.time_s, kind="stable")
+    place = np.searchsorted(samples.time_s[order], recording.time_s)
+    return samples.step[order[np.minimum(place, order.size - 1)]]

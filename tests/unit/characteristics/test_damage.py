@@ -1,0 +1,116 @@
+"""What goes wrong in a cycle costs that cycle, by name, and none of the others."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from oracle.campaigns import World, hits, write_campaign
+from pneudrive.characteristics import characteristics
+from pneudrive.errors import CampaignError
+
+
+def change(frame: pl.DataFrame, column: str, rows, value) -> pl.DataFrame:
+    values = frame[column].to_numpy().copy()
+    values[rows] = value(values[rows]) if callable(value) else value
+    return frame.with_columns(pl.Series(column, values))
+
+
+HALF = slice(100, 420)
+DAMAGE = {
+    "a few samples that are no number": (lambda f: change(f, "force_n", slice(50, 70), np.nan), "non_finite"),
+    "most samples that are no number": (lambda f: change(f, "force_n", slice(50, 560), np.nan), None),
+    "a clock that jumps back": (
+        lambda f: change(f, "time_s", slice(560, None), lambda t: t - 0.3 * t[0]),
+        "time_backwards",
+    ),
+    "a clock that starts anew": (lambda f: change(f, "time_s", slice(200, None), lambda t: t - t[0]), "time_backwards"),
+    "a force that is wrong": (lambda f: change(f, "force_n", slice(None), lambda v: 0.5 * v), "outlier"),
+    "a force that is stuck": (lambda f: change(f, "force_n", slice(30, None), 7.0), None),
+    "samples twice": (lambda f: pl.concat([f[:200], f[150:]]), "time_backwards"),
+    "samples lost": (lambda f: pl.concat([f[:150], f[190:]]), ""),
+    "one direction only": (lambda f: f[:300], "unpaired"),
+    "nothing that moves": (lambda f: change(f, "position_m", slice(None), 0.1), None),
+    "three samples": (lambda f: f[:3], None),
+    "positions that are no number": (lambda f: change(f, "position_m", slice(None), np.nan), None),
+}
+
+
+def spoil(folder, at: int, how) -> str:
+    path = sorted((folder / "cycles").glob("*-sweep-*.parquet"))[at]
+    metadata = {"pneudrive": pl.read_parquet_metadata(path)["pneudrive"]}
+    how(pl.read_parquet(path)).write_parquet(path, metadata=metadata)
+    return json.loads(metadata["pneudrive"])["cycle"]["key"]
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damage_is_named_and_costs_one_cycle(measured, quick, damage):
+    how, flag = DAMAGE[damage]
+    keys = []
+    world = quick(cycle_share=0.005)
+    found = measured(world, spoil=lambda folder: keys.append(spoil(folder, 5, how)))
+    skipped = {s.key: s.reason for s in found.skipped}
+    if flag is None:
+        assert list(skipped) == keys
+        assert len(skipped[keys[0]]) > 10
+        assert keys[0] in " ".join(s.text for s in found.statements)
+    else:
+        assert not skipped
+        (cycle,) = [c for c in found.cycles if c.key == keys[0]]
+        if flag == "unpaired":
+            assert np.isnan(cycle.friction_n)
+            rows = found.friction_map.to_dataframe().query(f"recording == '{keys[0]}'")
+            assert rows["flags"].tolist() == ["unpaired"]
+        elif flag:
+            assert flag in cycle.flags
+    curve = found.curves[0]
+    assert hits(world, curve).mean() >= 0.8
+    assert curve.cycles.sum() >= 21
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path):
+    folder = write_campaign(tmp_path / "campaign", World(samples=200), 1)
+    files = sorted((folder / "cycles").glob("*-sweep-*.parquet"))
+    files[0].write_bytes(files[0].read_bytes()[:2000])
+    files[1].write_bytes(b"not a cycle")
+    pl.read_parquet(files[2]).drop("force_n").write_parquet(
+        files[2], metadata={"pneudrive": pl.read_parquet_metadata(files[2])["pneudrive"]}
+    )
+    found = characteristics(folder)
+    assert {s.file.removeprefix("cycles/") for s in found.skipped} == {f.name for f in files[:3]}
+    assert found.curves
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"speeds_m_s": (0.05,), "repeats": 1, "sentinel_every": 0},
+        {"speeds_m_s": (0.05,), "repeats": 8, "sentinel_every": 0},
+        {"speeds_m_s": (0.05, 0.1), "repeats": 3},
+        {"white_n": 0.0, "correlated_n": 0.0, "cycle_share": 0.0, "position_noise_m": 0.0, "pressure_noise_pa": 0.0},
+        {"white_n": 100.0, "correlated_n": 50.0},
+    ],
+    ids=["one cycle", "one speed", "two speeds", "no noise at all", "noise beyond friction"],
+)
+def test_campaigns_at_the_edge_give_what_they_carry(measured, quick, changes):
+    world = quick(**changes)
+    found = measured(world)
+    assert found.friction_map.sizes["row"] > 0
+    if found.curves:
+        assert hits(world, found.curves[0]).mean() >= 0.8
+    else:
+        assert any(s.topic == "curve" and not s.carried for s in found.statements)
+
+
+def test_a_folder_that_is_no_campaign(tmp_path):
+    with pytest.raises(CampaignError, match="not a campaign folder"):
+        pn.characterise(tmp_path)
+    folder = write_campaign(tmp_path / "campaign", World(samples=200), 1)
+    for path in (folder / "cycles").glob("*.parquet"):
+        path.unlink()
+    with pytest.raises(CampaignError, match="no cycle that can be used"):
+        pn.characteristics(folder)

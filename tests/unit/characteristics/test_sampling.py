@@ -1,0 +1,53 @@
+"""Where samples lie changes nothing: bursts around reversals, and which protocol chooses the samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from oracle.campaigns import write_campaign
+from pneudrive.characterise import SourcePaper
+from pneudrive.characteristics import characteristics
+
+QUIET = {"white_n": 0.01, "correlated_n": 0.0, "cycle_share": 0.0, "sentinel_every": 0, "repeats": 1, "tare": False}
+
+
+def test_bursts_do_not_bias_the_mean(measured, quick):
+    """Friction lies 30 % higher at the ends of the stroke, where most samples are: a plain mean would be too high."""
+    pattern = {"ripple": ((0.3, 1.0, 1.57),)}
+    even = measured(quick(**QUIET, **pattern))
+    burst = measured(quick(**QUIET, **pattern, burst_hz=5000.0))
+    for a, b in zip(even.cycles, burst.cycles, strict=True):
+        assert b.friction_n == pytest.approx(a.friction_n, rel=0.01)
+
+
+def test_cycles_of_different_settled_ways_are_brought_to_one(measured, quick):
+    """At high speed half of the stroke goes into the ramps, where friction is another one."""
+    world = quick(**QUIET, ripple=((0.1, 1.0, 0.0),), slope_share=0.2, acceleration_m_s2=2.0)
+    cycles = measured(world).cycles
+    error = [c.friction_n / world.truth(c.speed_m_s, (0.0, 0.0)) - 1.0 for c in cycles]
+    assert np.ptp(error) < 0.004
+
+
+def test_the_source_papers_protocol_keeps_the_ramps(quick, tmp_path):
+    world = quick(**QUIET, acceleration_m_s2=2.0)
+    folder = write_campaign(tmp_path / "campaign", world, 1)
+    settled, paper = characteristics(folder), characteristics(folder, SourcePaper())
+    assert paper.protocol == "source-paper"
+    fast, slow = -1, 0
+    true = world.truth(settled.curves[0].speed_m_s, (0.0, 0.0))
+    assert settled.curves[0].friction_n[fast] == pytest.approx(true[fast], rel=0.01)
+    assert paper.curves[0].friction_n[slow] == pytest.approx(true[slow], rel=0.01)
+    assert paper.curves[0].friction_n[fast] < 0.97 * true[fast]  # slow parts of the ramp count as fast
+
+
+def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
+    from pneudrive.characteristics import reading
+
+    folder = write_campaign(tmp_path / "campaign", quick(), 1)
+    here = characteristics(folder, processes=1)
+    monkeypatch.setattr(reading, "WORTH_WORKERS", 1)
+    there = characteristics(folder, processes=2)
+    for a, b in zip(here.curves, there.curves, strict=True):
+        np.testing.assert_array_equal(a.friction_n, b.friction_n)
+        np.testing.assert_array_equal(a.high_n, b.high_n)
