@@ -11,6 +11,7 @@ from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.plan import lay_out
 from pneudrive.campaign.run import resume_campaign, run_campaign
+from pneudrive.campaign.status import status_of
 from pneudrive.identify.model import FrictionModel, Observations
 from pneudrive.rig.interface import Sampling
 
@@ -109,6 +110,14 @@ def test_a_point_that_is_known_is_measured_no_more():
     done = played(asked, point)
     counts = {v: sum(one.cycle.speed_m_s == v for one in done) for v in (0.002, 0.01, 0.05, 0.2)}
     assert counts == {0.002: 16, 0.01: 6, 0.05: 6, 0.2: 6}
+
+
+def test_a_campaign_that_knows_enough_is_done(tmp_path):
+    asked = protocol('[adaptive]\ninterval = "9 N"\nleast_repeats = 2\n', repeats=4)
+    result = run_campaign(asked, FakeRig(), tmp_path / "c", options=QUICK)
+    assert (result.finished, result.planned) == (2 + 2 * 8, 2 + 2 * 8)
+    found = status_of(tmp_path / "c")
+    assert (found.planned, found.to_do, found.remaining_s) == (18, 0, 0.0)
 
 
 def test_decisions_are_the_same_after_an_interruption(tmp_path):

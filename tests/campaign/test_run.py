@@ -180,6 +180,24 @@ def test_the_second_process_is_refused(tmp_path):
     assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "c" / "cycles").iterdir()}
 
 
+@pytest.fixture(autouse=True)
+def signals_of_a_terminal():
+    """Take Ctrl-C as a terminal's process does, whatever the tests were started from."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_signals_that_are_ignored_stay_ignored(tmp_path):
+    """As nohup asks for."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        rig = FakeRig(trouble=on_part(4, lambda rig: os.kill(os.getpid(), signal.SIGHUP)))
+        assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK).ended == DONE
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def press(rig):
     """Press Ctrl-C, and give the campaign the time to notice."""
     os.kill(os.getpid(), signal.SIGINT)
@@ -446,7 +464,7 @@ def test_a_disk_that_refuses_ends_the_campaign_and_spoils_nothing(tmp_path, undi
 
     def refuse(descriptor):
         written.append(descriptor)
-        if len(written) == 40:  # in the middle of a cycle's file
+        if len(written) == 16:  # in the middle of a cycle's file
             raise OSError(number, os.strerror(number))
         fsync(descriptor)
 

@@ -158,12 +158,12 @@ def next_cycle(plan: Plan, finished: Sequence[Finished]) -> tuple[Cycle, str] | 
     return None
 
 
-def dropped(plan: Plan, finished: Sequence[Finished]) -> set[str]:
+def needless(plan: Plan, finished: Sequence[Finished]) -> set[str]:
     """Give the keys of planned cycles that are not needed any more, as their point is known well enough."""
     rules = plan.protocol.adaptive
-    done = {one.cycle.key for one in finished}
-    if rules is None:
+    if rules is None or rules.interval_n is None:
         return set()
+    done = {one.cycle.key for one in finished}
     return {p.cycle.key for p in plan.planned if p.cycle.key not in done and _is_tight(p, finished, rules)}
 
 

@@ -124,15 +124,24 @@ class Requests:
 
     @contextlib.contextmanager
     def signals(self) -> Iterator[None]:
-        """Turn signals into requests: Ctrl-C finishes the cycle and pauses, twice stops now; SIGTERM and SIGHUP end."""
+        """Turn signals into requests: Ctrl-C finishes the cycle and pauses, twice stops now; SIGTERM and SIGHUP end.
+
+        Ctrl-Z pauses too: a process that is stopped leaves its axis alone. Signals that are ignored stay so (nohup).
+        """
         if threading.current_thread() is not threading.main_thread():
             yield  # only the main thread may
             return
-        handlers: dict[signal.Signals, Callable[[int, FrameType | None], None]] = {signal.SIGINT: self._pressed}
-        for name in ("SIGTERM", "SIGHUP"):
-            if hasattr(signal, name):
-                handlers[getattr(signal, name)] = self._told
-        before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+        handlers: dict[signal.Signals, Callable[[int, FrameType | None], None]] = {
+            signal.SIGINT: self._pressed,
+            signal.SIGTERM: self._told,
+            signal.SIGHUP: self._told,
+            signal.SIGTSTP: self._put_away,
+        }
+        before = {
+            number: signal.signal(number, handler)
+            for number, handler in handlers.items()
+            if signal.getsignal(number) != signal.SIG_IGN
+        }
         try:
             yield
         finally:
@@ -147,6 +156,10 @@ class Requests:
         self._presses += 1
         word = {1: PAUSE, 2: STOP}.get(self._presses, ABORT)
         self.put(Request(word, CTRL_C, leave=not self._someone_there))
+
+    def _put_away(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        self.put(Request(PAUSE, "Ctrl-Z"))
 
     def _told(self, number: int, frame: FrameType | None) -> None:
         del frame

@@ -180,7 +180,7 @@ def write_truth(folder: Path, head: Head, truth: dict[str, Any]) -> Path:
     """Write what was true of a cycle of a simulated rig beside it."""
     target = folder / TRUTH / f"{file_name(head.index, head.cycle.key)}.json"
     make_folder(target.parent)
-    write_whole(target, json.dumps(truth, default=plain).encode())
+    write_whole(target, json.dumps(truth, default=plain).encode(), flush=False)  # no result needs it
     return target
 
 

@@ -180,6 +180,10 @@ class Lines(Silent):
         )
         self.say(f"{plan.protocol.name}: {left}, {duration(self._remaining.seconds)} on the rig")
 
+    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
+        """Take note of how many there will be."""
+        self._planned = planned
+
     def finished(self, one: Finished) -> None:
         """Tell that a cycle is on the disk."""
         self._count += 1
@@ -187,7 +191,7 @@ class Lines(Silent):
         self._remaining.finished(one.cycle.key)
         flags = f"  flags: {', '.join(one.flags)}" if one.flags else ""
         left = duration(self._remaining.seconds)
-        self.say(f"{self._count}/{max(self._planned, self._count)} {one.cycle.key}  {left} left{flags}")
+        self.say(f"{self._count}/{self._planned} {one.cycle.key}  {left} left{flags}")
 
     def say(self, text: str) -> None:
         """Write a line."""
@@ -240,7 +244,7 @@ class Screen(Silent):
         """Tell that a cycle begins."""
         with self._lock:
             self._cycle, self._parts = cycle, []
-        self._progress.update(self._task, total=max(planned, done + 1))
+        self._progress.update(self._task, total=planned)
         if reason:
             self.say(f"{cycle.key} {reason}")
 

@@ -99,7 +99,7 @@ class FolderLock:
                 value=str(_read(path) or "it has not said who it is"),
                 remedy=f"Wait for it, or end it: pneudrive campaign abort {folder}",
             )
-        self._holder = Holder(os.getpid(), socket.gethostname(), _user(), now())
+        self._holder = Holder(os.getpid(), socket.gethostname(), user(), now())
         self.tell()
 
     def tell(self, **what: str) -> None:
@@ -175,7 +175,8 @@ def _read(path: Path) -> Holder | None:
         return None
 
 
-def _user() -> str:
+def user() -> str:
+    """Give the name of whoever runs this process."""
     try:
         return getpass.getuser()
     except (OSError, KeyError):  # no such user: in a container

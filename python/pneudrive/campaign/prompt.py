@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import getpass
 import select
 import sys
 from typing import TYPE_CHECKING, Protocol
 
 from pneudrive.campaign.control import ABORT, CTRL_C, LOOK_S, RESUME, Requests
-from pneudrive.campaign.lock import now
+from pneudrive.campaign.lock import now, user
 
 if TYPE_CHECKING:
     from pneudrive.campaign.session import Session
@@ -75,7 +74,7 @@ def go_on(session: Session, requests: Requests, prompt: Prompt) -> bool:
         False: end the campaign.
     """
     question = session.question
-    name = session.options.operator or _user()
+    name = session.options.operator or user()
     if question:
         text = f"Operator's step: {question}\nEnter: done (as {name}), another name: done by that one, a: end > "
         session.state("operator", question)
@@ -90,7 +89,8 @@ def go_on(session: Session, requests: Requests, prompt: Prompt) -> bool:
     if prompt.there:
         prompt.show(text)
     else:
-        session.display.say(text.splitlines()[0])
+        folder = session.campaign.path
+        session.display.say(f"{text.splitlines()[0]} To go on: pneudrive campaign resume {folder}")
     if not _answered(session, requests, prompt, name):
         return False
     session.display.go_on()
@@ -118,10 +118,3 @@ def _answered(session: Session, requests: Requests, prompt: Prompt, name: str) -
         session.answer = {"name": line or name, "time": now(), "how": "terminal"}
         session.journal.write("resumed at the keyboard")
         return True
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError):
-        return "operator"

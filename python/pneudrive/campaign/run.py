@@ -49,7 +49,7 @@ class Result:
     ----------
     campaign : Campaign
     finished, planned : int
-        Cycles on the disk, and of the plan.
+        Cycles on the disk, and what there will be in all as far as is known.
     ended : str
         ``done``, or ``ended`` where somebody ended it; it can be resumed.
     """
@@ -326,7 +326,7 @@ def _run(
             shown.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
     if trouble:
         raise RigError("the rig could not be brought to rest", value=trouble, remedy="See to it by hand.")
-    return Result(campaign, len(session.finished), len(plan.planned), ended)
+    return Result(campaign, len(session.finished), session.total, ended)
 
 
 @contextlib.contextmanager

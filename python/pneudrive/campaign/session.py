@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import errno
 import re
 import shutil
@@ -10,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from bluesky.utils import Msg
 
-from pneudrive.campaign.adaptive import LEVELS, Finished, Point, measure, next_cycle
+from pneudrive.campaign.adaptive import LEVELS, Finished, Point, measure, needless, next_cycle
 from pneudrive.campaign.checks import arrival_flags, serious
 from pneudrive.campaign.devices import Axis, Chambers, Conditions, RigThread, whats_wrong
 from pneudrive.campaign.folder import Head, write_cycle, write_truth
-from pneudrive.campaign.lock import now
+from pneudrive.campaign.lock import now, user
 from pneudrive.campaign.storage import REMEDIES
 from pneudrive.campaign.watch import FAULT, NO_ANSWER, Bounds, look
 from pneudrive.errors import CampaignError, ConnectionLostError
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 
 #: Bytes that a sample may take on the disk while its cycle is written, and those of a cycle beside its samples.
 SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
+#: What a connection that is lost or does not answer raises, up to Python 3.10 in three forms.
+LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
 
 
 class Session:
@@ -97,7 +101,13 @@ class Session:
     @property
     def now(self) -> str:
         """What to call the present: so many cycles of so many."""
-        return f"{len(self.finished)} of {len(self.plan.planned)} cycles"
+        return f"{len(self.finished)} of {self.total} cycles"
+
+    @property
+    def total(self) -> int:
+        """How many cycles there will be, as far as is known now."""
+        done = {one.cycle.key for one in self.finished} | needless(self.plan, self.finished)
+        return len(self.finished) + sum(p.cycle.key not in done for p in self.plan.planned)
 
     def tell(self, text: str) -> None:
         """Write a line into the journal and onto the display."""
@@ -121,7 +131,7 @@ class Session:
             cycle, reason = following
             self.state("running")
             self.lock.tell(cycle=cycle.key)
-            self.display.cycle(cycle, reason, len(self.finished), len(self.plan.planned))
+            self.display.cycle(cycle, reason, len(self.finished), self.total)
             if reason:
                 self.journal.write(f"{cycle.key} {reason}")
             confirmed = (yield from self._confirmed(cycle)) if cycle.text else {}
@@ -150,7 +160,7 @@ class Session:
         """Have the operator do something, and say who confirmed it."""
         if self.options.yes:
             self.journal.write(f"{cycle.key}: {cycle.text} (taken as done: --yes)")
-            return {"name": self.options.operator, "time": now(), "how": "--yes"}
+            return {"name": self.options.operator or user(), "time": now(), "how": "--yes"}
         self.answer = {}
         while not self.answer:  # whoever goes on without an answer is asked again
             self.question = cycle.text
@@ -332,7 +342,7 @@ def _without_numbers(text: str) -> str:
 def _lost(error: BaseException | None) -> bool:
     """Whether a lost connection is behind an error."""
     while error is not None:
-        if isinstance(error, ConnectionError | TimeoutError):
+        if isinstance(error, LOST):
             return True
         error = error.__cause__ or error.__context__
     return False

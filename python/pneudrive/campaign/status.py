@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pneudrive.campaign.adaptive import Finished, measure, needless
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.lock import Holder, holder
 from pneudrive.campaign.run import plan_of
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.campaign.folder import CycleFile, Problem
+    from pneudrive.campaign.plan import Plan
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Status:
     files : tuple of CycleFile
         Finished cycles.
     planned : int or None
-        Cycles of the plan; None where the folder does not say.
+        Cycles of the plan that are needed; None where the folder does not say.
     extra : int
         Finished cycles that the plan does not list: repeats and added speeds.
     remaining_s : float or None
@@ -73,9 +75,21 @@ def status_of(folder: str | Path) -> Status:
     except (CampaignError, ProtocolError):
         pass  # written by somebody else: nothing is known of a plan
     else:
-        keys = {cycle.key for cycle in plan.cycles}
-        planned, remaining, extra = len(keys), plan.remaining_s(done), len(done - keys)
+        unneeded = _needless(plan, campaign, files)
+        keys = {cycle.key for cycle in plan.cycles} - unneeded
+        planned, remaining, extra = len(keys), plan.remaining_s(done | unneeded), len(done - keys)
     flags = Counter(flag for file in files for flag, count in file.head.flags.items() if count)
     return Status(
         campaign, tuple(files), planned, extra, remaining, dict(flags), tuple(problems), holder(campaign.path)
     )
+
+
+def _needless(plan: Plan, campaign: Campaign, files: list[CycleFile]) -> set[str]:
+    """Give the keys of cycles that an adaptive campaign does not need any more."""
+    rules = plan.protocol.adaptive
+    if rules is None or rules.interval_n is None:
+        return set()
+    finished = [
+        Finished(f.head.cycle, f.head.flags, measure(f.samples(), f.head.cycle, campaign.identity)) for f in files
+    ]
+    return needless(plan, finished)

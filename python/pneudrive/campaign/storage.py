@@ -48,10 +48,17 @@ def clear_errors(what: str, path: Path) -> Iterator[None]:
         raise CampaignError(what, where=str(path), value=reason, remedy=remedy) from error
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
     """Write a file: to a temporary name, flushed to the disk, renamed; the folder is flushed too.
 
     A reader, or a process that follows one that was killed at any moment, finds the old file or the new one.
+
+    Parameters
+    ----------
+    path : Path
+    data : bytes
+    flush : bool
+        Whether the file must outlive a power cut.
 
     Raises
     ------
@@ -64,13 +71,15 @@ def write_whole(path: Path, data: bytes) -> None:
             with temporary.open("wb") as file:
                 file.write(data)
                 file.flush()
-                os.fsync(file.fileno())
+                if flush:
+                    os.fsync(file.fileno())
             temporary.replace(path)
         except OSError:
             with contextlib.suppress(OSError):
                 temporary.unlink()
             raise
-        flush_folder(path.parent)
+        if flush:
+            flush_folder(path.parent)
 
 
 def make_folder(path: Path) -> None:
