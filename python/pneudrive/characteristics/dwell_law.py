@@ -399,7 +399,7 @@ def _law_statements(series: DwellSeries, number: int) -> list[Statement]:
     kato = next((law for law in series.laws if law.name == "kato"), None)
     open_end = kato is not None and kato.delta < CONCLUSIVE and not np.isfinite(kato.shape_intervals["tau"][1])
     bounded = any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
-    if longest <= LONG_S * 1.01 and (best.name == "log" or open_end or bounded):
+    if best.name != "none" and longest <= LONG_S * 1.01 and (best.name == "log" or open_end or bounded):
         text = (
             f"stops of at most {longest:.3g} s do not tell whether and where breakaway saturates; beyond them every "
             "law is an extrapolation. Told are the slope and the laws within the durations that were run."

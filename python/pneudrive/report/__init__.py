@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pneudrive.report.campaign import write_campaign_report as write_campaign_report
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
     from pneudrive.report.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
@@ -20,8 +21,17 @@ _HOME = {
     "reproduce": "write",
     "Reproduction": "write",
     "write_layout_figure": "layout_figure",
+    "write_campaign_report": "campaign",
 }
-__all__ = ["Reproduction", "plot", "plot_pressure", "reproduce", "write_layout_figure", "write_report"]
+__all__ = [
+    "Reproduction",
+    "plot",
+    "plot_pressure",
+    "reproduce",
+    "write_campaign_report",
+    "write_layout_figure",
+    "write_report",
+]
 
 
 def __getattr__(name: str) -> object:

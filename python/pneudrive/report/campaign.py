@@ -1,0 +1,139 @@
+"""The report of a campaign: verdict, sections, files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.report import campaign_course as course
+from pneudrive.report import campaign_curves as curves
+from pneudrive.report import campaign_run as run
+from pneudrive.report import campaign_stops as stops
+from pneudrive.report import style
+from pneudrive.report.campaign_curves import MM, estimate
+from pneudrive.report.page import Report
+from pneudrive.report.words import plural, with_u
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pneudrive.characteristics import CampaignCharacteristics
+    from pneudrive.report.page import Section
+
+
+def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) -> Path:
+    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+
+    Parameters
+    ----------
+    found : CampaignCharacteristics
+    folder : path-like
+        Must be there; figures go into its folder ``figures``.
+
+    Returns
+    -------
+    pathlib.Path
+        Of report.html.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written to.
+    """
+    with style.applied():
+        report = Report(_title(found), list(verdict(found)), sections(found))
+        return report.write(Path(folder))
+
+
+def sections(found: CampaignCharacteristics) -> list[Section]:
+    """All sections for which there are data, in the report's order."""
+    parts = [
+        run.what(found),
+        curves.curves(found),
+        curves.air(found),
+        curves.pressure(found),
+        curves.direction(found),
+        course.position(found),
+        stops.stops(found),
+        course.drift(found),
+        course.repeatability(found),
+        course.loops(found),
+        course.stick_slip(found),
+        run.said(found),
+        run.flags(found),
+        run.budget(found),
+        run.provenance(found),
+    ]
+    return [part for part in parts if part is not None]
+
+
+def _title(found: CampaignCharacteristics) -> str:
+    return f"{'Synthetic friction' if found.synthetic else 'Friction'} campaign: {found.name}"
+
+
+def verdict(found: CampaignCharacteristics) -> Iterator[str]:
+    """Say the results in a few lines."""
+    made = "on a simulated rig (synthetic)" if found.synthetic else f"on {found.identity.name}"
+    read = len(found.cycles) + len(found.stops)
+    lost = f"; {plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
+    yield f"{plural(read, 'cycle')} {made}{lost}."
+    yield from _friction(found)
+    yield from _air(found)
+    for series in found.dwell:
+        if series.slope is not None:
+            best = f"; best law: {series.laws[0].form.title}" if series.laws else ""
+            yield (
+                f"Breakaway after a stop ({series.name}) changes by {estimate(series.slope, unit='N')} per decade of "
+                f"duration at {series.reference_s:g} s{best}."
+            )
+    yield from _course(found)
+    missing = sum(not s.carried for s in found.statements)
+    if missing:
+        count = plural(missing, "question is", "questions are")
+        yield f"{count} not answered by these data; the sections say which, and what would."
+
+
+def _friction(found: CampaignCharacteristics) -> Iterator[str]:
+    both = [c for c in found.curves if c.direction == 0]
+    if not both:
+        yield "These cycles do not give friction over speed."
+        return
+    first = both[0]
+    ends = [int(i) for i in np.flatnonzero(first.measured)[[0, -1]]]
+    half = [float(v) for v in (first.high_n - first.low_n) / 2.0]
+    said = " and ".join(
+        f"{with_u(float(first.friction_n[i]), half[i])} at {MM * first.speed_m_s[i]:.3g} mm/s"
+        for i in dict.fromkeys(ends)
+    )
+    where = first.condition.label(found.identity.ambient_pressure_pa)
+    yield f"Friction at {where}: {said} (± half of the 95 % interval); {plural(len(both), 'condition')} in all."
+    for effects in found.pressure:
+        means = (("a", effects.mean_a), ("b", effects.mean_b), ("both chambers together", effects.mean_sum))
+        told = [f"{estimate(m, PA_PER_BAR, 'N/bar')} ({word})" for word, m in means if m is not None]
+        if told:
+            name = f" ({effects.levels})" if effects.levels else ""
+            yield f"Pressure adds{name}, mean over speeds: {', '.join(told)}."
+
+
+def _air(found: CampaignCharacteristics) -> Iterator[str]:
+    separated = [a for a in found.air if a.separated]
+    if separated:
+        a = max(separated, key=lambda share: share.air_n[-1])
+        where = a.condition.label(found.identity.ambient_pressure_pa)
+        yield (
+            f"At {MM * a.speed_m_s[-1]:.3g} mm/s and {where}, {a.air_n[-1]:.2g} of {a.total_n[-1]:.3g} N are air, "
+            "not seal."
+        )
+    elif found.air:
+        yield "Air and seal cannot be told apart: pressures were not measured in the chambers."
+
+
+def _course(found: CampaignCharacteristics) -> Iterator[str]:
+    r, d = found.repeatability, found.drift
+    if r is not None and r.within is not None:
+        between = f", between blocks and days {r.between.value:.2g} N" if r.between is not None else ""
+        drift = f"; friction drifted by {np.ptp(d.drift_n):.2g} N" if d is not None and d.drift_n.size else ""
+        yield f"One cycle repeats within {r.within.value:.2g} N (standard deviation){between}{drift}."

@@ -1,0 +1,92 @@
+"""The report of a campaign: every part that the data carry, marked where it is synthetic, and nothing else."""
+
+import html
+import json
+import re
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from oracle.campaigns import BAR, World, write_campaign
+from oracle.stop_campaigns import StopWorld, write_stops
+from pneudrive.characteristics import characteristics
+from pneudrive.report.campaign import write_campaign_report
+
+PRESSURES = ((0.0, 0.0), (1.0 * BAR, 1.0 * BAR))
+
+
+def append(folder: Path, other: Path) -> None:
+    """Put the cycles of one campaign behind those of another."""
+    first = len(list((folder / "cycles").glob("*.parquet")))
+    for path in sorted((other / "cycles").glob("*.parquet")):
+        head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
+        head["index"] += first
+        name = f"{head['index']:05d}-{path.stem[6:]}.parquet"
+        pl.read_parquet(path).write_parquet(folder / "cycles" / name, metadata={"pneudrive": json.dumps(head)})
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return a campaign of sweeps and stops, and its page."""
+    folder = tmp_path_factory.mktemp("report")
+    world = World(gauges_pa=PRESSURES, air_pa_s_m=4000.0, speeds_m_s=(2e-3, 1e-2, 3e-2, 0.1, 0.3), samples=600)
+    write_campaign(folder / "c", world, 1)
+    durations = (1.0, 10.0, 100.0)
+    write_stops(folder / "s", StopWorld(gauges_pa=PRESSURES, durations_s=durations, repeats=3, samples=600), 1)
+    append(folder / "c", folder / "s")
+    found = characteristics(folder / "c", processes=1)
+    (folder / "out").mkdir()
+    return found, write_campaign_report(found, folder / "out")
+
+
+def text_of(page: str) -> str:
+    page = re.sub(r"<svg.*?</svg>|<style>.*?</style>|<pre>.*?</pre>", " ", page, flags=re.DOTALL)
+    return html.unescape(re.sub(r"<[^>]+>", " ", page))
+
+
+def test_every_part_has_its_section_and_its_picture(whole, loads_from_elsewhere):
+    found, path = whole
+    page = path.read_text(encoding="utf-8")
+    keys = set(re.findall(r'<section id="([^"]+)">', page))
+    assert {"run", "curves", "air", "pressure", "direction", "position", "stops", "drift", "repeatability"} <= keys
+    assert {"loops", "statements", "flags", "budget", "provenance"} <= keys
+    assert not loads_from_elsewhere(page)
+    pictures = set(re.findall(r'href="(figures/[^"]+\.png)"', page))
+    assert {f"figures/campaign-{n}.png" for n in ("curves", "air", "dwell", "stop-traces", "drift")} <= pictures
+    assert all((path.parent / name).stat().st_size > 5000 for name in pictures)
+    assert "synthetic" in page.split("<nav")[0]  # the verdict says so, not a footnote
+    said = text_of(page)
+    assert not re.search(r"\bnan\b|\bNone\b|Estimate\(", said)
+    for statement in found.statements:
+        assert " ".join(str(statement).split()) in " ".join(said.split())
+
+
+def test_numbers_on_the_page_are_those_of_the_result(whole):
+    found, path = whole
+    said = text_of(path.read_text(encoding="utf-8"))
+    slope = found.dwell[0].slope
+    digits = re.search(r"Breakaway after a stop .*? changes by (-?[\d.]+) \((-?[\d.]+) … (-?[\d.]+)\) N", said)
+    assert [float(x) for x in digits.groups()] == pytest.approx([slope.value, slope.low, slope.high], abs=0.06)
+    for law in found.dwell[0].laws:
+        assert law.form.title in said
+    air = max(found.air, key=lambda a: a.air_n[-1])
+    assert f"{air.air_n[-1]:.2g} of {air.total_n[-1]:.3g} N are air" in said
+
+
+def test_campaigns_without_some_parts_are_reported_too(tmp_path):
+    sweeps = write_campaign(tmp_path / "sweeps", World(speeds_m_s=(5e-3, 5e-2, 0.2), samples=400, repeats=2), 2)
+    identity = json.loads((sweeps / "rig.json").read_text())
+    (sweeps / "rig.json").write_text(json.dumps(identity | {"synthetic": False, "pressure_measured_at": "regulator"}))
+    stops = write_stops(tmp_path / "stops", StopWorld(durations_s=(1.0,), repeats=1, samples=400), 2)
+    for folder in (sweeps, stops):
+        out = tmp_path / f"{folder.name}-out"
+        out.mkdir()
+        page = write_campaign_report(characteristics(folder, processes=1), out).read_text(encoding="utf-8")
+        if folder is sweeps:
+            assert "synthetic" not in text_of(page).lower().replace("friction of", "")
+            assert 'id="stops"' not in page
+            assert "cannot be told apart" in page
+        else:
+            assert 'id="curves"' not in page
+            assert "do not carry" in page
