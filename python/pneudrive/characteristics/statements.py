@@ -223,12 +223,23 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
     drift = found.zero.per_hour
     if drift is not None:
         yield Statement("zero", f"The force sensor's zero drifts by {_interval(drift)}; {_verdict(drift)}.")
-    for a in found.asymmetry:
-        which = (
-            "differs between the directions" if a.mean.p < CHANCE else "is the same in both directions, as far as told"
-        )
-        text = f"At {a.condition.label(ambient)} friction {which}: half the difference is {_interval(a.mean)}."
-        yield Statement("direction", text)
+    differ = [a for a in found.asymmetry if a.mean.p < CHANCE]
+    same = [a for a in found.asymmetry if a.mean.p >= CHANCE]
+    for group, text in (
+        (differ, "friction differs between the directions"),
+        (same, "friction is the same in both directions, as far as told"),
+    ):
+        if len(group) == 1:
+            label = group[0].condition.label(ambient)
+            yield Statement("direction", f"At {label} {text}: half the difference is {_interval(group[0].mean)}.")
+        elif group:
+            low, high = min(a.mean.value for a in group), max(a.mean.value for a in group)
+            half = max((a.mean.high - a.mean.low) / 2.0 for a in group)
+            yield Statement(
+                "direction",
+                f"At {len(group)} conditions {text}: half the difference is {low:.3g} to {high:.3g} N (95 %: "
+                f"+-{half:.2g} N at most).",
+            )
 
 
 def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
@@ -255,24 +266,33 @@ def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
 
 def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
     ambient = found.identity.ambient_pressure_pa
-    for share in found.air:
-        label, speed = share.condition.label(ambient), 1e3 * share.speed_m_s[-1]
-        if share.separated:
-            low, value, high = (float(v[-1]) for v in (share.air_low_n, share.air_n, share.air_high_n))
-            yield Statement(
-                "air",
-                f"At {label} and {speed:.3g} mm/s the air takes {value:.2f} N (95 %: {low:.2f} .. {high:.2f}) of "
-                f"{share.total_n[-1]:.2f} N; the rest is the seal.",
-            )
-        else:
-            yield Statement(
-                "air",
-                f"At {label} pressures were measured at the regulator: air and seal cannot be separated. If the seal's "
-                f"friction does not fall as speed rises, at most {share.air_bound_n[-1]:.2g} N at {speed:.3g} mm/s "
-                "are air.",
-                carried=False,
-                remedy="Measure pressure in the chambers, or repeat the fast sweeps with open ports.",
-            )
+    shares = found.air
+    if not shares:
+        return
+    speed = 1e3 * max(s.speed_m_s[-1] for s in shares)
+    where = f"At {shares[0].condition.label(ambient)}" if len(shares) == 1 else f"At {len(shares)} conditions"
+    if shares[0].separated:
+        values = [float(s.air_n[-1]) for s in shares]
+        half = max(float(s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
+        yield Statement(
+            "air",
+            f"{where} and {speed:.3g} mm/s the air takes {_span(values)} N (95 %: +-{half:.2g} N at most) of "
+            f"{_span([float(s.total_n[-1]) for s in shares])} N; the rest is the seal.",
+        )
+        return
+    yield Statement(
+        "air",
+        f"{where} pressures were measured at the regulator: air and seal cannot be separated. If the seal's friction "
+        f"does not fall as speed rises, at most {_span([float(s.air_bound_n[-1]) for s in shares])} N at "
+        f"{speed:.3g} mm/s are air.",
+        carried=False,
+        remedy="Measure pressure in the chambers, or repeat the fast sweeps with open ports.",
+    )
+
+
+def _span(values: list[float]) -> str:
+    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _position(found: CampaignCharacteristics) -> Iterator[Statement]:
