@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import random
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -122,6 +124,11 @@ def test_samples_that_do_not_fit_their_digest_are_refused(folder):
     pl.read_parquet(path).with_columns(pl.col("force_n") + 1e-12).write_parquet(path, metadata={"pneudrive": head})
     with pytest.raises(CampaignError, match="SHA-256"):
         CycleFile(path, read_head(path)).samples()
+
+
+def test_a_rig_may_be_rigid_and_its_sensors_without_limits(tmp_path):
+    identity = replace(FakeRig().identity(), stiffness_n_m=math.inf, limits={"force_n": (-math.inf, math.inf)})
+    assert create(tmp_path / "c", "", identity, {}).identity == identity
 
 
 def test_one_cycle_in_two_files_counts_once(folder):

@@ -316,8 +316,12 @@ MOUNTING = '[mounting]\nlevels = ["foot", "flange"]\nask = "Mount the drive by i
 
 
 def test_operators_steps_are_confirmed_and_kept(tmp_path):
-    prompt = Answers("", "bob")
-    rig = FakeRig()
+    class AtRest(Answers):
+        def show(self, text):
+            super().show(text)
+            assert at_rest(rig)
+
+    rig, prompt = FakeRig(), AtRest("", "bob")
     run_campaign(protocol(MOUNTING), rig, tmp_path / "c", options=QUICK, prompt=prompt)
     assert [text.splitlines()[0] for text in prompt.shown] == [
         "Operator's step: Mount the drive by its foot.",

@@ -129,7 +129,7 @@ _IDENTITY_TYPES = {
     "synthetic": _FLAG,
 }
 _IS = {
-    _NUMBER: lambda v: isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v),
+    _NUMBER: lambda v: isinstance(v, int | float) and not isinstance(v, bool) and not math.isnan(v),
     _WHOLE: lambda v: isinstance(v, int) and not isinstance(v, bool),
     _TEXT: lambda v: isinstance(v, str),
     _FLAG: lambda v: isinstance(v, bool),
@@ -236,7 +236,7 @@ def _cycle(data: dict[str, Any], where: str) -> Cycle:
         if data.get(name) is None:
             raise CampaignError(f"cycle.{name} is missing", where=where, rule=f"a cycle of kind {kind} must say it")
     for name in POSITIVE:
-        if name in data and not data[name] > 0.0:
+        if name in data and not 0.0 < data[name] < math.inf:
             raise CampaignError(
                 f"cycle.{name} = {data[name]:g}", where=where, rule="it is positive; pressures absolute"
             )

@@ -161,6 +161,7 @@ class Session:
         if self.options.yes:
             self.journal.write(f"{cycle.key}: {cycle.text} (taken as done: --yes)")
             return {"name": self.options.operator or user(), "time": now(), "how": "--yes"}
+        yield from self._rest()  # there will be hands in the rig
         self.answer = {}
         while not self.answer:  # whoever goes on without an answer is asked again
             self.question = cycle.text
