@@ -1,4 +1,4 @@
-"""``pneudrive characterise``: recordings into friction map, fit and report."""
+"""``pneudrive characterise``: recordings, or the folder of a campaign, into friction map, fit and report."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.settling import SampleChoice
+    from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.identify import FrictionFit
 
 Fits = dict[str, dict[str, "FrictionFit"]]
@@ -23,7 +25,11 @@ Fits = dict[str, dict[str, "FrictionFit"]]
 
 def characterise(
     recordings: Annotated[
-        list[Path], typer.Argument(help="Recordings; compressed ones (.gz, .xz, .bz2) too.", metavar="RECORDING...")
+        list[Path],
+        typer.Argument(
+            help="Recordings, compressed ones (.gz, .xz, .bz2) too; or the folder of a campaign.",
+            metavar="RECORDING...|CAMPAIGN",
+        ),
     ],
     layout: Annotated[
         Path | None, typer.Option(help="How the files are read; default: layout.toml beside them.")
@@ -34,8 +40,12 @@ def characterise(
     ] = "settled",
     law: Annotated[str, typer.Option(help="Friction law of fit.toml: coulomb or stribeck.")] = "stribeck",
 ) -> None:
-    """Characterise recordings: friction map (map.parquet, map.csv), fit (fit.toml), report.html."""
+    """Characterise recordings: friction map (map.parquet, map.csv), fit (fit.toml), report.html.
+
+    Of a campaign also curves.parquet and effects.toml, and what its data carry and what not.
+    """
     from pneudrive.characterise import characterise_recordings, write_map
+    from pneudrive.characterise.pressure_line import ALL_RECORDINGS
     from pneudrive.characterise.settling import SAMPLE_CHOICES
     from pneudrive.errors import CommandError, nearest
     from pneudrive.identify.fit import LAWS
@@ -46,15 +56,43 @@ def characterise(
         raise CommandError(f"--protocol {protocol} is not known", remedy=nearest(protocol, SAMPLE_CHOICES))
     if law not in LAWS:
         raise CommandError(f"--law {law} is not known", remedy=nearest(law, LAWS))
+    if any(path.is_dir() for path in recordings):
+        _campaign(recordings, layout, out, SAMPLE_CHOICES[protocol](), law)
+        return
     with _output(out) as folder:
         found = characterise_recordings(list(recordings), layout, SAMPLE_CHOICES[protocol]())
         written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
         fits, problems = fit_characterisation(found)
-        written += _write_fits(fits, law, folder)
+        written += _write_fits(fits, law, folder, whole=ALL_RECORDINGS)
         written.append(Path(write_report(found, fits, folder)))
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
     _say(found, written)
+
+
+def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: SampleChoice, law: str) -> None:
+    """Characterise one campaign folder."""
+    from pneudrive.characteristics import characteristics, fit_campaign, write_characteristics
+    from pneudrive.characteristics.fits import ALL
+    from pneudrive.errors import CommandError
+    from pneudrive.report.campaign import write_campaign_report
+
+    if len(recordings) > 1 or layout is not None:
+        raise CommandError(
+            "a campaign is characterised by itself",
+            value=" ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else ""),
+            rule="one folder, without recordings beside it and without a layout",
+            remedy="for two campaigns against each other: pneudrive compare",
+        )
+    with _output(out) as folder:
+        found = characteristics(recordings[0], choice)
+        written = write_characteristics(found, folder)
+        fits, problems = fit_campaign(found)
+        written += _write_fits(fits, law, folder, whole=ALL if len(fits) != 1 else next(iter(fits)))
+        written.append(write_campaign_report(found, folder))
+    for problem in problems:
+        sys.stderr.write(f"Note: no fit of {problem}\n")
+    _say_campaign(found, written)
 
 
 @contextmanager
@@ -69,14 +107,12 @@ def _output(out: Path) -> Iterator[Path]:
             out.rmdir()
 
 
-def _write_fits(fits: Fits, law: str, folder: Path) -> list[Path]:
-    """Write fit.toml for all recordings and, where there are several seals, fit-SEAL.toml for each."""
-    from pneudrive.characterise.pressure_line import ALL_RECORDINGS
-
+def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
+    """Write fit.toml for the group of all, and fit-GROUP.toml for each other one."""
     written = []
     for group, by_law in fits.items():
         if law in by_law:
-            name = "fit.toml" if group == ALL_RECORDINGS else f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', group)}.toml"
+            name = "fit.toml" if group == whole else f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', group)}.toml"
             by_law[law].to_toml(folder / name)
             written.append(folder / name)
     return written
@@ -100,5 +136,33 @@ def _say(found: Characterisation, written: list[Path]) -> None:
     console.print(table)
     for note in found.notes:
         console.print(f"- {note}", markup=False)
+    for path in written:
+        typer.echo(str(path))
+
+
+def _say_campaign(found: CampaignCharacteristics, written: list[Path]) -> None:
+    """Print one line per curve, what the data carry and what not, and where the results lie."""
+    from rich.console import Console
+    from rich.table import Table
+
+    ambient = found.identity.ambient_pressure_pa
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("curve", no_wrap=True)
+    for heading in ("cycles", "speeds mm/s", "friction N", "95 % band N"):
+        table.add_column(heading, justify="right")
+    for curve in found.curves:
+        if curve.direction == 0:
+            speeds, friction = 1e3 * curve.speed_m_s, curve.friction_n
+            table.add_row(
+                curve.condition.label(ambient),
+                str(int(curve.cycles.sum())),
+                f"{speeds[0]:.3g} .. {speeds[-1]:.3g}",
+                f"{friction.min():.2f} .. {friction.max():.2f}",
+                f"+-{float(((curve.high_n - curve.low_n) / 2.0)[curve.measured].mean()):.2f}",
+            )
+    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+    console.print(table)
+    for statement in found.statements:
+        console.print(f"{'-' if statement.carried else '!'} {statement}", markup=False)
     for path in written:
         typer.echo(str(path))
