@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from oracle.campaigns import World, write_campaign
 from pneudrive.characterise import read_map
 from pneudrive.cli.main import run
 
@@ -37,6 +38,37 @@ def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):
     friction = read_map(tmp_path / "out" / "map.parquet").friction_n.to_numpy()
     assert friction == pytest.approx(6.93, abs=0.15)
     capsys.readouterr()
+
+
+def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, capsys):
+    folder = write_campaign(tmp_path / "campaign", World(samples=300, gauges_pa=((0.0, 0.0), (1e5, 1e5))), 1)
+    out = tmp_path / "out"
+    assert run(["characterise", str(folder), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
+        assert (out / name).stat().st_size > 500, name
+        assert name in said
+    assert "! Both" in said or "cannot be told" in said  # equal pressures tell the sum only
+    assert "Remedy:" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["empty"], "this is not a campaign folder"),
+        (["campaign", "empty"], "a campaign is characterised by itself"),
+        (["campaign", "--layout", "layout.toml"], "a campaign is characterised by itself"),
+    ],
+)
+def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, capsys, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    Path("empty").mkdir()
+    write_campaign("campaign", World(samples=100, repeats=1), 1)
+    assert run(["characterise", *arguments]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert "Traceback" not in said
+    assert not Path("characterisation").exists()
 
 
 @pytest.mark.parametrize(

@@ -280,6 +280,8 @@ def _side(
     bins = edges_m.size - 1
     weight = np.bincount(place, weights=stands, minlength=bins)
     covered = _covered(motion.position_m[index], edges_m) & (weight > 0)
+    if not covered.any():
+        return None  # what has settled is shorter than a bin
     ambient = recording.ambient_pressure_pa
     air = (recording.pressure_a_pa - ambient) * recording.area_a_m2
     air -= (recording.pressure_b_pa - ambient) * recording.area_b_m2
@@ -297,7 +299,7 @@ def _side(
     squares = np.bincount(place, weights=stands * balance_n[index] ** 2, minlength=bins)
     means = binned(balance_n)
     inside_bins = np.where(covered, squares / np.where(weight > 0, weight, 1.0) - means**2, np.nan)
-    scatter = float(np.sqrt(max(np.nanmean(inside_bins), 0.0))) if covered.any() else float("nan")
+    scatter = float(np.sqrt(max(np.nanmean(inside_bins), 0.0)))
     return Side(
         balance_n=means,
         air_n=binned(air),
