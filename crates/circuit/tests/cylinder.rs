@@ -5,13 +5,14 @@ mod support;
 
 use circuit::{AxisId, ChamberLaw, Circuit, GasId, RestrictionId, balance};
 use ode::Stepper;
-use physics::friction::{Composition, Contact, SealLips};
+use physics::friction::{Composition, Contact, Dwell, Growth, SealLips};
 use support::*;
 
 type Edges = [RestrictionId; 4];
 
-/// With `split`, each face is two half faces, which no part evaluates together.
-fn cylinder(split: bool, sticking: bool) -> (Circuit<f64>, AxisId, [GasId; 2], Edges, Vec<f64>) {
+/// With `split`, each face is two half faces, which no part evaluates together. Laws of bristles other than
+/// LuGre come with an age of the contact.
+fn cylinder(split: bool, key: &str) -> (Circuit<f64>, AxisId, [GasId; 2], Edges, Vec<f64>) {
     let mut circuit = empty();
     let supply = circuit.reservoir(7e5, 300.0);
     let exhaust = circuit.reservoir(AMBIENT, ROOM);
@@ -23,9 +24,11 @@ fn cylinder(split: bool, sticking: bool) -> (Circuit<f64>, AxisId, [GasId; 2], E
         ("bristle_stiffness", 1e5),
         ("bristle_damping", 300.0),
     ];
-    let friction = if sticking { law("stribeck", &values[..4]) } else { law("lugre", &values) };
+    let friction = law(key, if key == "stribeck" { &values[..4] } else { &values });
+    let dwell =
+        (key == "elasto-plastic").then(|| Dwell::new(Growth::Hyperbolic, [5.0, 0.1, 1.0, 5e-5, 0.0, 0.0]));
     let lips = SealLips { coulomb_a: 1e-5, coulomb_b: 2e-5, breakaway_a: 1e-5, breakaway_b: 3e-5 };
-    let friction = Contact::new(friction, Some(lips), Composition::NONE);
+    let friction = Contact::new(friction, Some(lips), Composition { dwell, ..Composition::NONE });
     let axis = circuit.axis(2.0, 0.3, -6.0, Some(friction));
     let mut chamber = |area: f64, grows: bool| {
         let gas = circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 1e-3, 50.0, 285.0);
@@ -54,8 +57,8 @@ fn cylinder(split: bool, sticking: bool) -> (Circuit<f64>, AxisId, [GasId; 2], E
 }
 
 /// Rows of (x, v, friction, end stop, p_a, T_a, p_b, T_b) and the accounts by kind.
-fn run(split: bool, sticking: bool) -> (Vec<[f64; 8]>, [f64; 3]) {
-    let (circuit, axis, [a, b], edges, y) = cylinder(split, sticking);
+fn run(split: bool, key: &str) -> (Vec<[f64; 8]>, [f64; 3]) {
+    let (circuit, axis, [a, b], edges, y) = cylinder(split, key);
     let mut stepper = Stepper::new(circuit, 0.0, &y, options(1e-10));
     let mut trace = Trace::every(2e-3, 1.6);
     for (i, u) in [0.8, -0.8, 0.05, 0.0].into_iter().enumerate() {
@@ -83,15 +86,15 @@ fn run(split: bool, sticking: bool) -> (Vec<[f64; 8]>, [f64; 3]) {
 
 #[test]
 fn together_or_one_by_one() {
-    for sticking in [false, true] {
-        let ((together, accounts), (apart, own)) = (run(false, sticking), run(true, sticking));
+    for key in ["lugre", "stribeck", "elasto-plastic"] {
+        let ((together, accounts), (apart, own)) = (run(false, key), run(true, key));
         let scale = [0.3, 1.0, 50.0, 500.0, 5e5, 300.0, 5e5, 300.0];
         for (k, (one, two)) in together.iter().zip(&apart).enumerate() {
             for i in 0..8 {
                 let apart = (one[i] - two[i]).abs() / scale[i];
                 // Rebound at a stop and stiction amplify rounding; friction jumps at a stop of motion.
                 let bound = if i == 2 || i == 3 { 1e-3 } else { 1e-6 };
-                assert!(apart < bound, "sample {k}, column {i}: {one:?} {two:?}");
+                assert!(apart < bound, "{key}, sample {k}, column {i}: {one:?} {two:?}");
             }
         }
         for (one, two) in accounts.iter().zip(&own) {
