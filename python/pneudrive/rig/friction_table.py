@@ -65,4 +65,8 @@ def _plain(reader: Reader, name: str, entry: Any) -> Any:  # noqa: ANN401
 
 
 def _number(text: str) -> str | float:
-    return float(text) if _PURE.match(text) else text
+    """Take the quotes off pure numbers and percentages, which a drive file writes without."""
+    plain = text.removesuffix("%").rstrip()
+    if not _PURE.match(plain):
+        return text
+    return float(plain) if plain == text else float(plain) / 100.0

@@ -28,6 +28,8 @@ RTOL = 1e-6
 SHORTEST_M = 1e-9
 #: Chambers count as settled within this share of their set pressure; how long they may take.
 SETTLED, LONGEST_S, LOOK_S = 1e-3, 60.0, 0.5
+#: Places along a way at which friction is taken for its mean.
+PLACES = 32
 #: Speed below which friction is at its level of breakaway, for the question whether a released axis stays.
 CREEP_M_S = 1e-9
 
@@ -59,11 +61,20 @@ class Machine:
         """Return the friction in force, as the core takes it."""
         return friction_in_force(self.d, self.past, self.seed)
 
-    def steady_n(self, friction: dict[str, Any], velocity_m_s: float) -> float:
-        """Steady friction at a velocity and the set pressures, N, positive against the motion."""
+    def steady_n(
+        self, friction: dict[str, Any], velocity_m_s: float, way_m: tuple[float, float] | None = None
+    ) -> float:
+        """Steady friction at a velocity and the set pressures, N, positive against the motion.
+
+        Where friction depends on the position: its mean over a way, or that where the axis stands.
+        """
         d, past = self.d, self.past
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
-        return float(abs(steady_friction_n(friction, velocity_m_s, gauges)[0]))
+        if way_m is None or friction.get("position") is None:
+            return float(abs(steady_friction_n(friction, velocity_m_s, gauges, past.commanded_m)[0]))
+        borders = np.linspace(*way_m, PLACES + 1)
+        places = 0.5 * (borders[1:] + borders[:-1])
+        return float(np.mean([abs(steady_friction_n(friction, velocity_m_s, gauges, x)[0]) for x in places]))
 
     def dwell_increment_n(self, friction: dict[str, Any], age_s: float) -> float:
         """Return what an age of the contact adds to the level of friction at the set pressures, N."""
@@ -93,7 +104,11 @@ class Machine:
         if isinstance(step, Move):
             way = abs(self.past.commanded_m - motion.start_m)
             self.past.travel_m += way
-            power = self.steady_n(friction, step.speed_m_s) * way / motion.duration_s
+            power = (
+                self.steady_n(friction, float(np.copysign(step.speed_m_s, step.to_m - motion.start_m)))
+                * way
+                / motion.duration_s
+            )
         self.past.pass_time(self.d, motion.duration_s, power)
         return columns
 

@@ -225,11 +225,11 @@ class SimulatedRig:
     def true_friction(
         self, speed_m_s: float | Array, pressure_a_pa: float | None = None, pressure_b_pa: float | None = None
     ) -> Array:
-        """Friction of steady sliding at these speeds and absolute pressures (None: ambient), N."""
+        """Friction of steady sliding at these speeds and absolute pressures (None: ambient), at mid stroke, N."""
         d = self.description
         a, b = (d.ambient_pressure_pa if p is None else p for p in (pressure_a_pa, pressure_b_pa))
         gauges = (a - d.ambient_pressure_pa, b - d.ambient_pressure_pa)
-        friction = steady_friction_n(core_friction(d), speed_m_s, gauges)
+        friction = steady_friction_n(core_friction(d), speed_m_s, gauges, 0.5 * d.stroke_m)
         return friction if np.ndim(speed_m_s) else friction[0]
 
     def _absolute(self, gauge_pa: float | tuple[float, float]) -> tuple[float, float]:

@@ -6,9 +6,10 @@
 - ``steps``: one entry for each step that did something
 
 A move says its ``speed_m_s`` and ``direction``; ``friction``, the law with the values in force; ``friction_n``, steady
-friction at that speed and the set pressures; over the part at constant speed, if there is one, the means of the true
-friction force (``friction_mean_n``), of both pressures and of the force of the air on the piston in +x
-(``air_force_n``). A hold says how long it was, whether released, and the force of the sensor at its beginning and end.
+friction at that speed and the set pressures, its mean along the way; over the part at constant speed, if there is one,
+the means of the true friction force (``friction_mean_n``), of both pressures and of the force of the air on the piston
+in +x (``air_force_n``). A hold says how long it was, whether released, and the force of the sensor at its beginning and
+end.
 Where friction has a memory, every step says the age of the contact at both ends, and a move what that age adds to the
 level of friction when it begins (``dwell_increment_n``): what a stop before it is worth, before presliding takes its
 share. ``friction_peak_n`` is the largest friction over the first `RESTART_M` of a move.
@@ -68,7 +69,7 @@ def _of_move(
     after, machine.past = machine.past, before
     friction = machine.friction()
     direction = 1.0 if step.to_m > motion.start_m else -1.0
-    steady = machine.steady_n(friction, direction * step.speed_m_s)
+    steady = machine.steady_n(friction, direction * step.speed_m_s, (motion.start_m, step.to_m))
     increment = machine.dwell_increment_n(friction, age_s)
     machine.past = after
     begins = np.abs(true["position_m"] - true["position_m"][0]) <= RESTART_M

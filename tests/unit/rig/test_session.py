@@ -208,8 +208,9 @@ def test_released_the_sensor_shows_its_zero_and_the_axis_has_given_way():
 
 
 def test_the_air_of_open_chambers_is_in_the_force_and_in_the_pressures():
-    rig = load_rig("open-chambers", seed=4)
-    d = rig.rig.description
+    d = SimulatedRig.load(shipped_rigs()["open-chambers"]).description
+    narrow = d.chambers | {"line_conductance": 0.8e-8}
+    rig = SimulatedRig(replace(d, chambers=narrow)).session(seed=4)
     rig.move(0.02, 0.1)
     samples = cycle(rig, "1", out_and_back(0.45), Sampling())
     air, left = [], []
@@ -226,7 +227,7 @@ def test_the_air_of_open_chambers_is_in_the_force_and_in_the_pressures():
     assert 0.5 * (air[0] - air[1]) == pytest.approx(half, rel=0.03)
     friction = 0.5 * (there["friction_mean_n"] + back["friction_mean_n"])
     assert 0.5 * (left[0] - left[1]) == pytest.approx(friction, abs=0.1)
-    assert friction < 0.9 * 0.5 * (samples.force_n[samples.step == 0].max() - samples.force_n[samples.step == 1].min())
+    assert friction < 0.95 * 0.5 * (samples.force_n[samples.step == 0].max() - samples.force_n[samples.step == 1].min())
 
 
 def test_the_leak_check_finds_the_leak_and_nothing_else():
@@ -267,7 +268,7 @@ def test_slow_changes_follow_from_what_was_done():
     left = 1.0 + 0.04 * np.exp(-truth["travel_m"] / 60.0)
     warmer = truth["seal_temperature_k"] - 293.15
     assert worn["coulomb"] == pytest.approx(9.0 * left * np.exp(-0.003 * warmer), rel=1e-3)
-    assert worn["viscous"] == pytest.approx(5.0 * left * np.exp(-0.03 * warmer), rel=5e-3)
+    assert worn["viscous"] == pytest.approx(3.0 * left * np.exp(-0.03 * warmer), rel=5e-3)
     # A quarter of a day later the room is an amplitude warmer, the seal as warm as the room, the zero has drifted.
     rig.hold(21600.0 - rig.past.clock_s)
     assert rig.past.seal_rise_k < 1e-3
