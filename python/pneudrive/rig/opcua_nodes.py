@@ -220,7 +220,7 @@ def load_map(path: str | Path | None = None) -> NodeMap:
         nodes=nodes,
         namespace=file.string("namespace") or "",
         heartbeat_s=file.quantity("handshake.heartbeat", "s", positive=True) or 1.0,
-        poll_s=file.quantity("handshake.poll", "s", positive=True) or 0.005,
+        poll_s=file.quantity("handshake.poll", "s", positive=True) or 0.02,
         patience_s=file.quantity("handshake.patience", "s", positive=True) or 120.0,
         slots=file.count("handshake.slots", 8, least=2),
         first_slot=file.count("handshake.first_slot", 0),
