@@ -7,11 +7,13 @@ from pneudrive.characteristics.campaign import characterise, characteristics
 from pneudrive.characteristics.files import write_characteristics
 from pneudrive.characteristics.fits import fit_campaign
 from pneudrive.characteristics.result import CampaignCharacteristics, Curve, CycleResult, Skipped, Statement
+from pneudrive.characteristics.swinging import Contact, without_swings
 
 __all__ = [
     "BOTH",
     "CampaignCharacteristics",
     "Condition",
+    "Contact",
     "Curve",
     "CycleResult",
     "Estimate",
@@ -21,5 +23,6 @@ __all__ = [
     "characterise",
     "characteristics",
     "fit_campaign",
+    "without_swings",
     "write_characteristics",
 ]

@@ -5,16 +5,19 @@ The axis runs evenly, its encoder shows nothing, samples are too far apart to sh
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Head, create, write_cycle
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import Contact, characteristics, without_swings
+from pneudrive.errors import FitError
 from pneudrive.rig import Hold, Move, Samples, Sampling, load_rig
 
-SWINGING = (3e-3, 4.5e-3)  # inside the self-excited range of the rig "soft", which starts below 13 mm/s
-STEADY = (0.03, 0.06, 0.12, 0.2)
+SWINGING = (3e-3, 5e-3, 8e-3)  # inside the self-excited range of the rig "soft", from 2 to 13 mm/s
+STEADY = (1.2e-3, 0.018, 0.03, 0.06, 0.12, 0.2)
 SAMPLING = Sampling(samples_per_stroke=1500)
 
 
@@ -38,21 +41,47 @@ def folder(tmp_path_factory):
     return campaign.path
 
 
-def test_swinging_points_are_shown_and_not_counted(folder):
-    found = characteristics(folder)
+@pytest.fixture(scope="module")
+def found(folder):
+    return characteristics(folder)
+
+
+def test_swinging_points_are_shown_and_not_counted(found):
     (curve,) = [c for c in found.curves if c.direction == 0]
     assert curve.speed_m_s.min() == pytest.approx(min(STEADY), rel=0.01)
     assert sorted(p.speed_m_s for p in curve.excluded) == pytest.approx(SWINGING, rel=0.02)
     assert {round(1e3 * p.speed_m_s, 1) for p in found.stick_slip} == {round(1e3 * v, 1) for v in SWINGING}
     threshold = found.stick_slip_thresholds[0]
-    assert (threshold.low_m_s, threshold.high_m_s) == pytest.approx((max(SWINGING), min(STEADY)), rel=0.02)
+    assert (threshold.low_m_s, threshold.high_m_s) == pytest.approx((max(SWINGING), 0.018), rel=0.02)
     assert "no points of F(v)" in " ".join(s.text for s in found.statements if not s.carried)
 
 
-def test_what_is_counted_is_the_friction_of_steady_sliding(folder):
+def test_what_is_counted_is_the_friction_of_steady_sliding(found):
     rig = load_rig("soft")
-    curve = characteristics(folder).curves[0]
+    curve = found.curves[0]
     true = np.array([rig.rig.true_friction(v) for v in curve.speed_m_s[curve.measured]])
     inside = (curve.low_n[curve.measured] <= true) & (true <= curve.high_n[curve.measured])
     assert inside.mean() >= 0.75
     assert curve.friction_n[curve.measured] == pytest.approx(true, rel=0.02)
+
+
+def test_swinging_points_become_steady_ones_by_simulating_the_rig(found):
+    """Given the damping of the rig and the contact, which no sliding measurement tells."""
+    rig = load_rig("soft").rig
+    corrected = without_swings(found, Contact(20.0, 2e5, 300.0, 0.1))
+    before, after = found.friction_map, corrected.friction_map
+    swinging = corrected.difference_n != 0.0
+    speeds = np.abs(before["velocity_m_s"].to_numpy()[swinging])
+    assert sorted(set(np.round(1e3 * speeds, 1))) == [round(1e3 * v, 1) for v in SWINGING]
+    true = np.array([rig.true_friction(v) for v in speeds])
+    assert np.abs(before["friction_n"].to_numpy()[swinging] - true).max() > 0.8
+    left = np.abs(after["friction_n"].to_numpy()[swinging] - true)
+    assert np.all(left < 0.1)
+    assert np.all(left < 2.0 * after["u_systematic_n"].to_numpy()[swinging])
+    assert all("simulated" in flags for flags in after["flags"].to_numpy()[swinging])
+
+
+def test_without_the_rigs_mass_nothing_can_be_simulated(found):
+    bare = replace(found, identity=replace(found.identity, mass_beyond_sensor_kg=0.0))
+    with pytest.raises(FitError, match="cannot be simulated"):
+        without_swings(bare, Contact(20.0, 2e5, 300.0))
