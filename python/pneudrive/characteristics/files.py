@@ -16,6 +16,7 @@ from pneudrive.trajectory import check_target, write_frame
 if TYPE_CHECKING:
     import xarray as xr
 
+    from pneudrive.characteristics.compare import Comparison
     from pneudrive.characteristics.result import CampaignCharacteristics
 
 MAP_FILES = ("map.parquet", "map.csv")
@@ -116,6 +117,35 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
         "stick_slip_threshold": list(found.stick_slip_thresholds),
         "dwell": dwell_tables(found),
     }
+    path.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
+    return path
+
+
+def write_comparison(compared: Comparison, path: str | Path) -> Path:
+    """Write the tests of a comparison, what makes it doubtful, and the differences at common points as TOML."""
+    path = check_target(path, (".toml",))
+    tables: dict[str, Any] = {
+        "first": compared.first.name,
+        "second": compared.second.name,
+        "synthetic": compared.first.synthetic or compared.second.synthetic,
+        "different": compared.different,
+        "test": list(compared.tests),
+        "check": list(compared.checks),
+        "statement": list(compared.statements),
+    }
+    if compared.curves is not None:
+        points = compared.curves.points
+        tables["curves"] = {
+            "speed_m_s": points.speed_m_s,
+            "gauge_a_pa": points.gauge_pa[:, 0],
+            "gauge_b_pa": points.gauge_pa[:, 1],
+            "first_n": compared.curves.friction_n[0],
+            "second_n": compared.curves.friction_n[1],
+            "relative_difference": [e.value for e in compared.curves.difference],
+            "low": [e.low for e in compared.curves.difference],
+            "high": [e.high for e in compared.curves.difference],
+            "corrected_p": compared.curves.adjusted_p,
+        }
     path.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
     return path
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "simulate": "pneudrive.cli.simulate",
     "characterise": "pneudrive.cli.characterise",
+    "compare": "pneudrive.cli.compare",
     "campaign": "pneudrive.cli.campaign",
     "rig": "pneudrive.cli.rig",
     "layout": "pneudrive.cli.layout",

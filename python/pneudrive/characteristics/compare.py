@@ -1,0 +1,310 @@
+"""Two campaigns against each other: new and worn, one seal and another, before and after grease.
+
+Each question is one test; Holm's correction [holm1979] keeps the chance that equal campaigns are called different at
+5 % for all questions together. Whether the campaigns can be compared at all is said first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.campaign.folder import Campaign
+from pneudrive.characteristics.basics import Estimate
+from pneudrive.characteristics.compare_checks import Check, checks_of
+from pneudrive.characteristics.compare_curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
+from pneudrive.characteristics.result import Statement
+from pneudrive.errors import CampaignError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pneudrive.characteristics.dwell_law import DwellSeries
+    from pneudrive.characteristics.result import CampaignCharacteristics
+
+LEVEL = 0.05
+#: Two cycles of one campaign differ by less than this many of its standard deviations, 19 times of 20.
+REPEATABILITY_FACTOR = 2.77
+
+
+@dataclass(frozen=True)
+class Test:
+    """One question.
+
+    Attributes
+    ----------
+    what : str
+    difference : Estimate or None
+        Second less first; None where it has several parts.
+    p : float
+        Probability of as large a difference by chance; NaN where there is no test.
+    adjusted_p : float
+        After Holm's correction for the number of tests.
+    different : bool
+    beyond_repeatability : bool or None
+        The difference exceeds what two cycles of either campaign differ by; None where that is no question.
+    note : str
+    """
+
+    what: str
+    difference: Estimate | None
+    p: float
+    adjusted_p: float = float("nan")
+    different: bool = False
+    beyond_repeatability: bool | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Two campaigns, compared.
+
+    Attributes
+    ----------
+    first, second : CampaignCharacteristics
+    checks : tuple of Check
+    tests : tuple of Test
+    curves : CurveComparison or None
+    dwell : tuple of (DwellSeries, DwellSeries)
+        Series that were compared.
+    different : bool
+        Any test is different.
+    statements : tuple of Statement
+    """
+
+    first: CampaignCharacteristics
+    second: CampaignCharacteristics
+    checks: tuple[Check, ...]
+    tests: tuple[Test, ...]
+    curves: CurveComparison | None
+    dwell: tuple[tuple[DwellSeries, DwellSeries], ...]
+    different: bool
+    statements: tuple[Statement, ...]
+
+
+def compare(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Comparison:
+    """Compare two campaigns.
+
+    Parameters
+    ----------
+    first, second : CampaignCharacteristics
+        As `characteristics` gives them. Differences are second less first.
+
+    Returns
+    -------
+    Comparison
+    """
+    abouts = [_about(found) for found in (first, second)]
+    checks = tuple(checks_of(first, second, *abouts))
+    curves = compare_curves(first, second, _gain(first, second, abouts))
+    pairs = tuple(_pairs(first, second))
+    tests: list[Test] = []
+    if isinstance(curves, CurveComparison):
+        tests += _curve_tests(first, second, curves)
+    tests += [test for pair in pairs for test in _dwell_tests(*pair)]
+    tests += [test for test in (_drift_test(first, second), _repeatability_test(first, second)) if test is not None]
+    tests = _adjusted(tests)
+    statements = tuple(_statements(first, second, checks, tests, curves, pairs))
+    return Comparison(
+        first=first,
+        second=second,
+        checks=checks,
+        tests=tuple(tests),
+        curves=curves if isinstance(curves, CurveComparison) else None,
+        dwell=pairs,
+        different=any(test.different for test in tests),
+        statements=statements,
+    )
+
+
+def _about(found: CampaignCharacteristics) -> dict[str, Any]:
+    try:
+        return Campaign.open(found.folder).about
+    except CampaignError:
+        return {}
+
+
+def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, abouts: list[dict[str, Any]]) -> float:
+    """How far the gains of both force sensors may differ, relative; one sensor has one gain.
+
+    Simulated sensors are drawn anew for each seed.
+    """
+    a, b = first.identity, second.identity
+    drawn = a.synthetic and abouts[0].get("seed") != abouts[1].get("seed")
+    if a.name == b.name and a.calibration == b.calibration and not drawn:
+        return 0.0
+    gains = []
+    for identity in (a, b):
+        span = identity.limits.get("force_n")
+        reach = max(abs(v) for v in span) if span else float("nan")
+        gains.append(identity.accuracy.get("force_n", 0.0) / reach if np.isfinite(reach) and reach > 0 else 0.0)
+    return float(np.hypot(*gains) / np.sqrt(2.0))
+
+
+# --- tests ---------------------------------------------------------------------------------------------------------
+
+
+def _curve_tests(
+    first: CampaignCharacteristics, second: CampaignCharacteristics, curves: CurveComparison
+) -> Iterator[Test]:
+    mean_n = float(curves.friction_n.mean())
+    limits = [REPEATABILITY_FACTOR * s for s in (_within(first), _within(second)) if np.isfinite(s)]
+    beyond = abs(curves.mean.value) * mean_n > max(limits) if len(limits) == 2 else None
+    note = f"mean of {curves.points.speed_m_s.size} common points, {100 * curves.mean.value:+.2g} % of friction"
+    yield Test(
+        "friction over speed", _scaled(curves.mean, mean_n), curves.shape.p, beyond_repeatability=beyond, note=note
+    )
+    if curves.pressure is not None:
+        note = "how much friction grows with pressure, relative to friction"
+        yield Test("effect of pressure", None, curves.pressure.p, note=note)
+
+
+def _within(found: CampaignCharacteristics) -> float:
+    r = found.repeatability
+    return r.within.value if r is not None and r.within is not None else float("nan")
+
+
+def _scaled(e: Estimate, factor: float) -> Estimate:
+    return replace(
+        e, value=factor * e.value, low=factor * e.low, high=factor * e.high, stderr=factor * e.stderr, unit="N"
+    )
+
+
+def _pairs(
+    first: CampaignCharacteristics, second: CampaignCharacteristics
+) -> Iterator[tuple[DwellSeries, DwellSeries]]:
+    """Series of stops with one restart speed and way of holding in each campaign."""
+    for a in first.dwell:
+        for b in second.dwell:
+            same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s
+            fits = a.levels == b.levels or (len(_levels(first)) == 1 and len(_levels(second)) == 1)
+            if same and fits and a.curve is not None and b.curve is not None and _common(a, b):
+                yield a, b
+
+
+def _levels(found: CampaignCharacteristics) -> set[str]:
+    return {series.levels for series in found.dwell}
+
+
+def _common(a: DwellSeries, b: DwellSeries) -> list[tuple[int, int]]:
+    """Conditions of both series with the same pressures."""
+    out = []
+    for i, p in enumerate(a.conditions):
+        for j, q in enumerate(b.conditions):
+            near = abs(p.pressure_a_pa - q.pressure_a_pa) < SAME_PRESSURE_PA
+            if near and abs(p.pressure_b_pa - q.pressure_b_pa) < SAME_PRESSURE_PA:
+                out.append((i, j))
+    return out
+
+
+def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
+    common = _common(a, b)
+    low = max(min(s.dwell_s for s in series.stops) for series in (a, b))
+    high = min(max(s.dwell_s for s in series.stops) for series in (a, b))
+    if not high > low:
+        return
+    at = a.reference_s if low < a.reference_s < high else float(np.sqrt(low * high))
+    slopes, levels = [], []
+    for series, of in ((a, [i for i, _ in common]), (b, [j for _, j in common])):
+        assert series.curve is not None
+        row = np.zeros((1, len(series.conditions)))
+        row[0, of] = 1.0 / len(of)
+        slopes.append(series.curve.gains(float(np.log10(low)), float(np.log10(high))).combine(row).estimates()[0])
+        levels.append(series.curve.values(np.log10([at])).combine(row).estimates()[0])
+    where = f"{a.name}, at {at:.3g} s"
+    level = _difference(*levels)
+    limits = [REPEATABILITY_FACTOR * s.scatter_n for s in (a, b)]
+    beyond = abs(level.value) > max(limits)
+    yield Test("breakaway after a stop", level, level.p, beyond_repeatability=beyond, note=where)
+    slope = _difference(*slopes)
+    span = f"{a.name}, mean from {low:.3g} to {high:.3g} s"
+    yield Test("slope of breakaway per decade of stop", slope, slope.p, note=span)
+
+
+def _difference(a: Estimate, b: Estimate) -> Estimate:
+    """Difference of two independent estimates, second less first, with Welch's degrees of freedom."""
+    from scipy.special import stdtr, stdtrit
+
+    value, variance = b.value - a.value, a.stderr**2 + b.stderr**2
+    stderr = float(np.sqrt(variance))
+    shares = [e.stderr**4 / e.degrees_of_freedom for e in (a, b) if e.degrees_of_freedom > 0]
+    freedom = float(variance**2 / max(sum(shares), 1e-300)) if shares else float("inf")
+    half = float(stdtrit(min(freedom, 1e6), 0.975)) * stderr
+    p = 2.0 * float(stdtr(min(freedom, 1e6), -abs(value) / stderr)) if stderr > 0 else 1.0
+    return Estimate(value, value - half, value + half, stderr, a.unit, freedom, p)
+
+
+def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Test | None:
+    rates = [found.drift.per_hour if found.drift is not None else None for found in (first, second)]
+    if rates[0] is None or rates[1] is None:
+        return None
+    difference = replace(_difference(rates[0], rates[1]), unit="N/h")
+    return Test("drift over time", difference, difference.p, note="of friction, linear in time")
+
+
+def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Test | None:
+    """Ratio of the standard deviations of a cycle, by the intervals of their logarithms."""
+    from scipy.special import ndtr
+
+    both = [found.repeatability.within if found.repeatability is not None else None for found in (first, second)]
+    if any(e is None or not (e.value > 0 and e.low > 0 and np.isfinite(e.high)) for e in both):
+        return None
+    logs = [np.log(e.value) for e in both if e is not None]
+    errors = [np.log(e.high / e.low) / (2.0 * 1.96) for e in both if e is not None]
+    value, stderr = float(logs[1] - logs[0]), float(np.hypot(*errors))
+    p = 2.0 * float(ndtr(-abs(value) / stderr)) if stderr > 0 else 1.0
+    middle, low, high = (float(np.exp(value + side * 1.96 * stderr)) for side in (0.0, -1.0, 1.0))
+    ratio = Estimate(middle, low, high, middle * stderr, "", float("inf"), p)
+    return Test("repeatability of a cycle", ratio, p, note="ratio of the standard deviations, second over first")
+
+
+def _adjusted(tests: list[Test]) -> list[Test]:
+    known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
+    adjusted = holm(np.array([tests[i].p for i in known]))
+    out = list(tests)
+    for i, p in zip(known, adjusted, strict=True):
+        out[i] = replace(tests[i], adjusted_p=float(p), different=bool(p < LEVEL))
+    return out
+
+
+# --- what it comes to ------------------------------------------------------------------------------------------------
+
+
+def _statements(
+    first: CampaignCharacteristics,
+    second: CampaignCharacteristics,
+    checks: tuple[Check, ...],
+    tests: list[Test],
+    curves: CurveComparison | str,
+    pairs: tuple[tuple[DwellSeries, DwellSeries], ...],
+) -> Iterator[Statement]:
+    for check in checks:
+        if not check.comparable:
+            text = f"{check.what} differs ({check.first} and {check.second}): {check.consequence}."
+            yield Statement("data", text[:1].upper() + text[1:], carried=False, remedy="the same rig and protocol")
+    if isinstance(curves, str):
+        yield Statement(
+            "curve", f"Curves cannot be compared: {curves}.", carried=False, remedy="common speeds and pressures"
+        )
+    elif not curves.several_blocks:
+        text = (
+            "What another mounting or day would change is not in these tests: at least one campaign has a single "
+            "block. A difference beyond chance may be that of mounting and day."
+        )
+        yield Statement("repeatability", text, carried=False, remedy="two or more blocks, remounted, in each campaign")
+    if any(s.dwell for s in (first, second)) and not pairs:
+        text = "Stops cannot be compared: no restart speed, way of holding and pressure is common."
+        yield Statement("stops", text, carried=False, remedy="the same stops in both campaigns")
+    for test in tests:
+        if test.different and test.beyond_repeatability is False:
+            text = f"{test.what} differs beyond chance, but by less than two cycles of one campaign do."
+            yield Statement("repeatability", text[:1].upper() + text[1:])
+    for found in (first, second):
+        drift = found.drift
+        mean = next((t.difference for t in tests if t.what == "friction over speed" and t.different), None)
+        if drift is not None and mean is not None and np.ptp(drift.drift_n) > abs(mean.value):
+            moved = f"{np.ptp(drift.drift_n):.2g} N"
+            text = f"Friction drifted within {found.name} by {moved}, more than the campaigns differ."
+            yield Statement("drift", text, carried=False, remedy="run in and warm up until the sentinels stand")

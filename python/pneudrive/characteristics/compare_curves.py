@@ -1,0 +1,299 @@
+"""Friction over speed of two campaigns against each other, cycle by cycle in one model.
+
+  log F = point + campaign (level + slope u + bend u^2 + pressures) + block + drift + cycle,   u = log10 speed
+
+A point is a speed at a pair of pressures that both campaigns have; cycles scatter in each campaign by its own amount.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.basics import Estimate, FTest
+from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent
+from pneudrive.characteristics.smooth import centred_walk
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.characteristics.result import CampaignCharacteristics, CycleResult
+
+    Array = NDArray[np.float64]
+
+SAME_SPEED = 0.03
+SAME_PRESSURE_PA = 2000.0  # planned pressures that differ by less are the same point
+FEWEST_CYCLES = 6  # of both campaigns at common points
+BEND_SPEEDS = 4  # from which on a difference may bend over speed
+DRIFT_CYCLES = 8  # of a campaign, from which on its drift is looked for
+USUAL = 0.02  # relative scatter that is usual
+KINDS = ("sweep", "sentinel")
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Cycles of both campaigns at common points, shape (n,) each.
+
+    Attributes
+    ----------
+    log_n, noise : ndarray
+        Logarithm of friction, variance of its noise.
+    campaign : ndarray of int
+        0 or 1.
+    point : ndarray of int
+    block : ndarray of int
+        Blocks of both campaigns, numbered through.
+    order : ndarray
+        Place in the campaign, 0 to 1.
+    speed_m_s : ndarray, shape (m,)
+    gauge_pa : ndarray, shape (m, 2)
+    levels : tuple of str, length m
+        Of the points.
+    """
+
+    log_n: Array
+    noise: Array
+    campaign: NDArray[np.int64]
+    point: NDArray[np.int64]
+    block: NDArray[np.int64]
+    order: Array
+    speed_m_s: Array
+    gauge_pa: Array
+    levels: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class CurveComparison:
+    """Difference of friction, second campaign less the first.
+
+    Attributes
+    ----------
+    points : Points
+    shape : FTest
+        Of the difference over all speeds: level, slope and bend together.
+    pressure : FTest or None
+        Of a difference in the effect of pressure.
+    mean : Estimate
+        Mean difference over the common points, relative to friction.
+    difference : tuple of Estimate
+        At each common point, relative.
+    adjusted_p : ndarray, shape (m,)
+        Of these, after Holm's correction for their number [holm1979].
+    friction_n : ndarray, shape (2, m)
+        Mean of each campaign at the points.
+    several_blocks : bool
+        Both campaigns have more than one block, so that what blocks differ by is in the tests.
+    """
+
+    points: Points
+    shape: FTest
+    pressure: FTest | None
+    mean: Estimate
+    difference: tuple[Estimate, ...]
+    adjusted_p: Array
+    friction_n: Array
+    several_blocks: bool
+
+
+def compare_curves(
+    first: CampaignCharacteristics, second: CampaignCharacteristics, gain: float = 0.0
+) -> CurveComparison | str:
+    """Test the curves of two campaigns against each other.
+
+    Parameters
+    ----------
+    first, second : CampaignCharacteristics
+    gain : float
+        Relative standard uncertainty by which the gains of the two force sensors may differ; 0 for the same sensor.
+
+    Returns
+    -------
+    CurveComparison or str
+        A string says why they cannot be compared.
+    """
+    points = common_points(first, second)
+    if points.speed_m_s.size == 0:
+        return "no speed at the same pressures was run in both campaigns"
+    if min(int((points.campaign == k).sum()) for k in (0, 1)) < FEWEST_CYCLES // 2 or points.log_n.size < FEWEST_CYCLES:
+        return "too few cycles at common speeds and pressures"
+    sign = points.campaign.astype(np.float64) - 0.5
+    m = points.speed_m_s.size
+    dummies = (points.point[:, None] == np.arange(m)[None, :]).astype(float)
+    shape = _shape_columns(points)
+    pressure = _pressure_columns(points)
+    x = np.c_[dummies, shape[points.point] * sign[:, None], pressure[points.point] * sign[:, None]]
+    kept = independent(x)
+    fit = _model(points, x[:, kept]).fit()
+    rows = np.eye(x.shape[1])[:, kept]
+    level = np.zeros(x.shape[1])
+    level[m] = 1.0
+    shapes = [i for i in range(m, m + shape.shape[1]) if i in kept]
+    pressures = [i for i in range(m + shape.shape[1], x.shape[1]) if i in kept]
+    extra = 2.0 * gain**2
+    each = _each(points, dummies, sign, extra)
+    return CurveComparison(
+        points=points,
+        shape=_f_test(fit, rows[shapes], extra),
+        pressure=_f_test(fit, rows[pressures], 0.0) if pressures else None,
+        mean=_wider(fit.contrast(level[kept], unit=""), extra),
+        difference=each,
+        adjusted_p=holm(np.array([e.p for e in each])),
+        friction_n=_means(points),
+        several_blocks=all(np.unique(points.block[points.campaign == k]).size > 1 for k in (0, 1)),
+    )
+
+
+def holm(p: Array) -> Array:
+    """Correct probabilities for their number so that any false one is as rare as each was [holm1979].
+
+    Examples
+    --------
+    >>> holm(np.array([0.01, 0.04, 0.03])).tolist()
+    [0.03, 0.06, 0.06]
+    """
+    order = np.argsort(p)
+    steps = np.maximum.accumulate(p[order] * (p.size - np.arange(p.size)))
+    out = np.empty(p.size)
+    out[order] = np.minimum(steps, 1.0)
+    return out
+
+
+def common_points(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Points:
+    """Collect the cycles at speeds and pressures that both campaigns have."""
+    usable = [_usable(found) for found in (first, second)]
+    levels = [{_levels(c) for c in cycles} for cycles in usable]
+    with_levels = bool(levels[0] & levels[1]) and max(len(found) for found in levels) > 1
+    keys: list[tuple[float, float, float, str]] = []
+    rows: list[tuple[int, int, CycleResult]] = []
+    ambient = [found.identity.ambient_pressure_pa for found in (first, second)]
+    for k, cycles in enumerate(usable):
+        for c in cycles:
+            a, b = (round(p - ambient[k], -2) for p in (c.condition.pressure_a_pa, c.condition.pressure_b_pa))
+            key = (c.speed_m_s, a, b, _levels(c) if with_levels else "")
+            at = next((i for i, known in enumerate(keys) if _same(known, key)), None)
+            if at is None:
+                at = len(keys)
+                keys.append(key)
+            rows.append((k, at, c))
+    both = [i for i in range(len(keys)) if {k for k, at, _ in rows if at == i} == {0, 1}]
+    both.sort(key=lambda i: (keys[i][3], keys[i][1], keys[i][2], keys[i][0]))
+    rows = [(k, both.index(at), c) for k, at, c in rows if at in both]
+    blocks: dict[tuple[int, int], int] = {}
+    last = [max((c.index for c in cycles), default=1) for cycles in usable]
+    return Points(
+        log_n=np.log([c.friction_n for _, _, c in rows]),
+        noise=np.array([(c.stderr_n / c.friction_n) ** 2 for _, _, c in rows]),
+        campaign=np.array([k for k, _, _ in rows], dtype=np.int64),
+        point=np.array([at for _, at, _ in rows], dtype=np.int64),
+        block=np.array([blocks.setdefault((k, c.block), len(blocks)) for k, _, c in rows], dtype=np.int64),
+        order=np.array([c.index / last[k] for k, _, c in rows]),
+        speed_m_s=np.array([keys[i][0] for i in both]),
+        gauge_pa=np.array([keys[i][1:3] for i in both]).reshape(-1, 2),
+        levels=tuple(keys[i][3] for i in both),
+    )
+
+
+def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
+    """Cycles that are points of F(v): both directions, positive, not excluded from the curves."""
+    reasons = {p.reason for curve in found.curves for p in curve.excluded}
+    return [
+        c
+        for c in found.cycles
+        if c.kind in KINDS
+        and np.isfinite(c.friction_n)
+        and c.friction_n > 0
+        and np.isfinite(c.stderr_n)
+        and not reasons.intersection(c.flags)
+    ]
+
+
+def _levels(c: CycleResult) -> str:
+    return ", ".join(level for level in (c.condition.mounting, c.condition.seal, c.condition.drive) if level)
+
+
+def _same(a: tuple[float, float, float, str], b: tuple[float, float, float, str]) -> bool:
+    close = abs(a[1] - b[1]) < SAME_PRESSURE_PA and abs(a[2] - b[2]) < SAME_PRESSURE_PA
+    return close and a[3] == b[3] and abs(a[0] - b[0]) < SAME_SPEED * a[0]
+
+
+def _shape_columns(points: Points) -> Array:
+    """Level, slope and bend over log speed, centred over the points, shape (m, 1 to 3)."""
+    u = np.log10(points.speed_m_s)
+    u = u - u.mean()
+    columns = [np.ones(u.size)]
+    speeds = np.unique(np.round(u, 2)).size
+    if speeds > 1:
+        columns.append(u)
+    if speeds >= BEND_SPEEDS:
+        columns.append(u**2 - np.mean(u**2))
+    return np.column_stack(columns)
+
+
+def _pressure_columns(points: Points) -> Array:
+    """Pressures of both chambers, or their sum where they are always equal; per bar, centred."""
+    bar = points.gauge_pa / 1e5
+    if np.allclose(bar[:, 0], bar[:, 1], atol=0.02):
+        bar = bar[:, :1]
+    return bar - bar.mean(axis=0)
+
+
+def _model(points: Points, x: Array) -> MixedModel:
+    components = []
+    for k in (0, 1):
+        own = (points.campaign == k).astype(float)
+        components.append(Component(f"cycle {k + 1}", own, USUAL))
+        if own.sum() >= DRIFT_CYCLES:
+            kernel = np.zeros((own.size, own.size))
+            members = np.flatnonzero(own)
+            kernel[np.ix_(members, members)] = centred_walk(points.order[members])
+            components.append(Component(f"drift {k + 1}", kernel, USUAL))
+    if any(np.unique(points.block[points.campaign == k]).size > 1 for k in (0, 1)):
+        components.append(Component("block", (points.block[:, None] == points.block[None, :]).astype(float), USUAL))
+    return MixedModel(points.log_n, x, points.noise, tuple(components))
+
+
+def _f_test(fit: MixedFit, rows: Array, extra: float) -> FTest:
+    """F-test of several contrasts, the first of which is as uncertain as `extra` says beyond chance."""
+    from scipy.special import fdtrc
+
+    q = rows.shape[0]
+    mean = np.average([rows @ s.beta for s in fit.states], axis=0, weights=fit.weights)
+    covariance = np.average([rows @ s.beta_covariance @ rows.T for s in fit.states], axis=0, weights=fit.weights)
+    covariance[0, 0] += extra
+    freedom = float(1.0 / np.mean(1.0 / fit.predict(rows).freedom))
+    shrink = freedom / (freedom - 2.0) if freedom > 4.0 else 1.0
+    f = shrink * float(mean @ np.linalg.solve(covariance, mean)) / q
+    return FTest(f, q, freedom, float(fdtrc(q, freedom, f)))
+
+
+def _wider(e: Estimate, extra: float) -> Estimate:
+    """Widen by a variance; the probability goes with it."""
+    if extra == 0.0:
+        return e
+    from scipy.special import stdtr
+
+    stderr = float(np.sqrt(e.stderr**2 + extra))
+    factor = stderr / e.stderr
+    p = 2.0 * float(stdtr(e.degrees_of_freedom, -abs(e.value) / stderr))
+    low, high = e.value - factor * (e.value - e.low), e.value + factor * (e.high - e.value)
+    return Estimate(e.value, low, high, stderr, e.unit, e.degrees_of_freedom, p)
+
+
+def _each(points: Points, dummies: Array, sign: Array, extra: float) -> tuple[Estimate, ...]:
+    """Difference at each point by itself."""
+    m = dummies.shape[1]
+    x = np.c_[dummies, dummies * sign[:, None]]
+    fit = _model(points, x).fit()
+    return tuple(_wider(fit.contrast(row, unit=""), extra) for row in np.eye(2 * m)[m:])
+
+
+def _means(points: Points) -> Array:
+    m = points.speed_m_s.size
+    out = np.zeros((2, m))
+    for k in (0, 1):
+        for i in range(m):
+            chosen = (points.campaign == k) & (points.point == i)
+            out[k, i] = float(np.exp(points.log_n[chosen].mean()))
+    return out
