@@ -11,6 +11,10 @@ simulated. Times of samples are those of `pneudrive.rig.sampling.schedule`.
     for samples in rig.acquire([Move(0.2, 0.05), Hold(15.0), Move(0.1, 0.05)], Sampling()):
         ...
 
+Simulated rigs are TOML files, each value with its source (`shipped_rigs` lists those of the package; one can extend
+another). `pneudrive.rig.faults.FaultyRig` puts faults on any rig; `pneudrive.rig.stability` tells at which speeds a
+piston dragged through a spring swings by itself, `pneudrive.rig.swing` what a mean over that is off by.
+
 A further kind of rig is a function (source, seed, pace) -> Rig and one line in `pneudrive.rig.loading.LOADERS`; the
 kind is the scheme of an address, ``kind = "..."`` in a TOML file, or ``folder``.
 

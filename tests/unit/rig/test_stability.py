@@ -39,10 +39,14 @@ def test_the_soft_rig_swings_where_it_is_said_to():
         assert ripple(SOFT, speed) > 0.2
 
 
-@pytest.mark.parametrize("damping", [30.0, 60.0])
-def test_growth_and_frequency_are_those_of_the_simulation(damping):
+AGEING = {"growth": "log", "increment_n": 1.0, "time_s": 0.01, "exponent": 0.4, "distance_m": 2e-4}
+
+
+@pytest.mark.parametrize(("damping", "dwell"), [(30.0, None), (60.0, None), (30.0, AGEING), (60.0, AGEING)])
+def test_growth_and_frequency_are_those_of_the_simulation(damping, dwell):
     # From steady sliding at 20 mm/s gently down to 9 mm/s: what is left of that swings up or dies away as predicted.
-    d = replace(SOFT.description, damping_n_s_m=damping)
+    acting = {} if dwell is None else {"dwell": dwell}
+    d = replace(SOFT.description, damping_n_s_m=damping, dependences=acting)
     told = rig_stability(d, 0.009)
     assert told.stable[0] == (damping > 50.0)
     rig = _core.Rig(json.dumps(core_rig(d, (101300.0, 101300.0))))
