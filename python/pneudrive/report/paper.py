@@ -149,7 +149,10 @@ def stop(data: PaperFigure) -> Figure:
     left.plot(c["time_s"], c["running_n"], "--", color=style.ORANGE, label="uninterrupted")
     left.set_xlabel("time since the stop / s")
     left.set_ylabel("force against motion / N")
-    left.legend(loc="upper center")
+    around = c["friction_n"][(c["time_s"] > -1.0) & (c["time_s"] < c["time_s"][-1] - 1.0)]  # without the turns
+    span = float(np.ptp(around))
+    left.set_ylim(float(around.min()) - 0.35 * span, float(around.max()) + 0.1 * span)
+    left.legend(loc="lower center")
     top = int(np.argmax(c["friction_n"]))
     travel = 1e3 * np.abs(c["position_m"] - c["position_m"][int(np.searchsorted(c["time_s"], 1.0))])
     after = slice(max(top - 40, 0), None)

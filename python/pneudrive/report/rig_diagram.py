@@ -79,7 +79,7 @@ def _sensor(axis: Axes, identity: Identity) -> None:
         words.append(f"u = {identity.accuracy['force_n']:.2g} N")
     if identity.stiffness_n_m is not None:
         words.append(f"{1e-6 * identity.stiffness_n_m:.3g} N/µm")
-    _text(axis, 3.0, ROD_Y + 0.95, words[0] + "\n" + ", ".join(words[1:]))
+    _text(axis, 2.9, ROD_Y + 0.95, words[0] + "\n" + ", ".join(words[1:]))
 
 
 def _barrel(axis: Axes, identity: Identity) -> None:
@@ -95,8 +95,8 @@ def _barrel(axis: Axes, identity: Identity) -> None:
     bore = 2e3 * math.sqrt(identity.area_a_m2 / math.pi)
     _text(
         axis,
-        6.6,
-        ROD_Y + 1.0,
+        7.0,
+        ROD_Y + 0.95,
         f"piston of {bore:.3g} mm bore, {identity.mass_beyond_sensor_kg:.3g} kg behind the sensor\n"
         "under test: the seals' friction",
     )
