@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import middle, noise_level, thinned
+from pneudrive.characterise.motion import NOISE_FACTOR, middle, noise_level, thinned
 from pneudrive.characterise.recording import CHANNELS, Recording
 from pneudrive.errors import RecordingError
 
@@ -81,6 +81,7 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
     if n < 2 * STUCK_RUN:
         return masks
     position = recording.position_m
+    moves = np.ptp(position) > NOISE_FACTOR * noise_level(position)
     for channel in CHANNELS:
         values = getattr(recording, channel)
         if np.ptp(values) == 0 or recording.accuracy.get(channel) == 0.0:
@@ -92,11 +93,10 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
         runs = _runs(values)
         if runs[1].max() < SATURATED_RUN:
             continue
-        if channel == "position_m":
-            masks["stuck"] |= _stuck_position(position, runs)
-        else:
+        if channel != "position_m":
             masks["saturated"] |= _saturated(values, runs)
-            masks["stuck"] |= _stuck(position, runs)
+        if moves:  # a piston that stands makes every sensor look stuck
+            masks["stuck"] |= _stuck_position(position, runs) if channel == "position_m" else _stuck(position, runs)
     return masks
 
 

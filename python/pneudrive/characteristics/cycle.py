@@ -40,7 +40,7 @@ PRESSURE_STEP_PA = 100.0
 SAME_SPEED = 0.1  # strokes of one cycle whose speeds differ by more are not one point
 END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed falls below 80 %: left out
 EVEN_SAMPLES = 2000  # on which the ripple of the speed is measured, even in time
-TARE_SETTLING = 0.2  # share of a tare at its beginning that is left out
+TARE_SETTLING = 0.5  # share of a tare at its beginning that is left out: seals relax when they are released
 MINIMUM_SAMPLES = 20
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.samples import clean
 from pneudrive.errors import RecordingError
+from pneudrive.rig.interface import Move
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,11 +34,16 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     good, backwards = _forwards(samples)
     if backwards:
         flags["time_backwards"] = backwards
+    # A released axis creeps by single counts: that is no sensor that is stuck.
+    stands = bool(file.head.cycle.steps) and not any(isinstance(step, Move) for step in file.head.cycle.steps)
+    position = samples.position_m[good]
+    if stands and np.isfinite(position).any():
+        position = np.full(position.size, float(np.nanmedian(position)))
     recording = clean(
         Recording(
             name=name,
             time_s=samples.time_s[good],
-            position_m=samples.position_m[good],
+            position_m=position,
             force_n=samples.force_n[good],
             pressure_a_pa=samples.pressure_a_pa[good],
             pressure_b_pa=samples.pressure_b_pa[good],
