@@ -83,6 +83,24 @@ class Comparison:
     different: bool
     statements: tuple[Statement, ...]
 
+    @property
+    def attributable(self) -> bool:
+        """Whether a difference of curves can be told from one of mounting and day: both have several blocks."""
+        return self.curves is None or self.curves.several_blocks
+
+    def __str__(self) -> str:
+        """Say in a sentence what it comes to."""
+        if not self.tests:
+            return "Nothing can be compared."
+        if not self.different:
+            count = f"{len(self.tests)} test{'s' if len(self.tests) > 1 else ''}"
+            return f"No difference is shown in {count}: the campaigns may be equal, or too short."
+        what = ", ".join(dict.fromkeys(test.what for test in self.tests if test.different))
+        text = f"The campaigns differ by more than their cycles scatter: {what}."
+        if not self.attributable:
+            text += " With a single block in a campaign this may be the mounting or the day."
+        return text
+
 
 def compare(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Comparison:
     """Compare two campaigns.

@@ -34,9 +34,9 @@ SAME_PRESSURE_PA = 100.0
 #: Stops not longer than this leave the time of saturation open, whatever law is best (of the order of hours to days
 #: for elastomers: assumed).
 LONG_S = 1000.0
-#: Share of a law's growth that the peak loses where the contact creeps before it breaks away: simulated elasto-plastic
-#: contacts lose a sixth (synthetic).
-PEAK_LOSS = "about a sixth"
+#: Share of a law's growth that the peak loses where the contact creeps before it breaks away, in simulated
+#: elasto-plastic contacts (synthetic).
+PEAK_LOSS = "a tenth to a fifth"
 RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
 

@@ -60,4 +60,4 @@ def _say(comparison: Comparison) -> None:
     console.print(table)
     for statement in comparison.statements:
         console.print(f"{'-' if statement.carried else '!'} {statement}", markup=False)
-    console.print("The campaigns differ beyond chance." if comparison.different else "No difference is shown.")
+    console.print(str(comparison), markup=False)

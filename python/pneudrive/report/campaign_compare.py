@@ -59,16 +59,7 @@ def synthetic(comparison: Comparison) -> bool:
 
 
 def _verdict(c: Comparison) -> Iterator[str]:
-    differ = [t.what for t in c.tests if t.different]
-    made = " Synthetic: simulated rigs are among them." if synthetic(c) else ""
-    if not c.tests:
-        yield f"Nothing can be compared.{made}"
-    elif differ:
-        yield f"The campaigns differ beyond chance: {', '.join(dict.fromkeys(differ))}.{made}"
-    else:
-        yield (
-            f"No difference is shown in {plural(len(c.tests), 'test')}: the campaigns may be equal, or too short.{made}"
-        )
+    yield f"{c}{' Synthetic: simulated rigs are among them.' if synthetic(c) else ''}"
     for test in c.tests:
         if test.different and test.difference is not None:
             beyond = {True: ", more than two cycles of either campaign do", False: "", None: ""}

@@ -1,0 +1,122 @@
+"""How often the intervals of slopes per decade of stop duration hold the truth, over many campaigns drawn at random.
+
+``python tests/oracle/stop_coverage.py [--count 150] [--first 0]`` prints a table: share of campaigns whose slope at the
+reference duration, mean slope, and slopes at single conditions lie in their 95 % intervals; half width over the true
+slope of the log law at 15 s; share in which the law that made the data has support.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
+from pneudrive.campaign.folder import Campaign
+from pneudrive.characteristics.dwell_law import fit_dwell
+from pneudrive.characteristics.stops import find_stops
+
+#: The law of the product that is the one by which a world was made.
+MADE_BY = {
+    "log": "log",
+    "late log": "log",
+    "stretched": "kato",
+    "saturating": "kato-free",
+    "hyperbolic": "hyperbolic",
+    "exponential": "exponential",
+    "none": "none",
+}
+SUPPORTED = 10.0  # difference of AICc
+
+
+@dataclass
+class Tally:
+    """Hits of some campaigns."""
+
+    slope: list[bool] = field(default_factory=list)
+    mean: list[bool] = field(default_factory=list)
+    each: list[bool] = field(default_factory=list)
+    width: list[float] = field(default_factory=list)
+    bias: list[float] = field(default_factory=list)
+    law: list[bool] = field(default_factory=list)
+
+    def add(self, other: Tally) -> None:
+        """Put another tally to this one."""
+        for name, values in vars(other).items():
+            getattr(self, name).extend(values)
+
+    def line(self, title: str, worlds: int) -> str:
+        """Write one row of the table."""
+        shares = " | ".join(f"{100 * np.mean(part):.0f} %" for part in (self.slope, self.mean, self.each))
+        law = f"{100 * np.mean(self.law):.0f} %" if self.law else "–"
+        return (
+            f"| {title} | {worlds} | {shares} | {np.median(self.width):.2f} N | {np.mean(self.bias):+.2f} N | {law} |"
+        )
+
+
+def tally(world: StopWorld, seed: int) -> Tally:
+    """Write one world's campaign, read it, and count."""
+    out = Tally()
+    with tempfile.TemporaryDirectory() as folder:
+        stops, _ = find_stops(Campaign.open(write_stops(Path(folder) / "c", world, seed)), 1)
+    series, _ = fit_dwell(stops, AMBIENT_PA)
+    if not series or series[0].slope is None or series[0].mean_slope is None:
+        out.slope.append(False)
+        out.mean.append(False)
+        return out
+    s = series[0]
+    gauges = [(round(c.pressure_a_pa - AMBIENT_PA, -3), round(c.pressure_b_pa - AMBIENT_PA, -3)) for c in s.conditions]
+    true = [world.slope(s.reference_s, g) for g in gauges]
+    out.slope.append(s.slope.low <= float(np.mean(true)) <= s.slope.high)
+    mean = float(np.mean([world.mean_slope(g) for g in gauges]))
+    out.mean.append(s.mean_slope.low <= mean <= s.mean_slope.high)
+    out.each += [e.low <= t <= e.high for e, t in zip(s.slopes, true, strict=True)]
+    out.width.append((s.slope.high - s.slope.low) / 2.0)
+    out.bias.append(s.slope.value - float(np.mean(true)))
+    if world.law in MADE_BY and s.laws:
+        out.law.append(any(law.name == MADE_BY[world.law] and law.delta < SUPPORTED for law in s.laws))
+    return out
+
+
+GROUPS: dict[str, Callable[[StopWorld], bool]] = {
+    "all": lambda w: True,
+    **{law: (lambda w, law=law: w.law == law) for law in LAWS},
+    "released": lambda w: w.released,
+    "held": lambda w: not w.released,
+    "random order": lambda w: w.order == "randomised",
+    "durations rising": lambda w: w.order == "ascending",
+    "several pressures": lambda w: len(w.gauges_pa) > 1,
+    "three blocks": lambda w: w.blocks > 1,
+    "no uninterrupted strokes": lambda w: w.references == 0,
+    "heavy tails": lambda w: w.heavy_tails,
+}
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=150)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    worlds = [replace(random_stop_world(s), samples=900) for s in range(options.first, options.first + options.count)]
+    tallies = [tally(world, options.first + i) for i, world in enumerate(worlds)]
+    head = "| campaigns of | number | slope at 15 s | mean slope | single conditions | half width | mean error | law |"
+    sys.stdout.write(f"{head}\n|---|---|---|---|---|---|---|---|\n")
+    for title, belongs in GROUPS.items():
+        part = Tally()
+        chosen = [t for w, t in zip(worlds, tallies, strict=True) if belongs(w)]
+        for one in chosen:
+            part.add(one)
+        if chosen:
+            sys.stdout.write(part.line(title, len(chosen)) + "\n")
+
+
+if __name__ == "__main__":
+    main()
