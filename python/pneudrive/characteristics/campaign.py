@@ -105,7 +105,8 @@ def characterise(
 def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> CampaignCharacteristics:
     points = points_of(reading)
     fits = fit_points(reading, points) if points is not None else None
-    points = fits.points if fits is not None else points
+    if points is not None and fits is not None and len(fits.points) == len(points):
+        points = fits.points  # outliers are known now; a campaign that was condensed for its fits stays as it is
     cycles = _cycles(reading, points)
     found = CampaignCharacteristics(
         name=str(opened.about.get("name", opened.path.name)),

@@ -31,6 +31,7 @@ NORMAL_95 = 1.959964  # two-sided 95 % of the normal distribution
 BETWEEN = 24  # speeds per curve at which it is also given between the measured ones
 POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
 FEWEST = 4  # cycles
+MOST_CYCLES = 1500  # that are fitted one by one: memory grows with their square
 ENOUGH_FOR_OUTLIERS = 12
 OUTLIER = 8.0  # standard deviations of the other cycles beyond which a single one is no result
 OUTLIER_SHARE = 0.05  # of the friction: less is no failure of a sensor
@@ -55,6 +56,8 @@ class Points:
         Why a cycle is no point of F(v); "" where it is one.
     unpaired : tuple of CycleData
         With one direction only.
+    count : ndarray, shape (n,)
+        Cycles that each one stands for: more than 1 where a large campaign was condensed.
     """
 
     reduced: Reduced
@@ -64,6 +67,7 @@ class Points:
     level_speeds_m_s: Array
     reasons: tuple[str, ...]
     unpaired: tuple[CycleData, ...]
+    count: Array
 
     @property
     def use(self) -> NDArray[np.bool_]:
@@ -87,7 +91,7 @@ def points_of(reading: Reading) -> Points | None:
     condition = np.array([conditions.index(d.condition) for d in paired], dtype=np.int64)
     level, speeds = _levels(reduced.speed_m_s)
     reasons = _reasons(paired, unsteady, condition, level)
-    return Points(reduced, conditions, condition, level, speeds, reasons, unpaired)
+    return Points(reduced, conditions, condition, level, speeds, reasons, unpaired, np.ones(len(paired)))
 
 
 def _levels(speed: Array) -> tuple[NDArray[np.int64], Array]:
@@ -157,7 +161,10 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
     """Fit the models; None where too few cycles are points of F(v).
 
     A cycle that lies far off all others, as a sensor that failed makes it, is taken out, and the rest fitted again.
+    Of a large campaign, neighbouring repeats are fitted as one.
     """
+    if points.use.sum() > MOST_CYCLES:
+        return _fit_points(reading, condensed(points, -(-int(points.use.sum()) // MOST_CYCLES)))
     fits = _fit_points(reading, points)
     if fits is None:
         return None
@@ -166,6 +173,40 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
         return fits
     kept = tuple("outlier" if i in far else reason for i, reason in enumerate(points.reasons))
     return _fit_points(reading, replace(points, reasons=kept))
+
+
+def condensed(points: Points, each: int) -> Points:
+    """Put repeats of one condition, speed level and block that follow one another together, up to `each` of them."""
+    reduced = points.reduced
+    block = np.array([d.head.cycle.block for d in reduced.data])
+    keys: dict[tuple[int, int, int], list[int]] = {}
+    for i in np.flatnonzero(points.use).tolist():
+        keys.setdefault((int(points.condition[i]), int(points.level[i]), int(block[i])), []).append(i)
+    groups = [members[k : k + each] for members in keys.values() for k in range(0, len(members), each)]
+    groups.sort(key=lambda g: g[len(g) // 2])
+    middle = [g[len(g) // 2] for g in groups]
+
+    def mean(values: Array) -> Array:
+        return np.array([values[g].mean() for g in groups])
+
+    def stderr(values: Array) -> Array:
+        return np.array([np.sqrt(np.sum(values[g] ** 2)) / len(g) for g in groups])
+
+    joined = replace(
+        reduced,
+        data=tuple(reduced.data[i] for i in middle),
+        **{n: mean(getattr(reduced, n)) for n in ("speed_m_s", "friction_n", "offset_n", "air_n")},
+        **{f"{n}_stderr_n": stderr(getattr(reduced, f"{n}_stderr_n")) for n in ("friction", "offset", "air", "total")},
+        relative_n=reduced.relative_n[middle],
+    )
+    return replace(
+        points,
+        reduced=joined,
+        condition=points.condition[middle],
+        level=points.level[middle],
+        reasons=("",) * len(groups),
+        count=np.array([len(g) for g in groups], dtype=float),
+    )
 
 
 def _outliers(fits: Fits) -> set[int]:
@@ -196,7 +237,7 @@ def _fit_points(reading: Reading, points: Points) -> Fits | None:
     used_groups = groups[use] if groups is not None else None
 
     def data(y: Array, stderr: Array) -> CurveData:
-        return CurveData(y[use], stderr[use] ** 2, reduced.speed_m_s[use], curve[use], order[use])
+        return CurveData(y[use], stderr[use] ** 2, reduced.speed_m_s[use], curve[use], order[use], points.count[use])
 
     friction = data(reduced.friction_n, reduced.friction_stderr_n)
     share = carried_drift(friction)
@@ -223,7 +264,7 @@ def fit_response(reading: Reading, fits: Fits, y: Array, stderr: Array, *, drift
     use = fits.points.use
     order = np.array([reading.order(d.head) for d in fits.points.reduced.data])
     like = fits.friction.data
-    data = CurveData(y[use], stderr[use] ** 2, like.speed_m_s, like.curve, order[use])
+    data = replace(like, y=y[use], noise=stderr[use] ** 2, order=order[use])
     blocks = fits.block_groups if drift else None
     return fit_curves(data, logarithmic=False, drift=drift and fits.drift_share < CARRIED, blocks=blocks)
 
@@ -264,7 +305,7 @@ def _better(data: CurveData, *, drift: bool, blocks: NDArray[np.int64] | None) -
 
 
 def _logarithmic(data: CurveData) -> CurveData:
-    return CurveData(np.log(data.y), data.noise / data.y**2, data.speed_m_s, data.curve, data.order)
+    return replace(data, y=np.log(data.y), noise=data.noise / data.y**2)
 
 
 def _with_tares(reading: Reading, data: CurveData) -> CurveData:
@@ -279,6 +320,7 @@ def _with_tares(reading: Reading, data: CurveData) -> CurveData:
         np.concatenate([data.speed_m_s, np.full(count, np.nan)]),
         np.concatenate([data.curve, np.full(count, -1, dtype=np.int64)]),
         np.concatenate([data.order, [reading.order(t.head) for t in tares]]),
+        np.concatenate([data.count, np.ones(count)]),
     )
 
 

@@ -152,7 +152,7 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
     share = y / y.mean() if fits.friction.logarithmic else np.ones(y.size)
     usual = CYCLE_SCALE * max(float(np.abs(y).mean()), 1e-9)
     outer = np.outer(share, share)
-    components = [Component("cycle", share**2, usual)]
+    components = [Component("cycle", share**2 / points.count[members], usual)]
     if fits.drift_share < CARRIED:
         order = np.array([reading.order(d.head) for d, m in zip(reduced.data, members, strict=True) if m])
         components.append(Component("drift", outer * centred_walk(order), usual))

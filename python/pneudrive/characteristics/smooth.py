@@ -55,6 +55,8 @@ class CurveData:
         Which curve, from 0; -1: none.
     order : ndarray
         Place of the cycle in the campaign, 0 to 1.
+    count : ndarray
+        Cycles that an observation is the mean of.
     """
 
     y: Array
@@ -62,6 +64,7 @@ class CurveData:
     speed_m_s: Array
     curve: NDArray[np.int64]
     order: Array
+    count: Array
 
     def __len__(self) -> int:
         return self.y.size
@@ -227,7 +230,7 @@ def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArr
     components = [Component("shape", kernels["shape"], 5.0 * spread)]
     if "own shape" in kernels:
         components.append(Component("own shape", kernels["own shape"], spread))
-    components.append(Component("cycle", on.astype(float), usual))
+    components.append(Component("cycle", on / data.count, usual))
     if drift:
         components.append(Component("drift", centred_walk(data.order), usual))
     if blocks is not None:

@@ -41,7 +41,7 @@ def friction_map(reading: Reading, points: Points | None, fits: Fits | None, pro
     """Put the map together, one row per cycle and direction, in the order of the campaign."""
     rows: list[dict[str, object]] = []
     if points is not None:
-        bands = _bands(points, fits)
+        bands = _bands(reading, points, fits)
         for i, d in enumerate(points.reduced.data):
             rows += _paired_rows(points, bands, i, d, reading)
         for d in points.unpaired:
@@ -66,7 +66,7 @@ def to_dataset(columns: dict[str, list]) -> xr.Dataset:
     return xr.Dataset(variables, attrs={"title": "friction map of a campaign"})
 
 
-def _bands(points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
+def _bands(reading: Reading, points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
     """Half widths of the bands of single cycles, N."""
     reduced = points.reduced
     nothing = np.full(len(points), np.nan)
@@ -85,20 +85,22 @@ def _bands(points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
     for condition in range(len(points.conditions)):
         members = points.condition == condition
         if not (members & points.use).any():
-            continue
+            continue  # nothing to hold its cycles against
         shared = systematic(fits, reduced.friction_n[members], reduced.offset_n[members], condition)
         u[members], zero_u[members] = np.hypot(shared.friction_n(), block[members]), shared.zero_n
         zero[members] = np.hypot(reduced.offset_stderr_n[members], own)
-    return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(points, fits)}
+    return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(reading, points, fits)}
 
 
-def _offsets(points: Points, fits: Fits) -> np.ndarray:
+def _offsets(reading: Reading, points: Points, fits: Fits) -> np.ndarray:
     """Half the sum of each cycle without the zero of the sensor; zero where no tare shows it."""
     if not fits.has_zero:
         return np.zeros(len(points))
     zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
-    drift = np.zeros(len(points))
-    drift[points.use] = fits.offset.drift[: int(points.use.sum())]
+    known = fits.offset.data
+    at = np.argsort(known.order, kind="stable")
+    order = np.array([reading.order(d.head) for d in points.reduced.data])
+    drift = np.interp(order, known.order[at], fits.offset.drift[at])
     return points.reduced.offset_n - zero - drift
 
 

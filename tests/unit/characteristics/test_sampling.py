@@ -51,3 +51,18 @@ def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
     for a, b in zip(here.curves, there.curves, strict=True):
         np.testing.assert_array_equal(a.friction_n, b.friction_n)
         np.testing.assert_array_equal(a.high_n, b.high_n)
+
+
+def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkeypatch):
+    from pneudrive.characteristics import curves
+
+    world = quick(repeats=6, cycle_share=0.01, drift_share=0.02)
+    folder = write_campaign(tmp_path / "campaign", world, 3)
+    whole = characteristics(folder, processes=1)
+    monkeypatch.setattr(curves, "MOST_CYCLES", 30)
+    condensed = characteristics(folder, processes=1)
+    assert condensed.friction_map.sizes == whole.friction_map.sizes
+    for a, b in zip(whole.curves, condensed.curves, strict=True):
+        reach = (a.high_n - a.low_n) / 2.0
+        assert np.all(np.abs(b.friction_n - a.friction_n)[a.measured] < 0.5 * reach[a.measured])
+        assert (b.high_n - b.low_n)[a.measured] / 2.0 == pytest.approx(reach[a.measured], rel=0.4)
