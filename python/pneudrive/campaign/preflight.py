@@ -110,12 +110,12 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
         return
     known = rig.levels()
     for name, factor in protocol.hard.items():
-        for level in factor.levels:
-            if level not in known.get(name, ()):
+        for level in factor.levels if name in known else ():  # a factor that it does not list takes any name
+            if level not in known[name]:
                 raise protocol.fail(
                     f"{name}.levels",
                     f"{name}.levels: the rig has no {name} '{level}'",
-                    remedy=nearest(level, known.get(name, ())) if known.get(name) else f"It has one {name} only.",
+                    remedy=nearest(level, known[name]) if known[name] else f"It has one {name} only.",
                 )
 
 

@@ -313,7 +313,7 @@ class Changeable(Protocol):
     """A rig that can be told what the operator has changed by hand: a simulated rig."""
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Give the factors that can be changed and the levels that each can take."""
+        """Give the factors that take certain levels only, and which; every other factor takes any name."""
         ...
 
     def change(self, levels: dict[str, str]) -> None:
