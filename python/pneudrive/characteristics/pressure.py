@@ -148,8 +148,10 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
     if independent(x).size < x.shape[1]:
         return None
     y = reduced.friction_n[members]
-    # Where chance is relative, each source acts in proportion to friction.
-    share = y / y.mean() if fits.friction.logarithmic else np.ones(y.size)
+    # Where chance is relative, each source acts in proportion to friction: to what the fixed effects make of it, not to
+    # the values themselves, which a source in proportion to them would explain to the last digit.
+    steady = x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    share = steady / steady.mean() if fits.friction.logarithmic else np.ones(y.size)
     usual = CYCLE_SCALE * max(float(np.abs(y).mean()), 1e-9)
     outer = np.outer(share, share)
     components = [Component("cycle", share**2 / points.count[members], usual)]

@@ -51,6 +51,19 @@ def test_equal_pressures_tell_the_sum_and_no_more(measured, quick):
     assert "below the 3 to 10 bar" in not_carried(found, "range")
 
 
+def test_pressure_is_told_where_blocks_differ_in_proportion_to_friction(measured, quick):
+    levels = ({"mounting": "rigid"}, {"mounting": "floating"}) * 2
+    both = ((0.0, 0.0), (BAR, BAR))
+    world = quick(
+        friction=Friction(lip_a=1.0, lip_b=1.0), gauges_pa=both, speeds_m_s=SPEEDS, levels=levels, block_share=0.03
+    )
+    found = measured(world, seed=2)
+    assert [effect.levels for effect in found.pressure] == ["floating", "rigid"]
+    for effect in found.pressure:
+        assert inside(effect.mean_sum, 2.0 / BAR)
+        assert effect.mean_sum.value == pytest.approx(2.0 / BAR, rel=0.3)
+
+
 def test_air_is_taken_out_where_it_was_measured_and_bounded_where_not(measured, quick):
     world = quick(air_pa_s_m=2e4, gauges_pa=((BAR, BAR),), speeds_m_s=SPEEDS, cycle_share=0.005)
     found = measured(world)
