@@ -52,16 +52,17 @@ def test_equal_pressures_tell_the_sum_and_no_more(measured, quick):
 
 
 def test_pressure_is_told_where_blocks_differ_in_proportion_to_friction(measured, quick):
+    """A block that scales friction must not be taken for friction itself, to which cycles that repeat well tempt."""
     levels = ({"mounting": "rigid"}, {"mounting": "floating"}) * 2
-    both = ((0.0, 0.0), (BAR, BAR))
-    world = quick(
-        friction=Friction(lip_a=1.0, lip_b=1.0), gauges_pa=both, speeds_m_s=SPEEDS, levels=levels, block_share=0.03
-    )
-    found = measured(world, seed=2)
+    friction = Friction(coulomb=9.0, breakaway=12.5, stribeck_m_s=0.004, viscous=3.0, lip_a=0.5, lip_b=0.5)
+    chance = {"cycle_share": 0.003, "white_n": 0.02, "correlated_n": 0.02, "drift_share": 0.03, "block_share": 0.02}
+    world = quick(friction=friction, gauges_pa=((0.0, 0.0), (BAR, BAR)), levels=levels, **chance)
+    found = measured(world, seed=1)
+    assert found.repeatability.relative
     assert [effect.levels for effect in found.pressure] == ["floating", "rigid"]
     for effect in found.pressure:
-        assert inside(effect.mean_sum, 2.0 / BAR)
-        assert effect.mean_sum.value == pytest.approx(2.0 / BAR, rel=0.3)
+        assert effect.mean_sum.value == pytest.approx(1.0 / BAR, rel=0.1)
+        assert inside(effect.mean_sum, 1.0 / BAR)
 
 
 def test_air_is_taken_out_where_it_was_measured_and_bounded_where_not(measured, quick):
