@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.characterise.settling import moving_average
 from pneudrive.characteristics import BOTH, characteristics
-from pneudrive.characteristics.cycle import recording_of
+from pneudrive.characteristics.raw import recording_of
 from pneudrive.paper.figure import PaperFigure
 
 if TYPE_CHECKING:

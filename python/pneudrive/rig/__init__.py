@@ -2,7 +2,7 @@
 
 A campaign knows a rig by the protocols of `pneudrive.rig.interface` alone: `Rig` (eight verbs); `Reproducible`
 (begin_cycle, memory, restore, truth) and `Changeable` (levels, change: mounting, seal, drive) where the rig is
-simulated. Times of samples are those of `pneudrive.rig.sampling.schedule`.
+simulated. Times of samples are those of `pneudrive.rig.sampling.schedule`::
 
     rig = load_rig("default", seed=7)              # name, TOML file, folder, address, or a class as "module:Name"
     rig = load_rig("my_rig.toml", pace=1.0)        # in real time, for a live display or behind a server
