@@ -347,6 +347,7 @@ def _plain_statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]
         counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in spoiled.most_common())
         text = f"{sum(not s.usable for s in stops)} of {len(stops)} peaks are spoiled and not counted: {counts}."
         remedy = "sample the restart at 5 kHz or more, restart more slowly" if spoiled["undersampled"] else ""
+        remedy = "turn the sign of the force, or state its zero" if spoiled["negative_friction"] else remedy
         out.append(Statement("stops", text, carried=False, remedy=remedy))
     number = series.curve.data.durations if series.curve is not None else _durations(series.stops)
     if series.curve is None or number < 2:

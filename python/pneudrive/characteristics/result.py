@@ -41,7 +41,7 @@ class Statement:
     Attributes
     ----------
     topic : str
-        curve, direction, pressure, air, position, drift, repeatability, stick-slip, zero, range, data.
+        curve, direction, pressure, air, position, stops, drift, repeatability, stick-slip, zero, range, data.
     text : str
     carried : bool
         Whether the data carry what was asked for.

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pneudrive.campaign.folder import Campaign
     from pneudrive.characterise.recording import Recording
     from pneudrive.characteristics.basics import Condition
-    from pneudrive.rig.interface import Identity
+    from pneudrive.rig.interface import Identity, Samples
 
     Array = NDArray[np.float64]
 
@@ -45,9 +45,12 @@ SPOILS = 0.1
 LEAST_RATE_HZ = 5000.0  # of the samples around a restart
 SAME_DURATION = 0.2  # a rest that differs from the planned stop by more than this share is named
 WORTH_WORKERS = 60  # stops below which starting processes costs more than it saves
+AROUND_PEAK = 3.0  # times from restart to peak, in which missing samples count
 TRACE_SAMPLES = (120, 160, 480)  # of approach, rest and restart that are kept for figures
 #: Flags that take a stop out of the law of breakaway over duration.
-SPOILING = frozenset({"undersampled", "no_peak", "pressure_transient", "saturated", "no_running"})
+SPOILING = frozenset(
+    {"undersampled", "no_peak", "pressure_transient", "saturated", "stuck", "negative_friction", "no_running"}
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +183,7 @@ def _read(file: CycleFile, identity: Identity, others: Sequence[Stroke]) -> Stop
     if not cycle.released:
         rest = phases.rest
         relaxation = relax(recording.time_s[rest] - phases.rest_s, friction[rest])
-    flags = _flags(file, recording, phases, peak, running, samples.force_n)
+    flags = _flags(file, recording, phases, peak, running, samples)
     stop = Stop(
         index=file.head.index,
         key=cycle.key,
@@ -249,16 +252,21 @@ def _recovery(
 
 
 def _flags(
-    file: CycleFile, recording: Recording, phases: Phases, peak: Breakaway, running: Running, raw_force_n: Array
+    file: CycleFile, recording: Recording, phases: Phases, peak: Breakaway, running: Running, samples: Samples
 ) -> tuple[str, ...]:
     flags = list(peak.flags)
     if running.basis == "none":
         flags.append("no_running")
-    if "force_n" in recording.limits:
-        low, high = recording.limits["force_n"]
-        finite = raw_force_n[np.isfinite(raw_force_n)]
-        if finite.size and (finite.max() >= high or finite.min() <= low) and recording.flags.get("saturated", 0):
-            flags.append("saturated")
+    if running.level_n < 0:
+        flags.append("negative_friction")
+    if np.ptp(recording.force_n[phases.restart]) == 0:
+        flags.append("stuck")
+    # Samples at the sensor's limit are left out on reading: some are missing about the peak.
+    begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
+    here = int(((samples.time_s >= begin) & (samples.time_s <= end)).sum())
+    kept = int(((recording.time_s >= begin) & (recording.time_s <= end)).sum())
+    if recording.flags.get("saturated", 0) and here - kept > 2:
+        flags.append("saturated")
     if peak.rate_hz < LEAST_RATE_HZ * 0.9:
         flags.append("slow_samples")
     planned = file.head.cycle.stop_s

@@ -32,6 +32,7 @@ CAMPAIGN_FLAGS = FLAGS | {
     "pressure_transient": "the air moved as much as the result",
     "inertia": "the mass that breaks loose may add to the peak",
     "no_running": "nothing tells uninterrupted sliding",
+    "stuck": "a channel stood still while the piston travelled",
     "slow_samples": "a peak sampled at less than 5 kHz",
     "long_loading": "the force took more than a tenth of the stop to rise",
     "duration": "the rest differs from the planned stop by more than 20 %",

@@ -26,6 +26,7 @@ MOST_SERIES = 4
 MOST_CONDITIONS = 4
 #: Time around a restart that is drawn, in units of that from restart to peak.
 BEFORE, AFTER = 1.5, 20.0
+SHORTEST_S = 1e-3
 APPROACH = 0.7  # share of the approach that is drawn at most
 SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
 
@@ -97,7 +98,7 @@ def _whole(axis: Axes, stop: Stop, ambient: float) -> None:
     way = "+x" if stop.direction > 0 else "−x"
     condition = stop.condition.label(ambient)
     axis.set_title(f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}")
-    reach = max(stop.dwell_s, 3 * stop.loading_s)
+    reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
     # The beginning of the approach may still show the reversal before it.
     _limits(
         axis, t, max(APPROACH * t.time_s[0], -0.35 * reach), min(t.time_s[-1], 1.6 * reach + AFTER * stop.loading_s)
@@ -109,7 +110,8 @@ def _restart(axis: Axes, stop: Stop) -> None:
     axis.plot(time, stop.trace.friction_n, ".", color=style.BLACK, ms=1.8)
     axis.axhline(stop.running_n, color=style.BLUE, ls="--", lw=0.9)
     axis.plot(1e3 * stop.loading_s, stop.breakaway_n, "o", ms=7, mfc="none", color=style.ORANGE, mew=1.2)
-    begin, end = -BEFORE * stop.loading_s, AFTER * stop.loading_s
+    shown = max(stop.loading_s, SHORTEST_S)
+    begin, end = -BEFORE * shown, AFTER * shown
     _limits(axis, stop.trace, stop.dwell_s + begin, stop.dwell_s + end)
     axis.set_xlim(1e3 * begin, 1e3 * end)
 

@@ -168,3 +168,23 @@ def test_damaged_cycles_cost_only_themselves(tmp_path):
     assert len(result.skipped) == 3
     assert result.dwell[0].slope is not None
     assert result.synthetic
+
+
+@pytest.mark.parametrize(
+    ("spoil", "flag"),
+    [
+        (-pl.col("force_n"), "negative_friction"),  # a sign that was mixed up
+        (pl.col("force_n").clip(-33.0, 33.0), "saturated"),
+        (pl.lit(3.0).alias("force_n"), "stuck"),
+    ],
+)
+def test_peaks_that_are_none_are_flagged_and_not_counted(tmp_path, spoil, flag):
+    folder = write_stops(tmp_path / "c", StopWorld(durations_s=(5.0, 50.0), repeats=2, samples=300), 1)
+    for path in (folder / "cycles").glob("*.parquet"):
+        head = pl.read_parquet_metadata(path)["pneudrive"]
+        pl.read_parquet(path).with_columns(spoil).write_parquet(path, metadata={"pneudrive": head})
+    stops, _ = find_stops(Campaign.open(folder), 1)
+    assert all(flag in s.flags and not s.usable for s in stops)
+    series, statements = fit_dwell(stops, AMBIENT_PA)
+    assert series[0].slope is None
+    assert any("spoiled" in s.text and not s.carried for s in statements)
