@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from campaign.fake_rig import PROTOCOL, FakeRig, contents, protocol
-from pneudrive.campaign import run as run_module
 from pneudrive.campaign.adaptive import Finished, Point
 from pneudrive.campaign.lock import FolderLock, holder
 from pneudrive.campaign.plan import lay_out
@@ -82,7 +81,7 @@ def test_what_cannot_be_done_is_one_clear_message(tmp_path, monkeypatch, capsys,
 
 
 def test_without_bluesky_the_extra_is_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(run_module, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "bluesky", None)
     assert run(["campaign", "run", "quick-look", "--into", str(tmp_path / "c")]) == 2
     assert 'pip install "pneudrive[rig]"' in capsys.readouterr().err
 

@@ -246,6 +246,40 @@ def test_ctrl_c_in_a_pause_ends_the_campaign(tmp_path):
     assert at_rest(rig)
 
 
+def test_ctrl_c_does_not_break_off_coming_to_rest(tmp_path):
+    class Reluctant(FakeRig):
+        def stop(self):
+            tries.append(self)
+            if len(tries) == 1:
+                raise OSError("the bus is busy")
+            press(self)  # while the campaign, at its end, tries once more
+            super().stop()
+
+    tries, rig = [], Reluctant()
+    assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK).ended == DONE
+    assert at_rest(rig)
+
+
+BENCH = """
+from campaign.fake_rig import FakeRig
+
+closed = []
+
+class Bench(FakeRig):
+    def close(self):
+        closed.append(self)
+"""
+
+
+def test_a_rig_is_found_again_from_another_folder_and_its_connection_closed(tmp_path, monkeypatch):
+    (tmp_path / "bench.py").write_text(BENCH)
+    monkeypatch.chdir(tmp_path)
+    assert run_campaign(protocol(), "bench.py:Bench", "c", options=QUICK).ended == DONE
+    assert len(sys.modules["bench"].closed) == 1
+    monkeypatch.chdir(tmp_path / "c")
+    assert resume_campaign(tmp_path / "c", options=QUICK).ended == DONE
+
+
 def test_a_display_that_fails_does_not_end_the_campaign(tmp_path, undisturbed):
     class Broken(Silent):
         def part(self, samples):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import queue
 import signal
 import threading
 import time
@@ -71,7 +72,8 @@ class Requests:
         self._someone_there = someone_there
         self._queue: deque[Request] = deque()
         self._presses, self._last_press = 0, 0.0
-        self.arrived = threading.Event()
+        # An event would not do: its lock is not re-entrant, and a signal's handler may come while its thread holds it.
+        self._arrived: queue.SimpleQueue[None] = queue.SimpleQueue()
         with contextlib.suppress(OSError):
             make_folder(self._folder)
         for path in self._waiting():  # meant for a process that is gone
@@ -81,11 +83,10 @@ class Requests:
     def put(self, request: Request) -> None:
         """Add one."""
         self._queue.append(request)
-        self.arrived.set()
+        self.wake()
 
     def take(self) -> Request | None:
         """Give the oldest one, or None."""
-        self.arrived.clear()
         if self._queue:
             return self._queue.popleft()
         for path in self._waiting():
@@ -96,7 +97,12 @@ class Requests:
 
     def wait(self) -> None:
         """Wait until there may be one."""
-        self.arrived.wait(LOOK_S)
+        with contextlib.suppress(queue.Empty):
+            self._arrived.get(timeout=LOOK_S)
+
+    def wake(self) -> None:
+        """End a wait."""
+        self._arrived.put(None)
 
     def began_again(self) -> None:
         """Forget how often Ctrl-C was pressed."""

@@ -8,7 +8,7 @@ import json
 import threading
 import time
 from dataclasses import asdict, dataclass, replace
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -58,6 +58,15 @@ class Result:
     finished: int
     planned: int
     ended: str
+
+
+@dataclass(frozen=True)
+class _Audience:
+    """Who sees a campaign run, and who is asked."""
+
+    display: Display | None
+    prompt: Prompt | None
+    subscribers: Sequence[Callable[[str, dict], None]]
 
 
 def run_campaign(
@@ -110,20 +119,11 @@ def run_campaign(
     """
     need_bluesky()
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
-    folder = Path(into)
+    folder, audience = Path(into), _Audience(display, prompt, subscribers)
     if (folder / ABOUT).exists():
-        return _go_on(folder, rig, asked, options, pace, display, prompt, subscribers)
-    bench, source = _rig(rig, asked.seed, pace)
-    check_levels(asked, bench)
-    plan = lay_out(asked, bench.identity(), bench.limits())
-    options = _with_operator(options, asked.operator)
-    make_folder(folder)
-    with FolderLock(folder) as lock:
-        if (folder / ABOUT).exists():  # another process was faster
-            raise CampaignError("another process has begun a campaign in this folder", where=str(folder))
-        about = _about(plan, options, {**asked.labels, **(labels or {})}, source)
-        campaign = create(folder, asked.text, plan.identity, about)
-        return _run(campaign, plan, bench, options, lock, display, prompt, subscribers)
+        return _go_on(folder, rig, asked, options, pace, audience)
+    with _bench(rig, asked.seed, pace) as (bench, source):
+        return _begin(folder, bench, source, asked, options, labels or {}, audience)
 
 
 def resume_campaign(
@@ -147,7 +147,7 @@ def resume_campaign(
         As in `run_campaign`.
     """
     need_bluesky()
-    return _go_on(Path(folder), rig, None, options, pace, display, prompt, subscribers)
+    return _go_on(Path(folder), rig, None, options, pace, _Audience(display, prompt, subscribers))
 
 
 def need_bluesky() -> None:
@@ -157,15 +157,24 @@ def need_bluesky() -> None:
     ------
     CommandError
     """
-    if find_spec("bluesky") is None:
+    try:
+        import_module("bluesky")
+    except ImportError as error:  # it, or something that it needs itself
         raise CommandError(
-            "campaigns run on bluesky, which is not installed", remedy='Install it: pip install "pneudrive[rig]"'
-        )
+            "campaigns run on bluesky, which is not installed",
+            value=str(error),
+            remedy='Install it: pip install "pneudrive[rig]"',
+        ) from None
 
 
 def can_be_resumed(error: BaseException) -> bool:
     """Tell whether an error ended a campaign that had begun; otherwise what was asked for is wrong."""
     return getattr(error, "while_running", False)
+
+
+def _mark(error: BaseException) -> None:
+    """Mark an error for `can_be_resumed`."""
+    error.while_running = True  # type: ignore[attr-defined]
 
 
 def plan_of(campaign: Campaign) -> Plan:
@@ -194,15 +203,34 @@ def plan_of(campaign: Campaign) -> Plan:
     return lay_out(protocol, campaign.identity, envelope)
 
 
+def _begin(
+    folder: Path,
+    rig: Rig,
+    source: str,
+    protocol: Protocol,
+    options: Options | None,
+    labels: Mapping[str, str],
+    audience: _Audience,
+) -> Result:
+    check_levels(protocol, rig)
+    plan = lay_out(protocol, rig.identity(), rig.limits())
+    options = _with_operator(options, protocol.operator)
+    make_folder(folder)
+    with FolderLock(folder) as lock:
+        if (folder / ABOUT).exists():  # another process was faster
+            raise CampaignError("another process has begun a campaign in this folder", where=str(folder))
+        about = _about(plan, options, {**protocol.labels, **labels}, source)
+        campaign = create(folder, protocol.text, plan.identity, about)
+        return _run(campaign, plan, rig, options, lock, audience)
+
+
 def _go_on(
     folder: Path,
     rig: Rig | str | Path | None,
     protocol: Protocol | None,
     options: Options | None,
     pace: float | None,
-    display: Display | None,
-    prompt: Prompt | None,
-    subscribers: Sequence[Callable[[str, dict], None]],
+    audience: _Audience,
 ) -> Result:
     campaign = Campaign.open(folder)
     if protocol is not None and protocol.text.strip() != campaign.protocol.strip():
@@ -218,22 +246,31 @@ def _go_on(
         raise CampaignError(
             "the folder does not say how its rig is reached", where=str(folder), remedy="Say --rig RIG."
         )
-    with FolderLock(folder) as lock:
-        bench, source = _rig(given, plan.protocol.seed, pace)
+    with FolderLock(folder) as lock, _bench(given, plan.protocol.seed, pace) as (bench, source):
         _same_rig(campaign, bench.identity(), source)
         lay_out(plan.protocol, campaign.identity, bench.limits())  # pre-flight: the rig may allow less than it did
         options = _with_operator(options, str(campaign.about.get("operator", "")))
-        return _run(campaign, plan, bench, options, lock, display, prompt, subscribers)
+        return _run(campaign, plan, bench, options, lock, audience)
 
 
-def _rig(rig: Rig | str | Path, seed: int, pace: float | None) -> tuple[Rig, str]:
-    """Give the rig, and how it is found again; empty where it was made elsewhere."""
-    from pneudrive.rig import load_rig
+@contextlib.contextmanager
+def _bench(rig: Rig | str | Path, seed: int, pace: float | None) -> Iterator[tuple[Rig, str]]:
+    """Give the rig, and how it is found again; empty where it was made elsewhere, and is closed there."""
+    from pneudrive.rig.loading import load_rig, opened
 
     if not isinstance(rig, str | Path):
-        return rig, ""
-    path = Path(rig)
-    return load_rig(rig, seed=seed, pace=pace), str(path.resolve() if path.exists() else rig)
+        yield rig, ""
+        return
+    with opened(load_rig(rig, seed=seed, pace=pace)) as bench:
+        yield bench, _found_again(str(rig))
+
+
+def _found_again(source: str) -> str:
+    """Give what names a rig from any folder: paths in full, ``own_rig.py:make_rig`` too."""
+    if Path(source).exists():
+        return str(Path(source).resolve())
+    file, _, name = source.rpartition(":")
+    return f"{Path(file).resolve()}:{name}" if file and Path(file).is_file() else source
 
 
 def _about(plan: Plan, options: Options, labels: dict[str, str], source: str) -> dict[str, Any]:
@@ -289,14 +326,13 @@ def _run(
     rig: Rig,
     options: Options,
     lock: FolderLock,
-    display: Display | None,
-    prompt: Prompt | None,
-    subscribers: Sequence[Callable[[str, dict], None]],
+    audience: _Audience,
 ) -> Result:
     from pneudrive.campaign.session import Session
 
     journal = Journal(campaign.path / LOG)
-    shown, prompt = cast("Display", Guarded(display or Silent(), journal)), prompt or Terminal()
+    shown = cast("Display", Guarded(audience.display or Silent(), journal))
+    prompt = audience.prompt or Terminal()
     files, tidied = tidy(campaign)
     for line in tidied:
         journal.write(line)
@@ -308,24 +344,28 @@ def _run(
     for note in plan.notes:
         shown.say(f"note: {note}")
     ended = "failed"
-    try:
-        with journal.engine_output(), requests.signals(), _engine() as engine:
-            for subscriber in subscribers:
-                engine.subscribe(subscriber)
-            ended = _drive(engine, session, requests, prompt)
-    except BaseException as error:
-        journal.write(f"{type(error).__name__}: {error}")
-        error.while_running = True  # type: ignore[attr-defined]  # `can_be_resumed` looks at it
-        raise
-    finally:
-        trouble = session.axis.rest()
-        session.thread.close()
-        shown.ended()
-        journal.write(f"{ended} after {session.now}" + (f"; the rig may not be at rest: {trouble}" if trouble else ""))
-        if trouble:
-            shown.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
+    with requests.signals():  # to the end: whoever presses Ctrl-C once more must not break off coming to rest
+        try:
+            with journal.engine_output(), _engine() as engine:
+                for subscriber in audience.subscribers:
+                    engine.subscribe(subscriber)
+                ended = _drive(engine, session, requests, prompt)
+        except BaseException as error:
+            journal.write(f"{type(error).__name__}: {error}")
+            _mark(error)
+            raise
+        finally:
+            trouble = session.axis.rest()
+            session.thread.close()
+            shown.ended()
+            restless = f"; the rig may not be at rest: {trouble}" if trouble else ""
+            journal.write(f"{ended} after {session.now}{restless}")
+            if trouble:
+                shown.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
     if trouble:
-        raise RigError("the rig could not be brought to rest", value=trouble, remedy="See to it by hand.")
+        restless_rig = RigError("the rig could not be brought to rest", value=trouble, remedy="See to it by hand.")
+        _mark(restless_rig)
+        raise restless_rig
     return Result(campaign, len(session.finished), session.total, ended)
 
 
@@ -375,7 +415,7 @@ def _drive(engine: RunEngine, session: Session, requests: Requests, prompt: Prom
         return DONE
     finally:
         over.set()
-        requests.arrived.set()
+        requests.wake()
         watcher.join()
 
 

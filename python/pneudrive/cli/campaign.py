@@ -39,8 +39,8 @@ def plan(
     from pneudrive.campaign.plan import lay_out
     from pneudrive.campaign.preflight import check_levels
     from pneudrive.campaign.protocol import parse_protocol, read_protocol
-    from pneudrive.cli.campaign_plan import check_target, duration, opened, proposal_lines, show
-    from pneudrive.rig import load_rig
+    from pneudrive.cli.campaign_plan import check_target, duration, proposal_lines, show
+    from pneudrive.rig.loading import load_rig, opened
 
     asked = read_protocol(protocol)
     if fraction is not None:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from pneudrive.campaign.fraction import Proposal
     from pneudrive.campaign.plan import Plan, Planned
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.campaign.protocol_tables import Pair
-    from pneudrive.rig import Rig
 
 HOUR_S, DAY_S = 3600.0, 86400.0
 
@@ -35,17 +33,6 @@ def check_target(path: Path, protocol: Protocol) -> None:
         raise CommandError(f"--fraction {path}: the file exists", remedy="Name another one.")
     if path.suffix != ".toml" or not path.parent.is_dir():
         raise CommandError(f"--fraction {path}: no place for a protocol", rule="FILE.toml in a folder that exists")
-
-
-@contextmanager
-def opened(rig: Rig) -> Iterator[Rig]:
-    """Close the connection to a rig that has one, whatever happens."""
-    try:
-        yield rig
-    finally:
-        close = getattr(rig, "close", None)
-        if close is not None:
-            close()
 
 
 def show(plan: Plan) -> str:

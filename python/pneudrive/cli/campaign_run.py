@@ -144,6 +144,8 @@ def _options(operator: str, yes: bool, patience: str) -> Options:
         seconds = units.parse(patience, "s")
     except PneudriveError as error:
         raise CommandError(f"--patience {patience} is no time", value=str(error)) from None
+    if seconds < 0.0:
+        raise CommandError(f"--patience {patience}", rule="zero or more")
     return Options(operator=operator, yes=yes, patience_s=seconds)
 
 
@@ -181,9 +183,6 @@ def _end(result: Result, folder: Path) -> None:
 
 
 def _me(operator: str) -> str:
-    import getpass
+    from pneudrive.campaign.lock import user
 
-    try:
-        return operator or getpass.getuser()
-    except (OSError, KeyError):
-        return "another process"
+    return operator or user()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 from pneudrive.errors import RigError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from pneudrive.rig.interface import Rig
 
@@ -76,6 +77,17 @@ def load_rig(source: str | Path = "default", seed: int = 0, pace: float | None =
     raise RigError(
         f"{text!r} is no rig", rule="a name, a TOML file, a folder or an address", remedy=nearest(text, known)
     )
+
+
+@contextmanager
+def opened(rig: Rig) -> Iterator[Rig]:
+    """Close the connection to a rig that has one, whatever happens."""
+    try:
+        yield rig
+    finally:
+        close = getattr(rig, "close", None)
+        if close is not None:
+            close()
 
 
 def _kind(path: Path) -> str:
