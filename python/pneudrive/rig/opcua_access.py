@@ -286,6 +286,8 @@ def add_user(path: Path, name: str, password: str) -> None:
     ------
     CommandError
         No name or password, or a name that cannot stand in such a file.
+    RigError
+        The file is not one of users, or cannot be written.
     """
     if not name or ":" in name or name != name.strip() or not password:
         raise CommandError(f"user {name!r} cannot be added", rule="a name without colon, and a password")
@@ -293,9 +295,14 @@ def add_user(path: Path, name: str, password: str) -> None:
     salt = secrets.token_bytes(SALT_BYTES)
     users[name] = f"scrypt:{_text(salt)}:{_text(_hash(password, salt))}"
     new = path.with_suffix(path.suffix + ".new")
-    new.unlink(missing_ok=True)
-    write_secret(new, "".join(f"{user}:{kept}\n" for user, kept in users.items()).encode())
-    new.replace(path)
+    try:
+        new.unlink(missing_ok=True)
+        write_secret(new, "".join(f"{user}:{kept}\n" for user, kept in users.items()).encode())
+        new.replace(path)
+    except OSError as error:
+        raise RigError(
+            f"{path} cannot be written: {error.strerror}", remedy="name a file in a folder of yours"
+        ) from None
 
 
 def read_users(path: Path) -> dict[str, str]:
