@@ -1,6 +1,6 @@
 """Rigs: what a campaign drives. Simulated ones know their truth.
 
-A campaign knows a rig by the protocols of `pneudrive.rig.interface` alone: `Rig` (eight verbs); `Reproducible`
+A campaign knows a rig by the protocols of `pneudrive.rig.interface` alone: `Rig` (nine verbs); `Reproducible`
 (begin_cycle, memory, restore, truth) and `Changeable` (levels, change: mounting, seal, drive) where the rig is
 simulated. Times of samples are those of `pneudrive.rig.sampling.schedule`::
 

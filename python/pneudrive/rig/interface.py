@@ -1,4 +1,4 @@
-"""What a rig is to a campaign: eight verbs that a simulated rig, a replay, a PLC and a laboratory's own code share.
+"""What a rig is to a campaign: nine verbs that a simulated rig, a replay, a PLC and a laboratory's own code share.
 
 A laboratory binds its hardware by writing a class with the methods of `Rig`; it inherits from nothing.
 All numbers are SI, pressures absolute; x grows as chamber a grows; the force is what the rig applies to the piston
