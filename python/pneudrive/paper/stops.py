@@ -8,6 +8,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.characteristics.stops import find_stops
+from pneudrive.errors import CampaignError
 from pneudrive.paper.figure import PaperFigure
 
 if TYPE_CHECKING:
@@ -34,10 +35,15 @@ def figure_9(run: Experiment) -> PaperFigure:
     PaperFigure
         Columns over the speeds of the restart (m,): mean increment of the peak over uninterrupted sliding with the
         half-width of its 95 % interval; and one stop over time.
+
+    Raises
+    ------
+    CampaignError
+        A stop could not be read.
     """
     stops, skipped = find_stops(run.campaign)
     if skipped:
-        raise ValueError(f"stops that could not be read: {skipped[0]}")
+        raise CampaignError("a stop could not be read", where=str(run.campaign.path), value=str(skipped[0]))
     speeds = np.array(sorted({stop.speed_m_s for stop in stops}))
     rested = [[s for s in stops if s.speed_m_s == v] for v in speeds]
     increment, width = (np.array(part) for part in zip(*(_mean(group) for group in rested), strict=True))
