@@ -111,8 +111,8 @@ class Plan:
 
 
 def size_of(planned: Iterable[Planned]) -> float:
-    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`; an operator's step leaves no file."""
-    return sum(BYTES_PER_SAMPLE * one.samples + BYTES_PER_CYCLE for one in planned if one.cycle.steps)
+    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`; an operator's step leaves a file too."""
+    return sum(BYTES_PER_SAMPLE * one.samples + BYTES_PER_CYCLE for one in planned)
 
 
 def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:

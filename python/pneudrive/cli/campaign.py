@@ -36,10 +36,11 @@ def plan(
 ) -> None:
     """Show what a protocol would run on a rig: cycles, time, data; refuse what the rig must not be asked to do."""
     from pneudrive.campaign.fraction import propose, write_fraction
+    from pneudrive.campaign.live import duration
     from pneudrive.campaign.plan import lay_out
     from pneudrive.campaign.preflight import check_levels
     from pneudrive.campaign.protocol import parse_protocol, read_protocol
-    from pneudrive.cli.campaign_plan import check_target, duration, proposal_lines, show
+    from pneudrive.cli.campaign_plan import check_target, proposal_lines, show
     from pneudrive.rig.loading import load_rig, opened
 
     asked = read_protocol(protocol)

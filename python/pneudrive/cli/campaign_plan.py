@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from pneudrive.campaign.live import duration
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from pneudrive.campaign.plan import Plan, Planned
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.campaign.protocol_tables import Pair
-
-HOUR_S, DAY_S = 3600.0, 86400.0
 
 
 def check_target(path: Path, protocol: Protocol) -> None:
@@ -72,22 +71,6 @@ def proposal_lines(proposal: Proposal, whole: Plan, part: Plan, file: Path | Non
     if file is None:
         out.append("  --fraction FILE writes the protocol that runs it.")
     return out
-
-
-def duration(seconds: float) -> str:
-    """Write a time as people say it.
-
-    Examples
-    --------
-    >>> duration(75), duration(5400), duration(190000)
-    ('1:15 min', '1:30 h', '2.2 days')
-    """
-    if seconds >= 2.0 * DAY_S:
-        return f"{seconds / DAY_S:.1f} days"
-    whole = round(seconds)
-    if whole < HOUR_S:
-        return f"{whole // 60}:{whole % 60:02d} min"
-    return _clock(seconds) + " h"
 
 
 def size(count: float) -> str:
