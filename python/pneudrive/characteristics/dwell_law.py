@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.budget import COVERAGE_FACTOR
+from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import Estimate
 from pneudrive.characteristics.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
 from pneudrive.characteristics.dwell_forms import CONCLUSIVE, UNCERTAIN, LawFit, fit_forms
@@ -349,9 +350,12 @@ def _plain_statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]
         remedy = "sample the restart at 5 kHz or more, restart more slowly" if spoiled["undersampled"] else ""
         remedy = "turn the sign of the force, or state its zero" if spoiled["negative_friction"] else remedy
         out.append(Statement("stops", text, carried=False, remedy=remedy))
-    number = series.curve.data.durations if series.curve is not None else _durations(series.stops)
+    number = series.curve.data.durations if series.curve is not None else 0
     if series.curve is None or number < 2:
-        text = f"{len(series.stops)} usable stops of {number} durations do not carry breakaway against stop duration."
+        usable = [s for s in stops if s.usable]
+        out += _one_duration(usable)
+        of = "one duration" if (number := _durations(usable)) == 1 else f"{number} durations"
+        text = f"{len(usable)} usable stops of {of} do not carry breakaway against stop duration."
         out.append(Statement("stops", text, carried=False, remedy="run at least three durations, each several times"))
         return out
     out += _slope_statement(series, number)
@@ -364,6 +368,21 @@ def _plain_statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]
     )
     out.append(Statement("stops", text))
     return out
+
+
+def _one_duration(stops: list[Stop]) -> list[Statement]:
+    """Say the increment after stops of one duration, where no law over duration can be told."""
+    if len(stops) < 2 or _durations(stops) != 1:
+        return []
+    increments = np.array([s.increment_n for s in stops])
+    inertia = COVERAGE_FACTOR * _inertia(stops)
+    half = float(np.hypot(student(increments.size - 1) * increments.std(ddof=1) / np.sqrt(increments.size), inertia))
+    text = (
+        f"After {np.median([s.dwell_s for s in stops]):.3g} s the peak stands {increments.mean():.2f} N "
+        f"(+-{half:.2f} N, 95 %) above running friction, mean of {increments.size} stops"
+    )
+    tail = "; most of that interval is what the mass may add that breaks loose." if inertia > 0.7 * half else "."
+    return [Statement("stops", text + tail)]
 
 
 def _slope_statement(series: DwellSeries, number: int) -> list[Statement]:
