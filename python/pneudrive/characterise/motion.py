@@ -117,10 +117,12 @@ def noise_level(values: NDArray[np.float64], *, quantisation: bool = True) -> fl
     stride = max(values.size // ENOUGH_FOR_QUANTILES, 1)
     second = values[2::stride] - 2 * values[1:-1:stride] + values[:-2:stride]
     from_differences = 1.4826 * middle(np.abs(second)) / np.sqrt(6.0)
-    if from_differences > 0 or not quantisation:
+    # Equal steps of a quantum that has no finite binary fraction differ by rounding: that is no noise.
+    rounding = 8.0 * np.finfo(float).eps * float(np.fmax.reduce(np.abs(values[::stride])))
+    if from_differences > rounding or not quantisation:
         return from_differences
     steps = np.abs(np.diff(values))
-    steps = steps[steps > 0]
+    steps = steps[steps > rounding]
     return float(steps.min()) / np.sqrt(12.0) if steps.size else 0.0
 
 

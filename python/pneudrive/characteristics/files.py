@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -163,13 +165,13 @@ def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
         elif isinstance(value, list | tuple) and is_dataclass(value[0]):
             lists.append((key, [_fields(item) for item in value]))
         else:
-            plain.append(f"{key} = {_value(value)}")
+            plain.append(f"{_key(key)} = {_value(value)}")
     lines = plain
     for key, value in inner:
-        lines += ["", f"[{'.'.join((*name, key))}]", *_lines(value, (*name, key))]
+        lines += ["", f"[{'.'.join((*name, _key(key)))}]", *_lines(value, (*name, _key(key)))]
     for key, items in lists:
         for item in items:
-            lines += ["", f"[[{'.'.join((*name, key))}]]", *_lines(item, (*name, key))]
+            lines += ["", f"[[{'.'.join((*name, _key(key)))}]]", *_lines(item, (*name, _key(key)))]
     return lines
 
 
@@ -192,5 +194,14 @@ def _value(value: Any) -> str:  # noqa: ANN401
         )
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(item) for item in value)}]"
-    text = str(value).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-    return f'"{text}"'
+    return _text(str(value))
+
+
+def _key(name: str) -> str:
+    """Write a key of TOML: bare where its letters allow that."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
+
+
+def _text(value: str) -> str:
+    """Write a basic string of TOML; JSON escapes the same characters, except for delete."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -248,7 +248,8 @@ def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> str
             f"The effects add within the accuracy of the sensors: an interaction shows ({numbers}) but changes "
             f"friction by at most {most:.2g} N, which the sensors (U = {2.0 * u:.2g} N) could do. "
         )
-    return f"The effects interact: {numbers}; the mean interaction is within {reach:.2g} N/bar2. "
+    low, value, high = (PA_PER_BAR**2 * v for v in (joint.low, joint.value, joint.high))
+    return f"The effects interact: {numbers}; on the mean by {value:.2f} N/bar2 (95 %: {low:.2f} .. {high:.2f}). "
 
 
 def _bar(slope: Estimate) -> str:

@@ -26,7 +26,8 @@ SWING_SHARE = 0.05  # of the friction: smaller swings are roughness or noise
 SWING_FLOOR = 3.0  # times the noise while standing
 UNRESOLVED = 0.4  # ripple of the piston's speed that a swing at the natural frequency means; it is a worst case
 UNNAMED = "speed ripple"
-NAMES = ("stick-slip", UNNAMED, "force swing")
+STICK_SLIP = ("stick-slip", "force swing")
+NAMES = (*STICK_SLIP, UNNAMED)
 
 
 def reasons(data: Sequence[CycleData], tares: Sequence[CycleData], identity: Identity) -> tuple[str, ...]:

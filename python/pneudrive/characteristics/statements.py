@@ -291,7 +291,7 @@ def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
 
 
 def _span(values: list[float]) -> str:
-    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    low, high = (f"{round(v, 2) + 0.0:.2f}" for v in (min(values), max(values)))  # no "-0.00"
     return low if low == high else f"{low} to {high}"
 
 
@@ -325,10 +325,12 @@ def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
     if excluded:
         speeds = sorted(1e3 * p.speed_m_s for p in excluded)
         reasons = ", ".join(sorted({p.reason for p in excluded}))
+        at = f"{speeds[0]:.3g}" if speeds[-1] - speeds[0] < 0.01 * speeds[0] else f"{speeds[0]:.3g} to {speeds[-1]:.3g}"
+        count = "1 cycle at" if len(excluded) == 1 else f"{len(excluded)} cycles at"
+        are = "is no point" if len(excluded) == 1 else "are no points"
         yield Statement(
             "stick-slip",
-            f"{len(excluded)} cycle(s) at {speeds[0]:.3g} to {speeds[-1]:.3g} mm/s are no points of F(v) ({reasons}): "
-            "shown, not counted.",
+            f"{count} {at} mm/s {are} of F(v) ({reasons}): shown, not counted.",
             carried=False,
             remedy="Measure these speeds on a stiffer rig, or fit them by simulating the rig.",
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.effects import StickSlipPoint, StickSlipThreshold
-from pneudrive.characteristics.self_excited import NAMES
+from pneudrive.characteristics.self_excited import NAMES, STICK_SLIP
 
 if TYPE_CHECKING:
     from pneudrive.characteristics.basics import Condition
@@ -54,9 +54,15 @@ def thresholds(points: Points) -> tuple[StickSlipThreshold, ...]:
         for level, speed in enumerate(points.level_speeds_m_s.tolist()):
             members = _members(points, index, level)
             if members:
-                bad = sum(points.reasons[i] in NAMES for i in members)
-                (with_it if bad > 0.5 * len(members) else without).append(speed)
-        found.append(_threshold(condition, with_it, without))
+                # A speed that is merely uneven may be the axis or its encoder: it tells neither way.
+                slips = sum(points.reasons[i] in STICK_SLIP for i in members)
+                steady = sum(points.reasons[i] not in NAMES for i in members)
+                if slips > 0.5 * len(members):
+                    with_it.append(speed)
+                elif steady >= 0.5 * len(members):
+                    without.append(speed)
+        if with_it or without:
+            found.append(_threshold(condition, with_it, without))
     return tuple(found)
 
 

@@ -26,6 +26,10 @@ FEWEST = 5
 STEADY = 0.1
 #: A piston slower than this share of the move's speed rests.
 RESTS = 0.1
+#: Times the noise of position, within which two rests are one.
+SAME_PLACE = 10.0
+#: A rest that is longer or shorter than planned by more than this factor is not the stop.
+OTHER_DURATION = 1.5
 #: Least and largest time over which speed is taken.
 SPEED_WINDOW_S = (0.005, 2.0)
 
@@ -75,7 +79,7 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np
     Phases or str
         A string says why there is none.
     """
-    hold = stop_step(cycle)
+    hold = stop_step(cycle) if cycle.steps else _resting_step(cycle, time_s, position_m, step)
     if hold is not None and np.unique(step).size > 1:
         before, rest, after = (np.flatnonzero(step == hold + k) for k in (-1, 0, 1))
         if after.size < FEWEST:
@@ -101,6 +105,22 @@ def stop_step(cycle: Cycle) -> int | None:
         return max(found, key=lambda i: cycle.steps[i].duration_s)  # pyright: ignore[reportAttributeAccessIssue]
     wanted = max(cycle.stop_s, 1e-9)
     return min(found, key=lambda i: (abs(np.log(cycle.steps[i].duration_s / wanted)), -i))  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np.int64]) -> int | None:
+    """Find the stop by the numbers of the samples' steps alone: a rest before a move, as long as planned."""
+    if not cycle.stop_s or not cycle.speed_m_s:
+        return None
+    found: list[tuple[float, int]] = []
+    for number in np.unique(step):
+        rest, after = np.flatnonzero(step == number), np.flatnonzero(step == number + 1)
+        if rest.size < FEWEST or after.size < FEWEST:
+            continue
+        duration = float(time_s[after[0]] - time_s[rest[0]])
+        if np.ptp(position_m[rest]) < RESTS * np.ptp(position_m[after]) and duration > 0:
+            found.append((float(abs(np.log(duration / cycle.stop_s))), int(number)))
+    misfit, number = min(found, default=(np.inf, 0))
+    return number if misfit < np.log(OTHER_DURATION) else None
 
 
 def _moves(steps: Sequence[Step], index: int) -> bool:
@@ -137,20 +157,20 @@ def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:
     if usual is None:
         moving = np.abs(speed_of(time_s, position_m, float(np.ptp(position_m)) / float(np.ptp(time_s))))
         usual = middle(moving[moving > 0]) if (moving > 0).any() else 0.0
-    resting = np.abs(speed_of(time_s, position_m, usual)) < RESTS * usual
+    speed = speed_of(time_s, position_m, usual)
+    resting = np.abs(speed) < RESTS * usual
+    # A slow move turns within less than a sample: there the sign changes and nothing rests.
+    turns = np.r_[False, np.sign(speed[1:]) * np.sign(speed[:-1]) < 0] | resting
     edges = np.flatnonzero(np.diff(np.r_[False, resting, False].astype(int)))
-    rests = [
-        (int(a), int(b))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if a > FEWEST and time_s.size - b > FEWEST
-    ]
+    whole = _without_gaps(edges.reshape(-1, 2).tolist(), position_m)
+    rests = [(a, b) for a, b in whole if a > FEWEST and time_s.size - b > FEWEST]
     if not rests:
         return "no rest between two moves"
     found = []
     for begin, end in rests:
-        turn = np.flatnonzero(resting[:begin])
+        turn = np.flatnonzero(turns[:begin])
         start = int(turn[-1]) + 1 if turn.size else 0
-        following = np.flatnonzero(resting[end:])
+        following = np.flatnonzero(turns[end + 1 :]) + 1
         stop = end + (int(following[0]) if following.size else time_s.size - end)
         if stop - end >= FEWEST:
             parts = slice(start, begin), slice(begin, end), slice(end, stop)
@@ -161,6 +181,18 @@ def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:
         wanted = cycle.stop_s
         return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / wanted)))
     return max(found, key=lambda p: (not p.reversed, p.dwell_s))
+
+
+def _without_gaps(rests: list[list[int]], position_m: Array) -> list[tuple[int, int]]:
+    """Join rests between which only noise moved the carriage."""
+    reach = SAME_PLACE * max(noise_level(position_m), 1e-12)
+    whole: list[tuple[int, int]] = []
+    for begin, end in rests:
+        if whole and abs(position_m[begin] - position_m[whole[-1][1] - 1]) < reach:
+            whole[-1] = (whole[-1][0], end)
+        else:
+            whole.append((begin, end))
+    return whole
 
 
 def _phases(

@@ -90,3 +90,13 @@ def test_no_motion_is_refused():
         find_stick_slip(np.arange(100.0), np.zeros(100))
     with pytest.raises(RecordingError, match="one length"):
         find_stick_slip(np.arange(100.0), np.zeros(99))
+
+
+@pytest.mark.parametrize("counts_per_sample", [0.5, 1.12, 2.16, 7.3])
+def test_even_motion_seen_by_a_coarse_encoder_has_no_ripple(counts_per_sample):
+    """Steps of 10 um have no finite binary fraction: they differ by rounding, which is no noise of the position."""
+    time = np.arange(5000) * 1e-3
+    position = np.round(counts_per_sample * np.arange(5000)) * 1e-5
+    (slip,) = find_stick_slip(time, position)
+    assert slip.ripple < 0.1
+    assert not slip.found

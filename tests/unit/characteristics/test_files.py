@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -53,6 +55,14 @@ def test_curves_and_effects_read_back(found, tmp_path):
     assert effects["drift"]["basis"] == "sentinels"
     assert [s["text"] for s in effects["statement"]] == [s.text for s in found.statements]
     assert sum(s["standard_uncertainty_n"] for s in effects["source"]) > 0.0
+
+
+def test_names_with_blanks_and_signs_stay_toml(found, tmp_path):
+    flags = {"speed ripple": 1, 'a "b"\t\x1b\x7f': 2}
+    write_characteristics(replace(found, flags=flags, name="seal \x01 \r\n B"), tmp_path)
+    effects = tomllib.loads((tmp_path / "effects.toml").read_bytes().decode())
+    assert effects["flags"] == flags
+    assert effects["campaign"] == "seal \x01 \r\n B"
 
 
 def test_a_law_is_fitted_to_the_map(found):

@@ -5,11 +5,14 @@ import polars as pl
 import pytest
 
 from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
+from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characteristics import characteristics
 from pneudrive.characteristics.breakaway import find_breakaway
 from pneudrive.characteristics.dwell_law import fit_dwell
+from pneudrive.characteristics.stop_phases import Phases, find_phases
 from pneudrive.characteristics.stops import find_stops
+from pneudrive.rig.interface import Sampling
 
 
 def found(folder, world, seed=0):
@@ -188,3 +191,36 @@ def test_peaks_that_are_none_are_flagged_and_not_counted(tmp_path, spoil, flag):
     series, statements = fit_dwell(stops, AMBIENT_PA)
     assert series[0].slope is None
     assert any("spoiled" in s.text and not s.carried for s in statements)
+
+
+@pytest.mark.parametrize("numbered", [True, False])
+def test_stop_is_found_without_the_list_of_steps_where_moves_turn_within_a_sample(numbered):
+    """Files written elsewhere have no list of steps; a slow move turns faster than the samples follow."""
+    legs = [
+        (0.0, 0.09, 0.1),
+        (0.09, 0.04, 0.1),
+        (0.04, 0.05, 2e-3),
+        (0.05, 0.05, 3.0),
+        (0.05, 0.06, 2e-3),
+        (0.06, 0.0, 0.1),
+    ]
+    time, position, step = [], [], []
+    began = 0.0
+    for number, (start, end, pace) in enumerate(legs):
+        duration = abs(end - start) / pace if end != start else pace
+        t = np.arange(0.0, duration - 5e-4, 1e-3)
+        time.append(began + t)
+        position.append(start + (end - start) * t / duration)
+        step.append(np.full(t.size, number))
+        began += duration
+    x = np.concatenate(position) + 3e-7 * np.random.default_rng(1).standard_normal(sum(map(len, time)))
+    steps = np.concatenate(step) if numbered else np.zeros(x.size, dtype=np.int64)
+    cycle = Cycle("one", "stop", (), Sampling(), 1.5e5, 1.5e5, speed_m_s=2e-3, stop_s=3.0)
+    phases = find_phases(cycle, np.concatenate(time), x, steps)
+    assert isinstance(phases, Phases)
+    assert phases.direction == 1
+    assert not phases.reversed
+    assert phases.by_steps == numbered
+    assert phases.dwell_s == pytest.approx(3.0, abs=0.02)
+    assert x[phases.approach].min() == pytest.approx(0.04, abs=1e-4)
+    assert x[phases.restart].max() == pytest.approx(0.06, abs=1e-4)
