@@ -76,22 +76,27 @@ def draw_position(found: CampaignCharacteristics, shown: list[PositionDependence
     return figure
 
 
+UNTOLD = "not determined: the order of the cycles hides it"
+
+
 def drift(found: CampaignCharacteristics) -> Section | None:
     """Change over the campaign: sentinels, run-in, temperature; zero of the sensor."""
     d = found.drift
     if d is None:
         return None
-    basis = {
+    told = {
         "sentinels": "told by the sentinels, which repeat one speed",
         "repeats": "told by repeats of equal cycles",
         "smooth curve": "told from cycles about smooth curves: weaker than sentinels would",
-    }.get(d.basis, "not determined: the order of the cycles hides it")
-    text = (
-        f"What changes over the campaign beside speed, pressure and levels is {basis}. It is separated from the effect "
-        "of interest by a mixed model; the curves above are at the campaign's mean state."
-    )
+    }.get(d.basis)
+    text = f"What changes over the campaign beside speed, pressure and levels is {told or UNTOLD}."
+    if told:
+        text += (
+            " It is separated from the effect of interest by a mixed model; the curves above are at the campaign's mean "
+            "state."
+        )
     blocks: list = [Text(text)]
-    if d.time_s.size > 2 and np.isfinite(d.drift_n).any():
+    if told and d.time_s.size > 2 and np.isfinite(d.drift_n).any():
         caption = "Drift of friction over the campaign with its 95 % interval; sentinels about their mean."
         blocks.append(picture(found, "campaign-drift", caption, draw_drift(found)))
     rows = []
