@@ -151,8 +151,8 @@ def test_the_live_picture_shows_what_runs():
 
     out = io.StringIO()
     screen = Screen(Console(file=out, force_terminal=True, width=100, height=30, color_system=None))
-    rig = FakeRig()
-    plan = lay_out(protocol(), rig.identity(), rig.limits())
+    rig, asked = FakeRig(), protocol()
+    plan = lay_out(asked.model_copy(update={"name": "seal [/dry]"}), rig.identity(), rig.limits())
     screen.began(plan, [])
     cycle = plan.cycles[2]
     screen.cycle(cycle, "", 2, 10)
@@ -166,6 +166,7 @@ def test_the_live_picture_shows_what_runs():
     screen.ended()
     shown = out.getvalue()
     assert "now: b1/sweep/v2/a0/b0/r1" in shown
+    assert "seal [/dry]" in shown
     assert "2/10" in shown
     assert "the supply pressure is low" in shown
     assert "stuck 3" in shown

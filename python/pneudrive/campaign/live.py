@@ -216,7 +216,10 @@ class Screen(Silent):
 
         self._console = console or Console(file=sys.stdout, highlight=False)  # this one, whoever redirects it
         self._progress = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
+            TextColumn("{task.description}", markup=False),  # a name that may hold brackets
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[left]}"),
         )
         self._task = self._progress.add_task("campaign", total=None, left="")
         self._lock = threading.Lock()

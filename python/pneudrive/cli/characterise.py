@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.output import writable_folder
+from pneudrive.cli.output import console, writable_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -120,7 +120,6 @@ def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
 
 def _say(found: Characterisation, written: list[Path]) -> None:
     """Print one line per recording, the notes, and where the results lie."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -132,17 +131,16 @@ def _say(found: Characterisation, written: list[Path]) -> None:
         speeds = ", ".join(f"{row.velocity_m_s * 1e3:+.1f}" for row in level.rows)
         numbers = (f"{level.friction_n:.2f}", f"{level.expanded_n:.2f}", f"{level.offset_n:.2f}")
         table.add_row(level.recording, speeds, *numbers, " ".join(level.flags))
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-    console.print(table)
+    shown = console()
+    shown.print(table)
     for note in found.notes:
-        console.print(f"- {note}", markup=False)
+        shown.print(f"- {note}")
     for path in written:
         typer.echo(str(path))
 
 
 def _say_campaign(found: CampaignCharacteristics, written: list[Path]) -> None:
     """Print one line per curve, what the data carry and what not, and where the results lie."""
-    from rich.console import Console
     from rich.table import Table
 
     ambient = found.identity.ambient_pressure_pa
@@ -160,9 +158,9 @@ def _say_campaign(found: CampaignCharacteristics, written: list[Path]) -> None:
                 f"{friction.min():.2f} .. {friction.max():.2f}",
                 f"+-{float(((curve.high_n - curve.low_n) / 2.0)[curve.measured].mean()):.2f}",
             )
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-    console.print(table)
+    shown = console()
+    shown.print(table)
     for statement in found.statements:
-        console.print(f"{'-' if statement.carried else '!'} {statement}", markup=False)
+        shown.print(f"{'-' if statement.carried else '!'} {statement}")
     for path in written:
         typer.echo(str(path))

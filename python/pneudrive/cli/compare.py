@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.output import writable_folder
+from pneudrive.cli.output import console, writable_folder
 
 if TYPE_CHECKING:
     from pneudrive.characteristics.compare import Comparison
@@ -45,7 +44,6 @@ def compare(
 
 def _say(comparison: Comparison) -> None:
     """Print one line per question, and what should be kept in mind."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -56,8 +54,8 @@ def _say(comparison: Comparison) -> None:
         size = f"{e.value:+.3g} ({e.low:+.3g} .. {e.high:+.3g}) {e.unit}" if e is not None else "-"
         words = (test.what, size, f"{test.p:.2g}", f"{test.adjusted_p:.2g}", "yes" if test.different else "not shown")
         table.add_row(*words)
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-    console.print(table)
+    shown = console()
+    shown.print(table)
     for statement in comparison.statements:
-        console.print(f"{'-' if statement.carried else '!'} {statement}", markup=False)
-    console.print(str(comparison), markup=False)
+        shown.print(f"{'-' if statement.carried else '!'} {statement}")
+    shown.print(str(comparison))
