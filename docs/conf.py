@@ -12,3 +12,5 @@ nb_execution_mode = "cache"
 nb_render_markdown_format = "myst"
 nb_execution_raise_on_error = True
 autodoc_typehints = "description"
+# Words of a docstring's types ("shape (n,)") are no references, though attributes of that name exist.
+suppress_warnings = ["ref.python"]
