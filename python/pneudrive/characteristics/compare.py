@@ -15,6 +15,7 @@ from pneudrive.campaign.folder import Campaign
 from pneudrive.characteristics.basics import Estimate
 from pneudrive.characteristics.compare_checks import Check, checks_of
 from pneudrive.characteristics.compare_curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
+from pneudrive.characteristics.curves import NORMAL_95
 from pneudrive.characteristics.result import Statement
 from pneudrive.errors import CampaignError
 
@@ -270,10 +271,10 @@ def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacte
     if any(e is None or not (e.value > 0 and e.low > 0 and np.isfinite(e.high)) for e in both):
         return None
     logs = [np.log(e.value) for e in both if e is not None]
-    errors = [np.log(e.high / e.low) / (2.0 * 1.96) for e in both if e is not None]
+    errors = [np.log(e.high / e.low) / (2.0 * NORMAL_95) for e in both if e is not None]
     value, stderr = float(logs[1] - logs[0]), float(np.hypot(*errors))
     p = 2.0 * float(ndtr(-abs(value) / stderr)) if stderr > 0 else 1.0
-    middle, low, high = (float(np.exp(value + side * 1.96 * stderr)) for side in (0.0, -1.0, 1.0))
+    middle, low, high = (float(np.exp(value + side * NORMAL_95 * stderr)) for side in (0.0, -1.0, 1.0))
     ratio = Estimate(middle, low, high, middle * stderr, "", float("inf"), p)
     return Test("repeatability of a cycle", ratio, p, note="ratio of the standard deviations, second over first")
 

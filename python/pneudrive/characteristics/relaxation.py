@@ -18,6 +18,7 @@ import numpy as np
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import Estimate
+from pneudrive.characteristics.curves import NORMAL_95
 from pneudrive.characteristics.separable import Scan, scan
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def relax(time_s: Array, friction_n: Array) -> Relaxation | None:
     start, end = friction_n[:early], friction_n[late:]
     stderr = noise * float(np.sqrt(1.0 / start.size + 1.0 / end.size))
     value = float(start.mean() - end.mean())
-    amount = Estimate(value, value - 1.96 * stderr, value + 1.96 * stderr, stderr, "N")
+    amount = Estimate(value, value - NORMAL_95 * stderr, value + NORMAL_95 * stderr, stderr, "N")
     bins = _binned(time_s, friction_n, noise)
     if bins.time_s.size < FEWEST_BINS:
         return Relaxation(amount, float(end.mean()), "none", (), (), (), None, {})
