@@ -139,3 +139,9 @@ def test_a_server_is_not_open_to_the_network_by_mistake(files, capsys):
         Protection.of(None, None, None, files / "users")
     with pytest.raises(CommandError, match="without --trust"):
         Protection.of(files / "server.pem", None, None, None)
+
+
+@pytest.mark.parametrize("url", ["opc.tcp://127.0.0.1:4840,", "opc.tcp://127.0.0.1:99999"])
+def test_an_address_that_is_none_is_refused_in_words(url):
+    with pytest.raises(RigError, match="no address"):
+        open_rig(url)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.basics import BOTH
+from pneudrive.characteristics.plausible import implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint
 from pneudrive.characteristics.self_excited import reasons as self_excited
@@ -90,7 +91,8 @@ def points_of(reading: Reading) -> Points | None:
     conditions = tuple(sorted({d.condition for d in paired}))
     condition = np.array([conditions.index(d.condition) for d in paired], dtype=np.int64)
     level, speeds = _levels(reduced.speed_m_s)
-    reasons = _reasons(paired, unsteady, condition, level)
+    unlikely = implausible(condition, reduced)
+    reasons = tuple(a or b for a, b in zip(_reasons(paired, unsteady, condition, level), unlikely, strict=True))
     return Points(reduced, conditions, condition, level, speeds, reasons, unpaired, np.ones(len(paired)))
 
 

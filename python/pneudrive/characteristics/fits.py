@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.result import FrictionFit
 
 ALL = "all cycles"  # the group of a campaign that has no levels
-NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier")
+NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier", "negative_friction")
 
 
 def fit_campaign(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.characteristics.plausible import NEGATIVE, suspicions
 from pneudrive.characteristics.result import Statement
 from pneudrive.characteristics.smooth import CARRIED
 
@@ -54,6 +55,7 @@ def _data(found: CampaignCharacteristics, reading: Reading, points: Points | Non
         keys = ", ".join(d.head.cycle.key for d in points.unpaired[:NAMED])
         text = f"{len(points.unpaired)} cycle(s) have one direction only ({keys}): they are in the map, in no curve."
         yield Statement("data", text, carried=False, remedy="Repeat them out and back.")
+    yield from suspicions(reading, points)
     if reading.notes:
         yield Statement("data", f"On reading the folder: {'; '.join(reading.notes[:NAMED])}.")
     if found.synthetic:
@@ -321,7 +323,7 @@ def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
         values = ", ".join(f"{p.friction_n:.3g} N at {1e3 * p.speed_m_s:.3g} mm/s" for p in off[:NAMED])
         text = f"{len(off)} cycle(s) lie far off all others and were not counted: {values}."
         yield Statement("data", text, carried=False, remedy="Look at these cycles, and repeat them.")
-    excluded = [p for p in all_excluded if p.reason != "outlier"]
+    excluded = [p for p in all_excluded if p.reason not in {"outlier", NEGATIVE}]
     if excluded:
         speeds = sorted(1e3 * p.speed_m_s for p in excluded)
         reasons = ", ".join(sorted({p.reason for p in excluded}))

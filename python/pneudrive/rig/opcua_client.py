@@ -8,6 +8,7 @@ import threading
 import time
 import weakref
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -415,6 +416,12 @@ def open_rig(
     RigError
         There is no such server, it refuses us, or lacks a node.
     """
+    try:
+        _ = urlsplit(url).port
+    except ValueError as error:
+        raise RigError(
+            f"this is no address: {error}", where=url, rule="it is opc.tcp://HOST:PORT", remedy="check the address"
+        ) from None
     link = Link(url, nodes or load_map(), access or Access())
     try:
         link.connect()

@@ -114,3 +114,53 @@ def test_a_folder_that_is_no_campaign(tmp_path):
         path.unlink()
     with pytest.raises(CampaignError, match="no cycle that can be used"):
         pn.characteristics(folder)
+
+
+MISTAKES = {
+    "force of the other sign": (lambda f: f.with_columns(-pl.col("force_n")), "negative"),
+    "positions in millimetres": (lambda f: f.with_columns(pl.col("position_m") * 1e3), "another speed"),
+    "times in milliseconds": (lambda f: f.with_columns(pl.col("time_s") * 1e3), "another speed"),
+    "nothing": (lambda f: f, None),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_another_convention_in_all_cycles_is_no_silent_answer(measured, quick, mistake):
+    how, word = MISTAKES[mistake]
+    found = measured(
+        quick(),
+        spoil=lambda folder: [
+            spoil(folder, at, how) for at in range(len(list((folder / "cycles").glob("*-sweep-*.parquet"))))
+        ],
+    )
+    doubts = [s.text for s in found.statements if s.topic == "data" and not s.carried]
+    assert any(word in text for text in doubts) if word else not doubts
+    if word == "negative":
+        assert all((c.friction_n[c.measured] > 0).all() for c in found.curves)
+
+
+def test_gauge_pressures_are_no_silent_answer(measured, quick):
+    def lower(folder):
+        for path in (folder / "cycles").glob("*.parquet"):
+            head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
+            frame = pl.read_parquet(path)
+            for channel in ("pressure_a_pa", "pressure_b_pa"):
+                head["cycle"][channel] -= 0.9e5
+                if channel in frame.columns:
+                    frame = frame.with_columns(pl.col(channel) - 0.9e5)
+            frame.write_parquet(path, metadata={"pneudrive": json.dumps(head)})
+
+    found = measured(quick(), spoil=lower)
+    assert any("below ambient" in s.text and not s.carried for s in found.statements)
+
+
+@pytest.mark.parametrize("gain", [-1.0, 0.0, 1e3])
+def test_friction_that_cannot_be_costs_its_cycle_even_where_several_fail(measured, quick, gain):
+    def damage(folder):
+        for at in (1, 4, 7):
+            spoil(folder, at, lambda f: f.with_columns(pl.col("force_n") * gain))
+
+    world = quick(cycle_share=0.005, repeats=2)
+    found = measured(world, spoil=damage)
+    assert hits(world, found.curves[0]).mean() >= 0.8
+    assert sum(c.friction_n > 0 for c in found.cycles) > 15

@@ -1,0 +1,91 @@
+"""What no rig can have measured: friction that drives, and heads whose units are not those of the format."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.characteristics.result import Statement
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from pneudrive.characteristics.curves import Points
+    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.reduction import Reduced
+
+NEGATIVE = "negative friction"
+OUTLIER = "outlier"
+SURE = 3.0  # standard errors below zero: no friction that noise made negative
+NEIGHBOURS = 6  # nearest cycles in speed, with which a cycle's friction is held
+ENOUGH = 4
+FAR = 10.0  # times more or less friction than at neighbouring speeds: a sensor, a unit or a range, no seal
+OTHER_SPEED = 1.5  # measured speed over that of the head, either way
+BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures
+NAMED = 3
+
+
+def implausible(condition: NDArray[np.int64], reduced: Reduced) -> tuple[str, ...]:
+    """Say of each cycle whether its friction cannot be; "" where it can."""
+    friction, pace = np.asarray(reduced.friction_n), np.log(np.maximum(reduced.speed_m_s, 1e-12))
+    found = []
+    for i in range(friction.size):
+        near = np.flatnonzero(condition == condition[i])
+        near = near[near != i]
+        near = near[np.argsort(np.abs(pace[near] - pace[i]), kind="stable")][:NEIGHBOURS]
+        usual = float(np.median(np.abs(friction[near]))) if near.size >= ENOUGH else 0.0
+        if friction[i] < -SURE * reduced.friction_stderr_n[i]:
+            found.append(NEGATIVE)
+        elif usual > 0 and not usual / FAR <= abs(friction[i]) <= usual * FAR:
+            found.append(OUTLIER)
+        else:
+            found.append("")
+    return tuple(found)
+
+
+def suspicions(reading: Reading, points: Points | None) -> Iterator[Statement]:
+    """Name cycles whose signs, speeds or pressures look like another convention than that of the folder's format."""
+    if points is not None and (negative := [i for i, r in enumerate(points.reasons) if r == NEGATIVE]):
+        keys = _keys([points.reduced.data[i].head.cycle.key for i in negative])
+        text = (
+            f"Friction comes out negative in {len(negative)} of {len(points)} cycles ({keys}): it would drive the "
+            "piston. They are in no curve."
+        )
+        remedy = "Check the sign of force_n (positive where the rig pushes towards +x) and of position_m."
+        yield Statement("data", text, carried=False, remedy=remedy)
+    off = []
+    for d in reading.sliding:
+        stated = d.head.cycle.speed_m_s
+        measured = float(np.mean([abs(s.velocity_m_s) for s in d.sides.values()])) if d.sides else float("nan")
+        if stated and measured > 0 and not 1.0 / OTHER_SPEED <= measured / stated <= OTHER_SPEED:
+            off.append((d.head.cycle.key, measured / stated))
+    if off:
+        ratio = float(np.median([r for _, r in off]))
+        text = (
+            f"{len(off)} cycle(s) ran at another speed than their heads say ({_keys([k for k, _ in off])}): "
+            f"{ratio:.3g} times it. The curves take the speed of the samples."
+        )
+        remedy = "Check the units: position_m in m, time_s in s, speed_m_s in m/s."
+        yield Statement("data", text, carried=False, remedy=remedy)
+    ambient = reading.identity.ambient_pressure_pa
+    low = [
+        (d.head.cycle.key, p)
+        for d in reading.sliding
+        for p in (d.condition.pressure_a_pa, d.condition.pressure_b_pa)
+        if p < (1.0 - BELOW_AMBIENT) * ambient
+    ]
+    if low:
+        text = (
+            f"Chambers of {len({k for k, _ in low})} cycle(s) are below ambient pressure "
+            f"({min(p for _, p in low) / PA_PER_BAR:.3g} bar abs, ambient {ambient / PA_PER_BAR:.3g} bar): "
+            "either a vacuum, or gauge pressures where absolute ones belong."
+        )
+        yield Statement("data", text, carried=False, remedy="State all pressures as absolute, in Pa.")
+
+
+def _keys(keys: list[str]) -> str:
+    return ", ".join(keys[:NAMED]) + (", ..." if len(keys) > NAMED else "")
