@@ -93,9 +93,12 @@ class AirShare:
 
 @dataclass(frozen=True)
 class Harmonic:
-    """A period of friction over position: `order` periods over the range; amplitude relative to the mean friction."""
+    """A wave of friction over position that fits `order` times, rarely whole, into the range.
 
-    order: int
+    Cosine, sine (about the middle of the range) and amplitude are relative to the mean friction.
+    """
+
+    order: float
     wavelength_m: float
     cosine: Estimate
     sine: Estimate
@@ -117,7 +120,7 @@ class PositionDependence:
     trend_per_m : Estimate
         Relative change along x.
     harmonics : tuple of Harmonic
-        Those tested, in the order of their number.
+        Waves that the pattern has beyond chance, the strongest first.
     cycles : int
     """
 

@@ -11,13 +11,21 @@ from pneudrive.characteristics.basics import Condition, Estimate
 from pneudrive.characteristics.effects import Harmonic, PositionDependence
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from pneudrive.characteristics.curves import Points
 
     Array = NDArray[np.float64]
 
-HARMONICS = 6
+#: Waves are looked for that fit once to eight times into the range; less than once is no wave but a trend.
+MOST_WAVES = 4
+TIMES = np.arange(1.0, 8.01, 0.1)
+FINER = (0.02, 0.004, 0.001)
+#: Fall of chi-square by a wave (three parameters, some fifty places to look) that chance does not give (p = 0.001).
+CLEAR = 25.0
+FEWEST_BINS = 16
 FEWEST_CYCLES = 4
 COVERED = 0.9  # of the common bins: cycles that lack more do not tell of trend and harmonics
 
@@ -37,7 +45,7 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
     rows = reduced.relative_n[members][:, reduced.common]
     position = reduced.position_m[reduced.common]
     rows = rows[np.isfinite(rows).mean(axis=1) >= COVERED]
-    if rows.shape[0] < FEWEST_CYCLES or position.size < 2 * HARMONICS + 4:
+    if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
         return None
     known = np.isfinite(rows)
     count = known.sum(axis=0)
@@ -46,22 +54,58 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
     half = np.array([student(n - 1) for n in count]) * deviation / np.sqrt(np.maximum(count, 1))
     width = float(position[1] - position[0])
     length = position.size * width
-    coefficients = np.array([_fit(position, row, length) for row in rows])
+    waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
+    coefficients = np.array([_fit(position, row, waves, length) for row in rows])
     trend = _estimate(coefficients[:, 1], "1/m")
     harmonics = tuple(
-        _harmonic(k, length / k, coefficients[:, 2 * k], coefficients[:, 2 * k + 1]) for k in range(1, HARMONICS + 1)
+        _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
+        for i, times in enumerate(waves)
     )
     return PositionDependence(condition, position, mean, mean - half, mean + half, trend, harmonics, rows.shape[0])
 
 
-def _fit(position: Array, row: Array, length: float) -> Array:
-    """Fit mean, trend and harmonics to one cycle."""
+def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
+    """Mean, trend, and cosine and sine of waves that fit so many times into the range; shape (n, 2 + 2 waves)."""
+    away = position - position.mean()
+    columns = [np.ones(away.size), away]
+    for times in waves:
+        phase = 2.0 * np.pi * times * away / length
+        columns += [np.cos(phase), np.sin(phase)]
+    return np.column_stack(columns)
+
+
+def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[float]:
+    """Find how many times each wave fits into the range: rarely whole, or it would pass for a trend in part.
+
+    One after the other, the strongest first, as long as it takes more from the pattern than chance would; with each
+    new one all are adjusted.
+    """
+    weight = 1.0 / np.maximum(stderr, 1e-3 * float(np.median(stderr)) + 1e-12)
+
+    def left(waves: Sequence[float]) -> float:
+        columns = weight[:, None] * _columns(position, waves, length)
+        rest = weight * mean - columns @ np.linalg.lstsq(columns, weight * mean, rcond=None)[0]
+        return float(rest @ rest)
+
+    waves: list[float] = []
+    while len(waves) < MOST_WAVES:
+        trial = [*waves, min(TIMES, key=lambda times: left([*waves, times]))]
+        for step in FINER:
+            for i, at in enumerate(trial):
+                near = [at + step * k for k in range(-10, 11)]
+                inside = [times for times in near if TIMES[0] <= times <= TIMES[-1]]
+                trial[i] = min(inside, key=lambda times: left([*trial[:i], times, *trial[i + 1 :]]))
+        if left(waves) - left(trial) < CLEAR * max(left(trial) / max(mean.size - 2 - 3 * len(trial), 1), 1.0):
+            break
+        waves = [float(times) for times in trial]
+    return waves
+
+
+def _fit(position: Array, row: Array, waves: Sequence[float], length: float) -> Array:
+    """Fit mean, trend and waves to one cycle."""
     known = np.isfinite(row)
-    phase = 2.0 * np.pi * (position[known] - position[0]) / length
-    columns = [np.ones(int(known.sum())), position[known] - position.mean()]
-    for k in range(1, HARMONICS + 1):
-        columns += [np.cos(k * phase), np.sin(k * phase)]
-    return np.asarray(np.linalg.lstsq(np.column_stack(columns), row[known], rcond=None)[0], dtype=float)
+    columns = _columns(position, waves, length)[known]
+    return np.asarray(np.linalg.lstsq(columns, row[known], rcond=None)[0], dtype=float)
 
 
 def _estimate(values: Array, unit: str) -> Estimate:
@@ -74,7 +118,7 @@ def _estimate(values: Array, unit: str) -> Estimate:
     return Estimate(mean, mean - half, mean + half, stderr, unit, n - 1, p)
 
 
-def _harmonic(order: int, wavelength: float, cosine: Array, sine: Array) -> Harmonic:
+def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Harmonic:
     """Estimate one harmonic; its amplitude is tested by Hotelling's T2 of both parts."""
     from scipy.special import fdtrc
 
@@ -92,4 +136,4 @@ def _harmonic(order: int, wavelength: float, cosine: Array, sine: Array) -> Harm
     except np.linalg.LinAlgError:
         p = float(size == 0.0)
     amplitude = Estimate(size, max(size - half, 0.0), size + half, stderr, "1", n - 1, p)
-    return Harmonic(order, wavelength, _estimate(cosine, "1"), _estimate(sine, "1"), amplitude)
+    return Harmonic(times, wavelength, _estimate(cosine, "1"), _estimate(sine, "1"), amplitude)

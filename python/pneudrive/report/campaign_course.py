@@ -92,8 +92,8 @@ def drift(found: CampaignCharacteristics) -> Section | None:
     text = f"What changes over the campaign beside speed, pressure and levels is {told or UNTOLD}."
     if told:
         text += (
-            " It is separated from the effect of interest by a mixed model; the curves above are at the campaign's mean "
-            "state."
+            " It is separated from the effect of interest by a mixed model; the curves above are at the mean state of "
+            "the campaign."
         )
     blocks: list = [Text(text)]
     if told and d.time_s.size > 2 and np.isfinite(d.drift_n).any():
