@@ -306,7 +306,7 @@ def _position(found: CampaignCharacteristics) -> Iterator[Statement]:
     trend = overall.trend_per_m
     text = f"Along x friction changes by {100 * trend.value:.2g} %/m (95 %: {100 * trend.low:.2g} .. "
     yield Statement("position", f"{text}{100 * trend.high:.2g}); {_verdict(trend)}.")
-    strong = [h for h in overall.harmonics if h.amplitude.p < CHANCE / len(overall.harmonics)]
+    strong = [h for h in overall.harmonics if h.amplitude.p < CHANCE]
     if strong:
         waves = ", ".join(f"{100 * h.amplitude.value:.2g} % at {1e3 * h.wavelength_m:.3g} mm" for h in strong)
         yield Statement("position", f"Friction varies over position: amplitude {waves}.")
