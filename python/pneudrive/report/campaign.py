@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.characteristics import CampaignCharacteristics
+    from pneudrive.characteristics.dwell_law import DwellSeries
     from pneudrive.report.page import Section
 
 
@@ -87,7 +88,7 @@ def verdict(found: CampaignCharacteristics) -> Iterator[str]:
             best = f"; best law: {series.laws[0].form.title}" if series.laws else ""
             yield (
                 f"Breakaway after a stop ({series.name}) changes by {estimate(series.slope, unit='N')} per decade of "
-                f"duration at {series.reference_s:g} s{best}."
+                f"duration at {series.reference_s:g} s{_with_pressure(series)}{best}."
             )
     yield from _course(found)
     missing = sum(not s.carried for s in found.statements)
@@ -115,7 +116,9 @@ def _friction(found: CampaignCharacteristics) -> Iterator[str]:
         told = [f"{estimate(m, PA_PER_BAR, 'N/bar')} ({word})" for word, m in means if m is not None]
         if told:
             name = f" ({effects.levels})" if effects.levels else ""
-            yield f"Pressure adds{name}, mean over speeds: {', '.join(told)}."
+            joint = effects.interaction_n_pa2
+            both = f"; interaction {estimate(joint, PA_PER_BAR**2, 'N/bar²')}" if joint is not None else ""
+            yield f"Friction changes with pressure{name}, mean over speeds: {', '.join(told)}{both}."
 
 
 def _air(found: CampaignCharacteristics) -> Iterator[str]:
@@ -123,12 +126,23 @@ def _air(found: CampaignCharacteristics) -> Iterator[str]:
     if separated:
         a = max(separated, key=lambda share: share.air_n[-1])
         where = a.condition.label(found.identity.ambient_pressure_pa)
-        yield (
-            f"At {MM * a.speed_m_s[-1]:.3g} mm/s and {where}, {a.air_n[-1]:.2g} of {a.total_n[-1]:.3g} N are air, "
-            "not seal."
-        )
+        half = float(a.air_high_n[-1] - a.air_low_n[-1]) / 2.0
+        air = f"{a.air_n[-1]:.2g} of {a.total_n[-1]:.3g} N are air, not seal"
+        if abs(a.air_n[-1]) < half:
+            air = f"no force of the air is seen in {a.total_n[-1]:.3g} N (± {half:.2g} N)"
+        yield f"At {MM * a.speed_m_s[-1]:.3g} mm/s and {where}, {air}."
     elif found.air:
         yield "Air and seal cannot be told apart: pressures were not measured in the chambers."
+
+
+def _with_pressure(series: DwellSeries) -> str:
+    """Say how that slope changes with pressure; "" where one pressure was run."""
+    found = series.pressure
+    if found is None:
+        return ""
+    each = ((found.slope_a, "p_a"), (found.slope_b, "p_b"), (found.slope_sum, "both pressures together"))
+    told = [f"{estimate(e, PA_PER_BAR, 'N/bar')} of {name}" for e, name in each if e is not None]
+    return f", and that slope by {' and '.join(told)}" if told else ""
 
 
 def _course(found: CampaignCharacteristics) -> Iterator[str]:

@@ -167,9 +167,11 @@ def _rise(found: CampaignCharacteristics, a: AirShare) -> str:
     part = float(a.air_n[last] - a.air_n[least])
     if rise <= 0 or least == last:
         return f"At {where} the curve does not rise with speed."
+    reach = float(a.air_high_n[last] - a.air_low_n[last]) / 2.0
+    share = f"{part:.2g} N ({100 * part / rise:.0f} %) are" if abs(part) > reach else f"at most {reach:.2g} N may be"
     return (
         f"At {where}: from {MM * a.speed_m_s[least]:.3g} to {MM * a.speed_m_s[last]:.3g} mm/s the force rises by "
-        f"{rise:.2g} N, of which {part:.2g} N ({100 * part / rise:.0f} %) are air."
+        f"{rise:.2g} N, of which {share} air."
     )
 
 

@@ -7,6 +7,8 @@ from collections import Counter
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.campaign.folder import Campaign
@@ -101,12 +103,17 @@ def _envelope(about: dict[str, Any]) -> Envelope | None:
 def _ranges(found: CampaignCharacteristics) -> Table:
     r = found.ranges
     rows = (
-        ("speed, mm/s", *(f"{1e3 * v:.4g}" for v in r.speed_m_s)),
-        ("pressure a, bar gauge", *(f"{v / 1e5:.3g}" for v in r.gauge_a_pa)),
-        ("pressure b, bar gauge", *(f"{v / 1e5:.3g}" for v in r.gauge_b_pa)),
-        ("temperature, °C", *(f"{v - 273.15:.1f}" for v in r.temperature_k)),
+        ("speed, mm/s", *(_or_none(1e3 * v, ".4g") for v in r.speed_m_s)),
+        ("pressure a, bar gauge", *(_or_none(v / 1e5, ".3g") for v in r.gauge_a_pa)),
+        ("pressure b, bar gauge", *(_or_none(v / 1e5, ".3g") for v in r.gauge_b_pa)),
+        ("temperature, °C", *(_or_none(v - 273.15, ".1f") for v in r.temperature_k)),
     )
-    return Table(("measured range", "lowest", "highest"), rows, "Outside of these everything is an extrapolation")
+    head = ("range of the sweeps", "lowest", "highest")
+    return Table(head, rows, "Outside of these friction over speed and pressure is an extrapolation")
+
+
+def _or_none(value: float, form: str) -> str:
+    return f"{value:{form}}" if np.isfinite(value) else "none"
 
 
 def _sensors(found: CampaignCharacteristics) -> Table:
