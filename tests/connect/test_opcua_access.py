@@ -145,3 +145,9 @@ def test_a_server_is_not_open_to_the_network_by_mistake(files, capsys):
 def test_an_address_that_is_none_is_refused_in_words(url):
     with pytest.raises(RigError, match="no address"):
         open_rig(url)
+
+
+def test_users_that_cannot_be_written_are_one_message(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin", io.StringIO("secret\n"))
+    assert run(["rig", "user", "anna", "--user-file", str(tmp_path / "nowhere" / "users")]) == 2
+    assert "users cannot be written: No such file or directory" in capsys.readouterr().err

@@ -33,10 +33,14 @@ def serve(
     ] = "",
     certificate: Annotated[Path | None, typer.Option(help="Of this server: sign and encrypt everything.")] = None,
     key: Annotated[Path | None, typer.Option(help="Of the certificate; default: beside it, with .key.")] = None,
-    trust: Annotated[list[Path] | None, typer.Option(help="Certificate of a client that is let in; repeat.")] = None,
+    trust: Annotated[
+        list[Path] | None, typer.Option(help="Certificate of a client that is let in; repeatable.")
+    ] = None,
     user_file: Annotated[Path | None, typer.Option(help="Users that may log in; made by `pneudrive rig user`.")] = None,
-    trust_user: Annotated[list[Path] | None, typer.Option(help="Certificate of a user; repeat.")] = None,
-    unprotected: Annotated[bool, typer.Option(help="Let anyone on the network command the axis.")] = False,
+    trust_user: Annotated[list[Path] | None, typer.Option(help="Certificate of a user; repeatable.")] = None,
+    unprotected: Annotated[
+        bool, typer.Option("--unprotected", help="Let anyone on the network command the axis.")
+    ] = False,
 ) -> None:
     """Serve a rig over OPC UA, behind the nodes of a map, until Ctrl-C."""
     from pneudrive.errors import CommandError
@@ -72,7 +76,7 @@ def serve(
 def certificate(
     name: Annotated[str, typer.Argument(help="Names the files and the application: NAME.pem, NAME.key.")],
     out: Annotated[Path, typer.Option(help="Folder for both files.")] = Path(),
-    host: Annotated[list[str] | None, typer.Option(help="Name of the computer; repeat; default: this one.")] = None,
+    host: Annotated[list[str] | None, typer.Option(help="Name of the computer; repeatable; default: this one.")] = None,
     days: Annotated[int, typer.Option(help="How long it is valid.", min=1)] = 365,
 ) -> None:
     """Make a self-signed certificate of an OPC UA client or server, and its key."""

@@ -27,6 +27,13 @@ CLOSING_S = 2.0
 REFUSALS = ("ertificate", "Identity", "UserAccess", "Security", "Signature", "No matching endpoints", "Nonce")
 
 
+def quieten() -> None:
+    """Keep asyncua from logging where nobody has set its level: what goes wrong is told by our own errors."""
+    for noisy in ("asyncua", "asyncuagds"):
+        if logging.getLogger(noisy).level == logging.NOTSET:
+            logging.getLogger(noisy).setLevel(logging.CRITICAL)
+
+
 class LinkError(ConnectionError):
     """The connection is lost."""
 
@@ -88,9 +95,7 @@ class Link:
 
     def __init__(self, url: str, nodes: NodeMap, access: Access) -> None:
         opcua()
-        for noisy in ("asyncua", "asyncuagds"):  # what goes wrong is told by our own errors
-            if logging.getLogger(noisy).level == logging.NOTSET:
-                logging.getLogger(noisy).setLevel(logging.CRITICAL)
+        quieten()
         self.url, self.nodes, self.access = url, nodes, access
         self.ambient_pa = 0.0
         self.timeout_s = max(2.0 * nodes.heartbeat_s, 2.0)

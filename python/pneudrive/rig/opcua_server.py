@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.rig.interface import Changeable, Hold, Move, Reproducible, Samples, Sampling
 from pneudrive.rig.opcua_access import Protection, opcua, protect
-from pneudrive.rig.opcua_link import COUNTER, Loop
+from pneudrive.rig.opcua_link import COUNTER, Loop, quieten
 from pneudrive.rig.opcua_nodes import HOLD, IN_RING, RELEASED, SHUT, Node, NodeMap, Verb
 
 if TYPE_CHECKING:
@@ -94,6 +94,7 @@ class RigServer:
         heartbeat_s: float | None = None,
     ) -> None:
         opcua()
+        quieten()
         self.rig, self.nodes, self.host, self.port = rig, nodes, host, port
         self.protection = protection or Protection()
         self.heartbeat_s = heartbeat_s or nodes.heartbeat_s
@@ -125,7 +126,7 @@ class RigServer:
         except OSError as error:
             self._loop.close()
             what = f"nothing can listen on {self.host}:{self.port}: {error.strerror or error}"
-            raise RigError(what, remedy="take another --port; 0 takes a free one") from None
+            raise RigError(what, remedy="take another --port (0 takes a free one) or --bind") from None
         except BaseException:
             self._loop.close()
             raise
