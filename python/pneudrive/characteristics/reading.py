@@ -31,6 +31,7 @@ SLIDING = ("sweep", "sentinel")  # kinds of cycles that are points of a characte
 STANDING = ("tare", "weight")
 WORTH_WORKERS = 100  # cycles below which starting processes costs more than it saves
 LOOKED_AT = 8  # cycles from which the way that the campaign moves along is taken
+SAMPLES_OF_WAY = 2000  # of a cycle, from which its way is taken where no steps are written
 ENDS = (0.001, 0.999)  # quantiles of position: what single damaged samples show does not count
 
 
@@ -110,7 +111,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
             value="; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/",
             remedy="run it, or see docs/reference/campaign-folder.md for what a cycle's file holds",
         )
-    travel = _travel([file.head for file in files])
+    travel = _travel(files)
     wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING)]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
     number = processes or workers()
@@ -161,19 +162,31 @@ def _light(file: CycleFile) -> CycleFile:
     return CycleFile(file.path, replace(file.head, memory={}))
 
 
-def _travel(heads: Sequence[Head]) -> dict[str, float]:
-    """Way of all moves up to the middle of each cycle, as planned."""
+def _travel(files: Sequence[CycleFile]) -> dict[str, float]:
+    """Way of all moves up to the middle of each cycle: as planned, or from the samples where no plan is written."""
     travel: dict[str, float] = {}
     total, at = 0.0, None
-    for head in heads:
-        here = 0.0
-        for step in head.cycle.steps:
+    for file in files:
+        cycle, here = file.head.cycle, 0.0
+        for step in cycle.steps:
             if isinstance(step, Move):
                 here += abs(step.to_m - at) if at is not None else 0.0
                 at = step.to_m
-        travel[head.cycle.key] = total + here / 2.0
+        if not cycle.steps:
+            here = _way(file)
+        travel[cycle.key] = total + here / 2.0
         total += here
     return travel
+
+
+def _way(file: CycleFile) -> float:
+    """Way of a cycle by its samples, so few of them that their noise adds nothing; 0 where they cannot be read."""
+    try:
+        position = file.samples().position_m
+    except PneudriveError:
+        return 0.0
+    position = position[np.isfinite(position)]
+    return float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
 
 
 def _edges(files: Sequence[CycleFile]) -> Array:

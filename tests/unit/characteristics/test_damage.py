@@ -164,3 +164,17 @@ def test_friction_that_cannot_be_costs_its_cycle_even_where_several_fail(measure
     found = measured(world, spoil=damage)
     assert hits(world, found.curves[0]).mean() >= 0.8
     assert sum(c.friction_n > 0 for c in found.cycles) > 15
+
+
+def test_way_is_told_by_samples_where_no_steps_are_written(measured, quick):
+    def without_steps(folder):
+        for path in (folder / "cycles").glob("*.parquet"):
+            head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
+            head["cycle"]["steps"] = []
+            pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": json.dumps(head)})
+
+    planned, sampled = (measured(quick(), spoil=how) for how in (None, without_steps))
+    ways = [np.array([c.travel_m for c in found.cycles]) for found in (planned, sampled)]
+    # The first planned move starts at a place that no step tells: half a cycle's way at most.
+    assert ways[1][-1] == pytest.approx(ways[0][-1], rel=0.03)
+    assert (np.diff(ways[1]) > 0).all()
