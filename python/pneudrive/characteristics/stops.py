@@ -16,7 +16,7 @@ from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.pool import in_processes, workers
 from pneudrive.characteristics.breakaway import Breakaway, find_breakaway
 from pneudrive.characteristics.cycle import condition_of
-from pneudrive.characteristics.raw import recording_of
+from pneudrive.characteristics.raw import recording_of, steps_of
 from pneudrive.characteristics.recovery import Recovery, bin_excess, recover
 from pneudrive.characteristics.relaxation import Relaxation, relax
 from pneudrive.characteristics.result import Skipped
@@ -166,7 +166,7 @@ def read_stop(file: CycleFile, identity: Identity, others: Sequence[Stroke] = ()
 def _read(file: CycleFile, identity: Identity, others: Sequence[Stroke]) -> Stop | Skipped:
     samples = file.samples()
     recording, _ = recording_of(file, identity, samples)
-    step = samples.step[np.clip(np.searchsorted(samples.time_s, recording.time_s), 0, len(samples) - 1)]
+    step = steps_of(recording, samples)
     cycle = file.head.cycle
     phases = find_phases(cycle, recording.time_s, recording.position_m, step)
     if isinstance(phases, str):

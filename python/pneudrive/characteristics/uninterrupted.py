@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.cycle import condition_of
-from pneudrive.characteristics.raw import recording_of
+from pneudrive.characteristics.raw import recording_of, steps_of
 from pneudrive.characteristics.stop_phases import FEWEST, steady_part
 from pneudrive.errors import PneudriveError
 
@@ -88,8 +88,7 @@ def _read(file: CycleFile, identity: Identity) -> list[Stroke]:
     try:
         samples = file.samples()
         recording, _ = recording_of(file, identity, samples)
-        step = samples.step[np.clip(np.searchsorted(samples.time_s, recording.time_s), 0, len(samples) - 1)]
-        return strokes_of(file, recording, step)
+        return strokes_of(file, recording, steps_of(recording, samples))
     except (PneudriveError, ValueError, IndexError, ArithmeticError):
         return []  # named where the cycle itself is characterised
 
