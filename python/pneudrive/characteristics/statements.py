@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.motion import straight_line
 from pneudrive.characteristics.basics import PA_PER_BAR
 from pneudrive.characteristics.plausible import NEGATIVE, suspicions
 from pneudrive.characteristics.result import Statement
@@ -167,7 +168,7 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
         return
     text = f"Friction drifted by {np.ptp(drift.drift_n):.2g} N over the campaign (told by {drift.basis})"
     yield Statement("drift", f"{text}; the band holds the state of the rig as uncertain by {drift.spread_n:.2g} N.")
-    yield from _still_changing(drift)
+    yield from still_changing(drift)
     for effect, name in (
         (drift.per_hour, "time"),
         (drift.per_decade_of_travel, "travel (run-in)"),
@@ -194,12 +195,14 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
         )
 
 
-def _still_changing(drift: Drift) -> Iterator[Statement]:
+def still_changing(drift: Drift) -> Iterator[Statement]:
     """Say where friction has not come to rest when the campaign ends."""
     last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
     if last.sum() < NAMED:
         return
-    change = float(drift.drift_n[last][-1] - drift.drift_n[last][0])
+    # Of a line: a single cycle at either end is chance.
+    slope, _ = straight_line(drift.time_s[last], drift.drift_n[last])
+    change = slope * float(np.ptp(drift.time_s[last]))
     reach = float(np.mean((drift.high_n - drift.low_n)[last])) / 2.0
     if abs(change) > reach:
         yield Statement(
