@@ -218,7 +218,11 @@ def _begin(
     make_folder(folder)
     with FolderLock(folder) as lock:
         if (folder / ABOUT).exists():  # another process was faster
-            raise CampaignError("another process has begun a campaign in this folder", where=str(folder))
+            raise CampaignError(
+                "another process has begun a campaign in this folder",
+                where=str(folder),
+                remedy=f"Name another folder, or go on with that one: pneudrive campaign resume {folder}",
+            )
         about = _about(plan, options, {**protocol.labels, **labels}, source)
         campaign = create(folder, protocol.text, plan.identity, about)
         return _run(campaign, plan, rig, options, lock, audience)

@@ -28,6 +28,9 @@ REMEDIES = {
     errno.EDQUOT: "The quota is used up. Free some space, then resume: what is finished is kept.",
     errno.EROFS: "The file system is read-only. Name a folder that can be written to.",
     errno.EACCES: "Give yourself the right to write there, or name another folder.",
+    errno.ENOENT: "Its place is not there, or was taken away. Name a folder that can be made.",
+    errno.ENOTDIR: "A file is in the way. Name another folder.",
+    errno.EEXIST: "A file is in the way. Name another folder.",
     errno.EPERM: "Give yourself the right to write there, or name another folder.",
 }
 

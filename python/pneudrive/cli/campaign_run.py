@@ -119,7 +119,12 @@ def abort(folder: Folder) -> None:
     before = ask(folder, ABORT, _me(""))
     after = wait_for(folder, (), 90.0)
     if after is not None:
-        raise CampaignError("it has not ended yet", value=str(after), where=str(folder))
+        raise CampaignError(
+            "it has not ended yet",
+            value=str(after),
+            where=str(folder),
+            remedy=f"See to the rig, then end process {after.pid} by hand: what is finished is kept.",
+        )
     typer.echo(f"Ended: {before}. What is finished is kept.")
 
 
