@@ -453,8 +453,8 @@ def _confounding(series: DwellSeries) -> list[Statement]:
     long = [s for s in series.stops if "long_loading" in s.flags]
     if long:
         text = (
-            f"in {len(long)} stops the force took more than a tenth of the stop itself to rise: the contact had aged "
-            "for longer than the stop says. Slopes at the shortest durations are too small for it."
+            f"in {len(long)} stop(s) the force took more than a tenth of the stop itself to rise: the contact had "
+            "aged for longer than the stop says. Slopes at the shortest durations are too small for it."
         )
         out.append(Statement("stops", text, carried=False, remedy="restart faster after short stops"))
     inertia = [s for s in series.stops if "inertia" in s.flags]

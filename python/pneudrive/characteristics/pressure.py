@@ -232,7 +232,7 @@ def _statement(
     else:
         text += _interaction(design, interaction, joint, u)
     if curvature is not None and curvature.p < CHANCE:
-        text += f"Friction is not linear in pressure (p = {curvature.p:.2g}): the slopes are those of a line. "
+        text += f"Friction is not linear in pressure ({_chance(curvature.p)}): the slopes are those of a line. "
     return text.strip()
 
 
@@ -240,7 +240,7 @@ def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> str
     """Say whether the effects add; an interaction that the sensors' accuracy could make is none that is proved."""
     reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
     most = reach * float(np.abs(design.a * design.b).max())
-    numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, p = {test.p:.2g}"
+    numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
     if test.p >= CHANCE:
         return f"The effects add, as far as these data tell: {numbers}; the interaction is within {reach:.2g} N/bar2. "
     if most < 2.0 * u:
@@ -250,6 +250,11 @@ def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> str
         )
     low, value, high = (PA_PER_BAR**2 * v for v in (joint.low, joint.value, joint.high))
     return f"The effects interact: {numbers}; on the mean by {value:.2f} N/bar2 (95 %: {low:.2f} .. {high:.2f}). "
+
+
+def _chance(p: float) -> str:
+    """Write a probability; below 0.001 its digits mean nothing."""
+    return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
 
 
 def _bar(slope: Estimate) -> str:

@@ -76,11 +76,13 @@ def with_u(value: float, expanded: float, unit: str = "N") -> str:
     '9.79 ± 0.49 N'
     >>> with_u(98.2, 11.4, "")
     '98 ± 11'
+    >>> with_u(-0.0001, 0.064)  # no "-0.000"
+    '0.000 ± 0.064 N'
     """
     if not (np.isfinite(value) and np.isfinite(expanded)):
         return f"{value:.3g} {unit}".strip() if np.isfinite(value) else "not determined"
     digits = places(expanded)
-    return f"{value:.{digits}f} ± {expanded:.{digits}f} {unit}".strip()
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f} {unit}".strip()
 
 
 def places(uncertainty: float) -> int:
