@@ -7,6 +7,8 @@ it, and does what `trouble` says at a given moment.
 from __future__ import annotations
 
 import hashlib
+import os
+import signal
 import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -164,6 +166,29 @@ class FakeRig:
 
     def truth(self) -> dict:
         return {"law": "stribeck", "travel_m": self.past["travel_m"]}
+
+
+def at_rest(rig):
+    """Tell whether the rig was stopped last, but for looks at its state, and no cycle was left open."""
+    done = [call for call in rig.calls if call != "state"]
+    stopped = len(done) - 1 - done[::-1].index("stop")
+    return not set(done[stopped:]) - {"stop", "closed"} and not rig.moving and rig.past["pa"] == [AMBIENT_PA] * 2
+
+
+def on_part(number, act):
+    """Give the trouble that strikes with the n-th part of samples."""
+
+    def trouble(rig, word):
+        if word == "part" and rig.calls.count("part") == number:
+            act(rig)
+
+    return trouble
+
+
+def press(rig):
+    """Press Ctrl-C, and give the campaign the time to notice."""
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.6)
 
 
 PROTOCOL = """\

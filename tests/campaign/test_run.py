@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from campaign.fake_rig import AMBIENT_PA, QUICK, FakeRig, contents, protocol
+from campaign.fake_rig import QUICK, FakeRig, at_rest, contents, on_part, press, protocol
 from pneudrive.campaign import session as session_module
 from pneudrive.campaign import storage
 from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP, ask, wait_for
@@ -38,27 +38,10 @@ def undisturbed(tmp_path_factory):
     return contents(folder)
 
 
-def at_rest(rig):
-    """Tell whether the rig was stopped last, but for looks at its state, and no cycle was left open."""
-    done = [call for call in rig.calls if call != "state"]
-    stopped = len(done) - 1 - done[::-1].index("stop")
-    return not set(done[stopped:]) - {"stop", "closed"} and not rig.moving and rig.past["pa"] == [AMBIENT_PA] * 2
-
-
 def finish(folder, undisturbed):
     """Resume and compare."""
     assert resume_campaign(folder, FakeRig(), options=QUICK).ended == DONE
     assert contents(folder) == undisturbed
-
-
-def on_part(number, act):
-    """Give the trouble that strikes with the n-th part of samples."""
-
-    def trouble(rig, word):
-        if word == "part" and rig.calls.count("part") == number:
-            act(rig)
-
-    return trouble
 
 
 def test_a_campaign_is_run_told_and_left_at_rest(tmp_path):
@@ -198,12 +181,6 @@ def test_signals_that_are_ignored_stay_ignored(tmp_path):
         signal.signal(signal.SIGHUP, before)
 
 
-def press(rig):
-    """Press Ctrl-C, and give the campaign the time to notice."""
-    os.kill(os.getpid(), signal.SIGINT)
-    time.sleep(0.6)
-
-
 class Answers:
     """Somebody who answers what was written down."""
 
@@ -258,26 +235,6 @@ def test_ctrl_c_does_not_break_off_coming_to_rest(tmp_path):
     tries, rig = [], Reluctant()
     assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK).ended == DONE
     assert at_rest(rig)
-
-
-BENCH = """
-from campaign.fake_rig import FakeRig
-
-closed = []
-
-class Bench(FakeRig):
-    def close(self):
-        closed.append(self)
-"""
-
-
-def test_a_rig_is_found_again_from_another_folder_and_its_connection_closed(tmp_path, monkeypatch):
-    (tmp_path / "bench.py").write_text(BENCH)
-    monkeypatch.chdir(tmp_path)
-    assert run_campaign(protocol(), "bench.py:Bench", "c", options=QUICK).ended == DONE
-    assert len(sys.modules["bench"].closed) == 1
-    monkeypatch.chdir(tmp_path / "c")
-    assert resume_campaign(tmp_path / "c", options=QUICK).ended == DONE
 
 
 def test_a_display_that_fails_does_not_end_the_campaign(tmp_path, undisturbed):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
+from campaign.fake_rig import QUICK, protocol
 from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.run import DONE, resume_campaign, run_campaign
 from pneudrive.cli.main import run
 from pneudrive.errors import RigError
 from pneudrive.rig import Hold, Move, Reproducible, Rig, Samples, Sampling, load_rig
@@ -78,3 +81,23 @@ def test_nothing_runs_that_is_not_named(tmp_path, monkeypatch):
     for source in ("own.py", "own", str(tmp_path)):
         with pytest.raises(RigError):
             load_rig(source)
+
+
+BENCH = """
+from campaign.fake_rig import FakeRig
+
+closed = []
+
+class Bench(FakeRig):
+    def close(self):
+        closed.append(self)
+"""
+
+
+def test_a_rig_is_found_again_from_another_folder_and_its_connection_closed(tmp_path, monkeypatch):
+    (tmp_path / "bench.py").write_text(BENCH)
+    monkeypatch.chdir(tmp_path)
+    assert run_campaign(protocol(), "bench.py:Bench", "c", options=QUICK).ended == DONE
+    assert len(sys.modules["bench"].closed) == 1
+    monkeypatch.chdir(tmp_path / "c")
+    assert resume_campaign(tmp_path / "c", options=QUICK).ended == DONE
