@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.curves import NORMAL_95, Fits, curve_speeds, fit_response, in_newton, kept_conditions
+from pneudrive.characteristics.basics import NORMAL_95
+from pneudrive.characteristics.curves import Fits, curve_speeds, fit_response, in_newton, kept_conditions
 from pneudrive.characteristics.curves import systematic as systematic_of
 from pneudrive.characteristics.effects import AirShare
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 PA_PER_BAR = 1e5
+NORMAL_95 = 1.959964  # two-sided 95 % of the normal distribution
 BOTH = 0  # direction of a curve that is half the difference of both directions
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.curves import NORMAL_95, curve_speeds, in_newton, kept_conditions, systematic
+from pneudrive.characteristics.basics import NORMAL_95
+from pneudrive.characteristics.curves import curve_speeds, in_newton, kept_conditions, systematic
 from pneudrive.characteristics.result import Source
 
 if TYPE_CHECKING:

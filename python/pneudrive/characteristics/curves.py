@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import BOTH
+from pneudrive.characteristics.basics import BOTH, NORMAL_95
 from pneudrive.characteristics.plausible import implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 SATURATED_SHARE = 0.005  # of a cycle's samples: more at the sensor's limit, and the mean is not the friction's
 SAME_SPEED = 0.05  # measured speeds closer than this are one point of the curve
-NORMAL_95 = 1.959964  # two-sided 95 % of the normal distribution
 BETWEEN = 24  # speeds per curve at which it is also given between the measured ones
 POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
 FEWEST = 4  # cycles

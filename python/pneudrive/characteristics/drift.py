@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.curves import NORMAL_95, Fits
+from pneudrive.characteristics.basics import NORMAL_95
+from pneudrive.characteristics.curves import Fits
 from pneudrive.characteristics.effects import Drift, Repeatability
 from pneudrive.characteristics.mixed import MixedModel, independent
 from pneudrive.characteristics.smooth import CARRIED

@@ -359,7 +359,8 @@ def _plain_statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]
         out.append(Statement("stops", text, carried=False, remedy="run at least three durations, each several times"))
         return out
     out += _slope_statement(series, number)
-    out += _law_statements(series, number)
+    if series.slope is None or series.slope.low > 0 or series.slope.high < 0:  # otherwise there is no effect to be one
+        out += _law_statements(series, number)
     out += _confounding(series)
     text = (
         "The increment is that of the force's peak. Where the contact creeps before it breaks away, the peak shows "

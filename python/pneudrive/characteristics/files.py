@@ -30,6 +30,8 @@ CURVE_COLUMNS = (
     "high_n",
     "stderr_n",
     "u_systematic_n",
+    "statistical_low_n",
+    "statistical_high_n",
     "measured",
     "cycles",
 )
@@ -76,7 +78,7 @@ def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
             {**common, **{name: getattr(curve, name)[i].item() for name in CURVE_COLUMNS}, "excluded": ""}
             for i in range(curve.speed_m_s.size)
         ]
-        nothing = dict.fromkeys(("low_n", "high_n", "stderr_n", "u_systematic_n"), float("nan"))
+        nothing = dict.fromkeys((name for name in CURVE_COLUMNS if name.endswith("_n")), float("nan"))
         if curve.direction == 0:
             rows += [
                 {

@@ -17,8 +17,7 @@ import numpy as np
 
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.spread import student
-from pneudrive.characteristics.basics import Estimate
-from pneudrive.characteristics.curves import NORMAL_95
+from pneudrive.characteristics.basics import NORMAL_95, Estimate
 from pneudrive.characteristics.separable import Scan, scan
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pneudrive.characteristics.basics import BOTH
+from pneudrive.characteristics.basics import BOTH, NORMAL_95
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -156,6 +156,16 @@ class Curve:
     cycles: NDArray[np.int64]
     excluded: tuple[ExcludedPoint, ...] = ()
     contains_air: bool = False
+
+    @property
+    def statistical_low_n(self) -> Array:
+        """Lower end of the part of the band that chance alone gives, N."""
+        return self.friction_n - NORMAL_95 * self.stderr_n
+
+    @property
+    def statistical_high_n(self) -> Array:
+        """Upper end of the part of the band that chance alone gives, N."""
+        return self.friction_n + NORMAL_95 * self.stderr_n
 
 
 @dataclass(frozen=True)

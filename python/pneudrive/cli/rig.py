@@ -67,7 +67,7 @@ def serve(
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
     with RigServer(bench, load_map(map), bind, port, protection, heartbeat_s) as server:
         name = bench.identity().name
-        typer.echo(f"{name} at {server.url}, heartbeat {server.heartbeat_s:g} s. Ctrl-C ends it.")
+        typer.echo(f"{name} at {server.url} with seed {seed}; heartbeat {server.heartbeat_s:g} s. Ctrl-C ends it.")
         sys.stdout.flush()
         while not ended.wait(0.5):  # a wait without end would not let Ctrl-C through everywhere
             pass
