@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive import report as report
     from pneudrive.characteristics import characterise as characterise
     from pneudrive.characteristics import characteristics as characteristics
-    from pneudrive.characteristics.compare import compare as compare
+    from pneudrive.characteristics.compare.comparison import compare as compare
     from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Cylinder as Cylinder
     from pneudrive.describe import Drive as Drive
@@ -50,7 +50,7 @@ _HOME = {
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
     "save": "pneudrive.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.characteristics"),
-    "compare": "pneudrive.characteristics.compare",
+    "compare": "pneudrive.characteristics.compare.comparison",
     "fit_friction": "pneudrive.identify",
     "PneudriveError": "pneudrive.errors",
 }

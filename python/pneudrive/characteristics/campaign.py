@@ -15,7 +15,6 @@ from pneudrive.characteristics.air import air_shares
 from pneudrive.characteristics.budget import sources
 from pneudrive.characteristics.curves import Points, curves_of, fit_points, points_of
 from pneudrive.characteristics.drift import causes, drift_of, repeatability
-from pneudrive.characteristics.dwell_law import fit_dwell
 from pneudrive.characteristics.loops import loops
 from pneudrive.characteristics.position import position_dependence
 from pneudrive.characteristics.pressure import pressure_effects
@@ -23,7 +22,8 @@ from pneudrive.characteristics.reading import Reading, read_campaign
 from pneudrive.characteristics.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.characteristics.statements import statements
 from pneudrive.characteristics.stick_slip import stick_slip_points, thresholds
-from pneudrive.characteristics.stops import find_stops
+from pneudrive.characteristics.stops.dwell_law import fit_dwell
+from pneudrive.characteristics.stops.stop import find_stops
 from pneudrive.characteristics.table import friction_map
 from pneudrive.characteristics.threads import one_thread
 from pneudrive.characteristics.zero import asymmetries, sensor_zero

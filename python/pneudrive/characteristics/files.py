@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characteristics.stop_files import STOPS_FILE, dwell_tables, write_stops
+from pneudrive.characteristics.stops.files import STOPS_FILE, dwell_tables, write_stops
 from pneudrive.characteristics.table import COLUMNS, TEXT, WHOLE
 from pneudrive.trajectory import check_target, write_frame
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.characteristics.compare import Comparison
+    from pneudrive.characteristics.compare.comparison import Comparison
     from pneudrive.characteristics.result import CampaignCharacteristics
 
 MAP_FILES = ("map.parquet", "map.csv")

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characteristics.basics import Condition
-    from pneudrive.characteristics.dwell_law import DwellSeries
     from pneudrive.characteristics.effects import (
         AirShare,
         Asymmetry,
@@ -28,7 +27,8 @@ if TYPE_CHECKING:
         StickSlipPoint,
         StickSlipThreshold,
     )
-    from pneudrive.characteristics.stops import Stop
+    from pneudrive.characteristics.stops.dwell_law import DwellSeries
+    from pneudrive.characteristics.stops.stop import Stop
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]

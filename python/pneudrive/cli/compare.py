@@ -10,7 +10,7 @@ import typer
 from pneudrive.cli.output import console, writable_folder
 
 if TYPE_CHECKING:
-    from pneudrive.characteristics.compare import Comparison
+    from pneudrive.characteristics.compare.comparison import Comparison
 
 
 def compare(
@@ -24,7 +24,7 @@ def compare(
     """Test two campaigns against each other (new and worn, one seal and another): report.html, comparison.toml."""
     from pneudrive.characterise.settling import SAMPLE_CHOICES
     from pneudrive.characteristics import characteristics
-    from pneudrive.characteristics.compare import compare as compared
+    from pneudrive.characteristics.compare.comparison import compare as compared
     from pneudrive.characteristics.files import write_comparison
     from pneudrive.errors import CommandError, nearest
     from pneudrive.report.campaign_compare import write_comparison_report

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import student
-from pneudrive.characteristics.stops import find_stops
+from pneudrive.characteristics.stops.stop import find_stops
 from pneudrive.errors import CampaignError
 from pneudrive.paper.figure import PaperFigure
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.stops import Stop
+    from pneudrive.characteristics.stops.stop import Stop
     from pneudrive.paper.experiments import Experiment
 
     Array = NDArray[np.float64]

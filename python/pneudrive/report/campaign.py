@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.characteristics import CampaignCharacteristics
-    from pneudrive.characteristics.dwell_law import DwellSeries
+    from pneudrive.characteristics.stops.dwell_law import DwellSeries
     from pneudrive.report.page import Section
 
 

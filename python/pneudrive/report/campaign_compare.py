@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characteristics.compare import Comparison, Test
-    from pneudrive.characteristics.compare_curves import CurveComparison
-    from pneudrive.characteristics.dwell_law import DwellSeries
+    from pneudrive.characteristics.compare.comparison import Comparison, Test
+    from pneudrive.characteristics.compare.curves import CurveComparison
+    from pneudrive.characteristics.stops.dwell_law import DwellSeries
 
 MOST_PANELS = 4
 MOST_ROWS = 60

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.characteristics import CampaignCharacteristics, Estimate
-    from pneudrive.characteristics.dwell_forms import LawFit
-    from pneudrive.characteristics.dwell_law import DwellSeries
-    from pneudrive.characteristics.stops import Stop, Trace
+    from pneudrive.characteristics.stops.dwell_forms import LawFit
+    from pneudrive.characteristics.stops.dwell_law import DwellSeries
+    from pneudrive.characteristics.stops.stop import Stop, Trace
 
 MOST_TRACES = 3
 MOST_SERIES = 4

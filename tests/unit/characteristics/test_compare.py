@@ -10,7 +10,7 @@ import pytest
 from oracle.campaigns import BAR, Friction, World, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.characteristics import characteristics
-from pneudrive.characteristics.compare import compare
+from pneudrive.characteristics.compare.comparison import compare
 from pneudrive.cli.main import run
 
 SMALL = World(speeds_m_s=tuple(np.geomspace(2e-3, 0.3, 6)), samples=300, repeats=3, sentinel_every=6, correlated_n=0.2)

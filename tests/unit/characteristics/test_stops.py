@@ -8,10 +8,10 @@ from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characteristics import characteristics
-from pneudrive.characteristics.breakaway import find_breakaway
-from pneudrive.characteristics.dwell_law import fit_dwell
-from pneudrive.characteristics.stop_phases import Phases, find_phases
-from pneudrive.characteristics.stops import find_stops
+from pneudrive.characteristics.stops.breakaway import find_breakaway
+from pneudrive.characteristics.stops.dwell_law import fit_dwell
+from pneudrive.characteristics.stops.phases import Phases, find_phases
+from pneudrive.characteristics.stops.stop import find_stops
 from pneudrive.rig.interface import Sampling
 
 

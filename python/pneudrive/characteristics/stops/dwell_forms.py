@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.dwell_curve import DwellCurve
+    from pneudrive.characteristics.stops.dwell_curve import DwellCurve
 
     Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import profile_stderr
-from pneudrive.characteristics.stop_phases import FEWEST, steady_part
-from pneudrive.characteristics.uninterrupted import SAME_SPEED
+from pneudrive.characteristics.stops.phases import FEWEST, steady_part
+from pneudrive.characteristics.stops.uninterrupted import SAME_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise.recording import Recording
     from pneudrive.characteristics.basics import Condition
-    from pneudrive.characteristics.stop_phases import Phases
-    from pneudrive.characteristics.uninterrupted import Stroke
+    from pneudrive.characteristics.stops.phases import Phases
+    from pneudrive.characteristics.stops.uninterrupted import Stroke
 
     Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.characteristics.basics import Estimate
-    from pneudrive.characteristics.dwell_forms import LawFit
-    from pneudrive.characteristics.dwell_law import DwellPressure, DwellSeries
     from pneudrive.characteristics.result import CampaignCharacteristics
-    from pneudrive.characteristics.stops import Stop
+    from pneudrive.characteristics.stops.dwell_forms import LawFit
+    from pneudrive.characteristics.stops.dwell_law import DwellPressure, DwellSeries
+    from pneudrive.characteristics.stops.stop import Stop
 
 STOPS_FILE = "stops.parquet"
 

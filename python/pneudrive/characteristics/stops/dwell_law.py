@@ -11,10 +11,10 @@ import numpy as np
 from pneudrive.characterise.budget import COVERAGE_FACTOR
 from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import Estimate
-from pneudrive.characteristics.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
-from pneudrive.characteristics.dwell_forms import CONCLUSIVE, UNCERTAIN, LawFit, fit_forms
 from pneudrive.characteristics.result import Statement
-from pneudrive.characteristics.stops import SPOILING
+from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
+from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, UNCERTAIN, LawFit, fit_forms
+from pneudrive.characteristics.stops.stop import SPOILING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characteristics.basics import Condition
-    from pneudrive.characteristics.stops import Stop
+    from pneudrive.characteristics.stops.stop import Stop
 
     Array = NDArray[np.float64]
 

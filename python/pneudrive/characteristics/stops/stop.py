@@ -14,15 +14,15 @@ import numpy as np
 from pneudrive.campaign.folder import CycleFile
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.pool import in_processes, workers
-from pneudrive.characteristics.breakaway import Breakaway, find_breakaway
 from pneudrive.characteristics.cycle import condition_of
 from pneudrive.characteristics.raw import recording_of, steps_of
-from pneudrive.characteristics.recovery import Recovery, bin_excess, recover
-from pneudrive.characteristics.relaxation import Relaxation, relax
 from pneudrive.characteristics.result import Skipped
-from pneudrive.characteristics.running import Running, running_level
-from pneudrive.characteristics.stop_phases import Phases, find_phases, steady_part, stop_step
-from pneudrive.characteristics.uninterrupted import MOST_CYCLES, SAME_SPEED, Stroke, read_strokes, strokes_of
+from pneudrive.characteristics.stops.breakaway import Breakaway, find_breakaway
+from pneudrive.characteristics.stops.phases import Phases, find_phases, steady_part, stop_step
+from pneudrive.characteristics.stops.recovery import Recovery, bin_excess, recover
+from pneudrive.characteristics.stops.relaxation import Relaxation, relax
+from pneudrive.characteristics.stops.running import Running, running_level
+from pneudrive.characteristics.stops.uninterrupted import MOST_CYCLES, SAME_SPEED, Stroke, read_strokes, strokes_of
 from pneudrive.errors import PneudriveError
 from pneudrive.rig.interface import Move
 

@@ -13,16 +13,16 @@ import numpy as np
 
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characteristics.basics import NORMAL_95, Estimate
-from pneudrive.characteristics.compare_checks import Check, checks_of
-from pneudrive.characteristics.compare_curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
+from pneudrive.characteristics.compare.checks import Check, checks_of
+from pneudrive.characteristics.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
 from pneudrive.characteristics.result import Statement
 from pneudrive.errors import CampaignError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.characteristics.dwell_law import DwellSeries
     from pneudrive.characteristics.result import CampaignCharacteristics
+    from pneudrive.characteristics.stops.dwell_law import DwellSeries
 
 LEVEL = 0.05
 #: Two cycles of one campaign differ by less than this many of its standard deviations, 19 times of 20.

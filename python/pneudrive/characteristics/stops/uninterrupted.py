@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.characteristics.cycle import condition_of
 from pneudrive.characteristics.raw import recording_of, steps_of
-from pneudrive.characteristics.stop_phases import FEWEST, steady_part
+from pneudrive.characteristics.stops.phases import FEWEST, steady_part
 from pneudrive.errors import PneudriveError
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""Stops: relaxation while held, breakaway peak, way back, and breakaway over stop duration."""
