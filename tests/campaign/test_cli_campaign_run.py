@@ -119,7 +119,7 @@ def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
     assert run(["campaign", "resume", str(folder), "--operator", "eve"]) == 0
     assert "It goes on" in capsys.readouterr().out
     assert run(["campaign", "abort", str(folder)]) == 0
-    assert "Ended" in capsys.readouterr().out
+    assert "It has ended" in capsys.readouterr().out
     out, _ = process.communicate(timeout=60.0)
     assert process.returncode == 130
     assert "Go on: pneudrive campaign resume" in out

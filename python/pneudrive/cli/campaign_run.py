@@ -69,7 +69,7 @@ def resume(
     if running is not None and running.state in ("paused", "operator"):
         ask(folder, RESUME, _me(operator))
         after = wait_for(folder, ("running", "waiting", "pausing", "stopping"), 10.0)
-        typer.echo(f"It goes on: {after}" if after else "It has ended.")
+        typer.echo("It goes on." if after else "It has ended.")
         return
     options = _options(operator, yes, patience)
     with _running(folder):
@@ -116,7 +116,7 @@ def abort(folder: Folder) -> None:
     from pneudrive.campaign.control import ABORT, ask, wait_for
     from pneudrive.errors import CampaignError
 
-    before = ask(folder, ABORT, _me(""))
+    ask(folder, ABORT, _me(""))
     after = wait_for(folder, (), 90.0)
     if after is not None:
         raise CampaignError(
@@ -125,7 +125,7 @@ def abort(folder: Folder) -> None:
             where=str(folder),
             remedy=f"See to the rig, then end process {after.pid} by hand: what is finished is kept.",
         )
-    typer.echo(f"Ended: {before}. What is finished is kept.")
+    typer.echo("It has ended. What is finished is kept.")
 
 
 def _labels(given: list[str]) -> dict[str, str]:

@@ -146,7 +146,8 @@ def _say_campaign(found: CampaignCharacteristics, written: list[Path]) -> None:
     ambient = found.identity.ambient_pressure_pa
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("curve", no_wrap=True)
-    for heading in ("cycles", "speeds mm/s", "friction N", "95 % band N"):
+    what = "seal + air N" if any(curve.contains_air for curve in found.curves) else "friction N"
+    for heading in ("cycles", "speeds mm/s", what, "95 % band N"):
         table.add_column(heading, justify="right")
     for curve in found.curves:
         if curve.direction == 0:

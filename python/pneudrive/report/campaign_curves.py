@@ -67,7 +67,7 @@ def curves(found: CampaignCharacteristics) -> Section | None:
     if len(shown) < len(both):
         text += f" {len(shown)} of {len(both)} conditions are drawn; all are in curves.parquet."
     if any(c.contains_air for c in both):
-        text += " Pressures were not measured in the chambers: part of these curves may be the force of the air."
+        text += " Pressures were not measured in the chambers: these curves are those of seal and air together."
     blocks: list = [
         Text(text),
         picture(
@@ -109,7 +109,7 @@ def draw_curves(found: CampaignCharacteristics, shown: Sequence[Curve]) -> Figur
             where = [MM * p.speed_m_s for p in c.excluded]
             axis.plot(where, [p.friction_n for p in c.excluded], "x", color=look.color, ms=4)
     speed_axis(axis, MM * np.concatenate([c.speed_m_s for c in shown]))
-    axis.set_ylabel("friction / N")
+    axis.set_ylabel("seal and air / N" if any(c.contains_air for c in shown) else "friction / N")
     style.legend_above(figure, handles, columns=min(len(handles), 3))
     return figure
 

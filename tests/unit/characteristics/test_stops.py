@@ -1,5 +1,8 @@
 """Stops: what was written into a campaign by hand (relaxation, breakaway, way back) comes out with its interval."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -147,6 +150,16 @@ def test_what_the_stops_do_not_carry_is_said(tmp_path):
     assert "do not carry" in said(StopWorld(durations_s=(10.0,), repeats=3), 4)
     slow = StopWorld(durations_s=(0.1, 1.0, 10.0), stiffness_n_m=2e4, speed_m_s=5e-4, released=True)
     assert "aged for longer" in said(slow, 5).replace("\n", " ")
+
+
+def test_peaks_that_differ_between_the_directions_are_said(tmp_path):
+    world = StopWorld(durations_s=(1.0, 10.0, 100.0, 300.0), repeats=3, directions=(1, -1))
+    stops, _, _, statements = found(tmp_path, world)
+    assert not [s for s in statements if "in +x peak" in s.text]
+    uneven = [replace(s, increment_n=s.increment_n + 0.5 * s.direction) for s in stops]
+    (text,) = [s.text for s in fit_dwell(uneven, AMBIENT_PA)[1] if "in +x peak" in s.text]
+    value, half = (float(x) for x in re.search(r"peak \+(\S+) N \(\+-(\S+) N", text).groups())
+    assert abs(value - 1.0) < half < value
 
 
 def test_held_and_released_are_told_apart(tmp_path):

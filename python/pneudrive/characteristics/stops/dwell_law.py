@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 REFERENCE_S = 15.0
 INSIDE = 1.5  # factor by which the durations must go beyond it on both sides
 GRID_POINTS = 61
+FEWEST_PAIRS = 4  # of durations and conditions that were restarted both ways
 SAME_PLACE_M = 1e-3
 SAME_PRESSURE_PA = 100.0
 #: Stops not longer than this leave the time of saturation open, whatever law is best (of the order of hours to days
@@ -359,6 +360,7 @@ def _plain_statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]
         out.append(Statement("stops", text, carried=False, remedy="run at least three durations, each several times"))
         return out
     out += _slope_statement(series, number)
+    out += _direction_statement(series)
     if series.slope is None or series.slope.low > 0 or series.slope.high < 0:  # otherwise there is no effect to be one
         out += _law_statements(series, number)
     out += _confounding(series)
@@ -384,6 +386,24 @@ def _one_duration(stops: list[Stop]) -> list[Statement]:
     )
     tail = "; most of that interval is what the mass may add that breaks loose." if inertia > 0.7 * half else "."
     return [Statement("stops", text + tail)]
+
+
+def _direction_statement(series: DwellSeries) -> list[Statement]:
+    """Say by how much the peaks of one direction stand higher, from cells that have both."""
+    cells: dict[tuple, dict[int, list[float]]] = {}
+    for s in series.stops:
+        cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
+    pairs = np.array([np.mean(c[1]) - np.mean(c[-1]) for c in cells.values() if c[1] and c[-1]])
+    if pairs.size < FEWEST_PAIRS:
+        return []
+    half = student(pairs.size - 1) * float(pairs.std(ddof=1)) / np.sqrt(pairs.size)
+    if abs(pairs.mean()) <= half:
+        return []
+    text = (
+        f"restarts in +x peak {pairs.mean():+.2g} N (+-{half:.2g} N, 95 %) against those in -x; the increments and "
+        "slopes given are the mean of both directions."
+    )
+    return [Statement("stops", text)]
 
 
 def _slope_statement(series: DwellSeries, number: int) -> list[Statement]:
