@@ -3,6 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.spread import student
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 PA_PER_BAR = 1e5
 NORMAL_95 = 1.959964  # two-sided 95 % of the normal distribution
@@ -66,6 +74,35 @@ class Estimate:
     unit: str = "N"
     degrees_of_freedom: float = float("nan")
     p: float = float("nan")
+
+
+def mean_estimate(values: NDArray[np.float64], unit: str = "N") -> Estimate:
+    """Estimate the mean of repeats, with Student's t.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Two or more, in `unit`.
+    unit : str
+
+    Returns
+    -------
+    Estimate
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> found = mean_estimate(np.array([1.0, 2.0, 3.0]))
+    >>> round(found.value, 3), round(found.high, 3)
+    (2.0, 4.484)
+    """
+    from scipy.special import stdtr
+
+    n = values.size
+    mean, stderr = float(values.mean()), float(values.std(ddof=1) / np.sqrt(n))
+    half = student(n - 1) * stderr
+    p = 2.0 * float(stdtr(n - 1, -abs(mean) / stderr)) if stderr > 0 else float(mean == 0.0)
+    return Estimate(mean, mean - half, mean + half, stderr, unit, n - 1, p)
 
 
 @dataclass(frozen=True)

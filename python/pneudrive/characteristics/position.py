@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import student
-from pneudrive.characteristics.basics import Condition, Estimate
+from pneudrive.characteristics.basics import Condition, Estimate, mean_estimate
 from pneudrive.characteristics.effects import Harmonic, PositionDependence
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
     length = position.size * width
     waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
     coefficients = np.array([_fit(position, row, waves, length) for row in rows])
-    trend = _estimate(coefficients[:, 1], "1/m")
+    trend = mean_estimate(coefficients[:, 1], "1/m")
     harmonics = tuple(
         _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
         for i, times in enumerate(waves)
@@ -108,16 +108,6 @@ def _fit(position: Array, row: Array, waves: Sequence[float], length: float) -> 
     return np.asarray(np.linalg.lstsq(columns, row[known], rcond=None)[0], dtype=float)
 
 
-def _estimate(values: Array, unit: str) -> Estimate:
-    from scipy.special import stdtr
-
-    n = values.size
-    mean, stderr = float(values.mean()), float(values.std(ddof=1) / np.sqrt(n))
-    half = student(n - 1) * stderr
-    p = 2.0 * float(stdtr(n - 1, -abs(mean) / stderr)) if stderr > 0 else float(mean == 0.0)
-    return Estimate(mean, mean - half, mean + half, stderr, unit, n - 1, p)
-
-
 def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Harmonic:
     """Estimate one harmonic; its amplitude is tested by Hotelling's T2 of both parts."""
     from scipy.special import fdtrc
@@ -136,4 +126,4 @@ def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Ha
     except np.linalg.LinAlgError:
         p = float(size == 0.0)
     amplitude = Estimate(size, max(size - half, 0.0), size + half, stderr, "1", n - 1, p)
-    return Harmonic(times, wavelength, _estimate(cosine, "1"), _estimate(sine, "1"), amplitude)
+    return Harmonic(times, wavelength, mean_estimate(cosine, "1"), mean_estimate(sine, "1"), amplitude)

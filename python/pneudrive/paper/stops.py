@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
+from pneudrive.characteristics.basics import mean_estimate
 from pneudrive.characteristics.stops.stop import find_stops
 from pneudrive.errors import CampaignError
 from pneudrive.paper.figure import PaperFigure
@@ -84,4 +84,5 @@ def _mean(group: list[Stop]) -> tuple[float, float]:
     """Mean increment and half of its 95 % interval."""
     values = np.array([stop.increment_n for stop in group])
     values = np.where(np.isfinite(values), values, 0.0)  # no peak is an increment of nothing
-    return float(values.mean()), float(student(values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
+    found = mean_estimate(values)
+    return found.value, found.high - found.value

@@ -158,8 +158,9 @@ def test_peaks_that_differ_between_the_directions_are_said(tmp_path):
     assert not [s for s in statements if "in +x peak" in s.text]
     uneven = [replace(s, increment_n=s.increment_n + 0.5 * s.direction) for s in stops]
     (text,) = [s.text for s in fit_dwell(uneven, AMBIENT_PA)[1] if "in +x peak" in s.text]
-    value, half = (float(x) for x in re.search(r"peak \+(\S+) N \(\+-(\S+) N", text).groups())
-    assert abs(value - 1.0) < half < value
+    value, low, high = (float(x) for x in re.search(r"in \+x peak (\S+) N \((\S+) to (\S+)\)", text).groups())
+    assert 0.0 < low < 1.0 < high
+    assert low < value < high
 
 
 def test_held_and_released_are_told_apart(tmp_path):

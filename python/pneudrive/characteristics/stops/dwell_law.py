@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.budget import COVERAGE_FACTOR
-from pneudrive.characterise.spread import student
-from pneudrive.characteristics.basics import Estimate
+from pneudrive.characteristics.basics import Estimate, mean_estimate
 from pneudrive.characteristics.result import Statement
 from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
 from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, UNCERTAIN, LawFit, fit_forms
@@ -377,14 +376,12 @@ def _one_duration(stops: list[Stop]) -> list[Statement]:
     """Say the increment after stops of one duration, where no law over duration can be told."""
     if len(stops) < 2 or _durations(stops) != 1:
         return []
-    increments = np.array([s.increment_n for s in stops])
-    inertia = COVERAGE_FACTOR * _inertia(stops)
-    half = float(np.hypot(student(increments.size - 1) * increments.std(ddof=1) / np.sqrt(increments.size), inertia))
+    (found,) = _wider([mean_estimate(np.array([s.increment_n for s in stops]))], _inertia(stops))
     text = (
-        f"After {np.median([s.dwell_s for s in stops]):.3g} s the peak stands {increments.mean():.2f} N "
-        f"(+-{half:.2f} N, 95 %) above running friction, mean of {increments.size} stops"
+        f"after {np.median([s.dwell_s for s in stops]):.3g} s the peak stands {found.value:.2f} N ({found.low:.2f} to "
+        f"{found.high:.2f}) above running friction, mean of {len(stops)} stops"
     )
-    tail = "; most of that interval is what the mass may add that breaks loose." if inertia > 0.7 * half else "."
+    tail = "; what the mass may add that breaks loose is in the interval." if _inertia(stops) > 0.0 else "."
     return [Statement("stops", text + tail)]
 
 
@@ -393,15 +390,15 @@ def _direction_statement(series: DwellSeries) -> list[Statement]:
     cells: dict[tuple, dict[int, list[float]]] = {}
     for s in series.stops:
         cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
-    pairs = np.array([np.mean(c[1]) - np.mean(c[-1]) for c in cells.values() if c[1] and c[-1]])
+    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
     if pairs.size < FEWEST_PAIRS:
         return []
-    half = student(pairs.size - 1) * float(pairs.std(ddof=1)) / np.sqrt(pairs.size)
-    if abs(pairs.mean()) <= half:
+    found = mean_estimate(pairs)
+    if found.low <= 0.0 <= found.high:
         return []
     text = (
-        f"restarts in +x peak {pairs.mean():+.2g} N (+-{half:.2g} N, 95 %) against those in -x; the increments and "
-        "slopes given are the mean of both directions."
+        f"restarts in +x peak {found.value:+.2g} N ({found.low:+.2g} to {found.high:+.2g}) against those in -x; the "
+        "increments and slopes given are the mean of both directions."
     )
     return [Statement("stops", text)]
 
@@ -474,7 +471,7 @@ def _confounding(series: DwellSeries) -> list[Statement]:
     long = [s for s in series.stops if "long_loading" in s.flags]
     if long:
         text = (
-            f"in {len(long)} stop(s) the force took more than a tenth of the stop itself to rise: the contact had "
+            f"in {len(long)} stops the force took more than a tenth of the stop itself to rise: the contact had "
             "aged for longer than the stop says. Slopes at the shortest durations are too small for it."
         )
         out.append(Statement("stops", text, carried=False, remedy="restart faster after short stops"))
