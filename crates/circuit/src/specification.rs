@@ -166,12 +166,25 @@ pub struct SideLoad {
     pub coefficient: f64,
 }
 
+/// Shape of the Stribeck curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StribeckShape {
+    Gaussian,
+    Exponential,
+    Lorentzian,
+    Free,
+}
+
 /// A law with its parameters, and what acts on it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
     pub law: String,
     pub parameters: BTreeMap<String, f64>,
+    /// Absent: that of the exponent.
+    #[serde(default)]
+    pub stribeck_shape: Option<StribeckShape>,
     #[serde(default)]
     pub pressure: Option<SealPressure>,
     #[serde(default)]
@@ -192,6 +205,7 @@ impl Friction {
         Friction {
             law: law.into(),
             parameters,
+            stribeck_shape: None,
             pressure: None,
             dwell: None,
             relaxation: None,

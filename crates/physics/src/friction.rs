@@ -27,7 +27,7 @@ pub use position::{Harmonic, Position};
 pub use relaxation::Relaxation;
 pub use seal_lips::SealLips;
 pub use side_load::SideLoad;
-pub use stribeck::{Stribeck, weight};
+pub use stribeck::{Shape, Stribeck, weight};
 
 /// Where a law is evaluated.
 #[derive(Clone, Copy, Debug)]
@@ -66,24 +66,21 @@ pub struct Levels<S> {
     pub coulomb: S,
     /// Breakaway force Fs, N.
     pub breakaway: S,
+    /// Viscous coefficient Fv, N s/m.
+    pub viscous: S,
 }
 
 impl<S: Real> Levels<S> {
-    /// The same force for starting and for sliding.
-    fn equal(coulomb: S) -> Self {
-        Levels { coulomb, breakaway: coulomb }
-    }
-
-    /// Both times a factor.
+    /// Fc and Fs times a factor.
     #[inline(always)]
     fn times(&self, factor: S) -> Self {
-        Levels { coulomb: self.coulomb * factor, breakaway: self.breakaway * factor }
+        Levels { coulomb: self.coulomb * factor, breakaway: self.breakaway * factor, ..*self }
     }
 
-    /// Both plus a force, N.
+    /// Fc and Fs plus a force, N.
     #[inline(always)]
     fn plus(&self, force: S) -> Self {
-        Levels { coulomb: self.coulomb + force, breakaway: self.breakaway + force }
+        Levels { coulomb: self.coulomb + force, breakaway: self.breakaway + force, ..*self }
     }
 
     /// Fc + (Fs - Fc) weight, N.
@@ -97,9 +94,9 @@ impl<S: Real> Levels<S> {
 const FLOOR: f64 = 0.01;
 
 /// Steady sliding, N:  level sgn(v) + Fv v, where v = 0 counts as positive.
-fn sliding<P: Real, S: Over<P>>(v: S, level: S, viscous: P) -> S {
+fn sliding<S: Real>(v: S, level: S, viscous: S) -> S {
     let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
-    sign * level + S::from(viscous) * v
+    sign * level + viscous * v
 }
 
 /// An inner state of a law.
@@ -109,6 +106,35 @@ pub struct InnerState {
     pub unit: &'static str,
     /// Absolute error scale, in the unit.
     pub scale: f64,
+}
+
+/// The most inner states that a contact has: those of its law, and of what acts on it.
+pub const MOST_INNER: usize = 16;
+
+/// Choices of a description that select code and are no numbers; a law takes those that it knows.
+#[derive(Clone, Debug, Default)]
+pub struct Choices {
+    /// Shape of the Stribeck curve, where it is not given by the exponent.
+    pub shape: Option<Shape>,
+}
+
+/// What a law says of itself; the conformance tests hold it to that.
+#[derive(Clone, Copy, Debug)]
+pub struct Claims {
+    /// F(-v, -z) = -F(v, z).
+    pub odd: bool,
+    /// The force depends on the path, not on how fast it is passed (without viscous friction).
+    pub rate_independent: bool,
+    /// A load that oscillates below breakaway does not make it creep.
+    pub no_drift: bool,
+    /// It never gives energy, whatever its parameters; else [`AnyLaw::warning`] says when it may.
+    pub always_passive: bool,
+}
+
+impl Claims {
+    /// What holds for most laws.
+    pub const USUAL: Self =
+        Claims { odd: true, rate_independent: false, no_drift: false, always_passive: false };
 }
 
 /// A friction law.
@@ -124,9 +150,21 @@ pub trait Law<P: Real> {
     const BRISTLES: bool = false;
     /// Bristles that slip from the first load on.
     const CREEPS: bool = false;
+    const CLAIMS: Claims = Claims::USUAL;
 
-    /// Fc and Fs before any dependence.
+    /// Fc, Fs and Fv before any dependence. A law without one of them gives what stands for it: without Fs
+    /// its Fc, without Fv zero. What acts on the law scales them; the law must use what it is handed.
     fn levels(&self) -> Levels<P>;
+
+    /// The inner states of these parameters.
+    fn states(&self) -> &'static [InnerState] {
+        Self::STATES
+    }
+
+    /// Mass, kg, by which the force contains the acceleration: F = `force` + inertia dv/dt.
+    fn inertia(&self) -> P {
+        P::zero()
+    }
 
     /// What depends on the velocity alone (an exponential, mostly), computed ahead of the forces so
     /// that the processor works on both at once; of the usual laws only.
@@ -178,6 +216,7 @@ pub struct Meta {
     pub sticks: bool,
     pub bristles: bool,
     pub creeps: bool,
+    pub claims: Claims,
 }
 
 /// Lists the laws. Those of an ordinary drive are `usual`: they are evaluated in line, the others in a
@@ -227,14 +266,19 @@ macro_rules! laws {
             sticks: <$name<f64> as Law<f64>>::STICKS,
             bristles: <$name<f64> as Law<f64>>::BRISTLES,
             creeps: <$name<f64> as Law<f64>>::CREEPS,
+            claims: <$name<f64> as Law<f64>>::CLAIMS,
         },)*];
 
         impl AnyLaw<f64> {
             /// The law called `key`, its parameters from `value(name)`; None for an unknown key.
-            pub fn build(key: &str, value: &mut dyn FnMut(&Parameter) -> f64) -> Option<Self> {
+            pub fn build(
+                key: &str,
+                value: &mut dyn FnMut(&Parameter) -> f64,
+                choices: &Choices,
+            ) -> Option<Self> {
                 $(if key == <$name<f64> as Law<f64>>::KEY {
                     let values: Vec<f64> = <$name<f64>>::PARAMETERS.iter().map(|p| value(p)).collect();
-                    return Some(AnyLaw::$name($name::from_values(&values)));
+                    return Some(AnyLaw::$name($name::build(&values, choices)));
                 })*
                 None
             }
@@ -263,8 +307,11 @@ macro_rules! laws {
                 LAWS.iter().find(|meta| meta.key == key).expect("every law is registered")
             }
             #[inline(always)]
-            fn n_states(&self) -> usize {
-                match self { $(AnyLaw::$name(_) => <$name<P> as Law<P>>::STATES.len(),)* }
+            pub fn states(&self) -> &'static [InnerState] {
+                match self { $(AnyLaw::$name(law) => law.states(),)* }
+            }
+            pub fn inertia(&self) -> P {
+                match self { $(AnyLaw::$name(law) => law.inertia(),)* }
             }
             #[inline(always)]
             pub fn levels(&self) -> Levels<P> {

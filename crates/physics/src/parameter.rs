@@ -85,6 +85,18 @@ macro_rules! parameters {
             ];
         }
 
+        impl $name<f64> {
+            /// The values in the order of `PARAMETERS`, then the choices.
+            #[allow(dead_code)] // parts that are written out field by field do without
+            pub fn from_values(values: &[f64] $($(, $choice: $choice_type)*)?) -> Self {
+                let mut values = values.iter().copied();
+                $name {
+                    $($field: values.next().expect(concat!("a value for ", stringify!($field))),)*
+                    $($($choice,)*)?
+                }
+            }
+        }
+
         impl<R: math::Lane> $name<R> {
             /// Lane `i` takes the parameters of `each[i]`.
             pub fn gather(each: &[&$name<f64>]) -> Self {

@@ -181,7 +181,7 @@ fn steady_sliding_is_a_stribeck_curve() {
         for v in [1e-6, 1e-4, 2e-3, 0.02, 0.1, 1.5] {
             for v in [v, -v] {
                 let p = Point { v, x: 0.13, gauges: [4e5, 1e5], ..Point::at_rest(contact) };
-                let Levels { coulomb, breakaway } = by_hand(&subject, v);
+                let Levels { coulomb, breakaway, .. } = by_hand(&subject, v);
                 let by_hand = curve(meta, set, coulomb, breakaway, v);
                 let force = settled(&subject, &p);
                 assert!((force / by_hand - 1.0).abs() < 1e-11, "{} {v}: {force} {by_hand}", subject.name());
@@ -194,7 +194,7 @@ fn steady_sliding_is_a_stribeck_curve() {
 
 /// Fc and Fs at velocity v, 0.13 m, 4 bar in a and 1 bar in b, from the numbers in `support`.
 fn by_hand(subject: &Subject, v: f64) -> Levels<f64> {
-    let Levels { mut coulomb, mut breakaway } = levels(subject.meta, &subject.set);
+    let Levels { mut coulomb, mut breakaway, viscous } = levels(subject.meta, &subject.set);
     // 1e-5 * 4e5 + 2e-5 * 1e5 = 6 N, 3e-5 * 4e5 + 5e-5 * 1e5 = 17 N; the increment by 1 + 0.4 + 0.2.
     let pressed = |fc: f64, fs: f64| (fc + 6.0, fs + 17.0);
     let mut more = 0.0;
@@ -215,7 +215,7 @@ fn by_hand(subject: &Subject, v: f64) -> Levels<f64> {
         }
         _ => {}
     }
-    Levels { coulomb: coulomb + more, breakaway: breakaway + more }
+    Levels { coulomb: coulomb + more, breakaway: breakaway + more, viscous }
 }
 
 /// Moves the contact; the least of (energy put in - energy stored) over all times, J, and the energy

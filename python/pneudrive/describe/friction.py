@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, get_args
 
 from pydantic import field_serializer, model_validator
 
@@ -39,6 +39,15 @@ def friction_laws() -> MappingProxyType[str, dict[str, Any]]:
 def has_bristles(law: str) -> bool:
     """Say whether a law is one of elastic bristles, which can relax."""
     return "bristle_deflection_m" in friction_laws()[law]["states"]
+
+
+#: Shapes of the Stribeck curve: exp(-(v/vs)^2), exp(-|v/vs|), 1/(1 + (v/vs)^2), exp(-|v/vs|^n) with the exponent n.
+StribeckShape = Literal["gaussian", "exponential", "lorentzian", "free"]
+
+
+def has_stribeck_curve(law: str) -> bool:
+    """Say whether a law has a Stribeck curve, whose shape can be chosen."""
+    return any(p["key"] == "stribeck_exponent" for p in friction_laws()[law]["parameters"])
 
 
 # how the core writes units -> (unit of pneudrive.units, unit preferred for reading)
@@ -92,6 +101,7 @@ class Friction(Described):
     law: str
     parameters: Parameters = Parameters()
     given: frozenset[str] = frozenset()
+    stribeck_shape: StribeckShape | None = None
     pressure: SealPressure | None = None
     dwell: Dwell | None = None
     relaxation: Relaxation | None = None
@@ -115,7 +125,7 @@ class Friction(Described):
         if name not in laws:
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=nearest(str(name), laws))
         parameters = {p["key"]: p for p in laws[name]["parameters"]}
-        rest = {key: value for key, value in data.items() if key != "law" and key not in DEPENDENCES}
+        rest = {key: value for key, value in data.items() if key not in ("law", "stribeck_shape", *DEPENDENCES)}
         values: dict[str, float] = {}
         for key, given in rest.items():
             full = f"friction.{key}"
@@ -136,7 +146,7 @@ class Friction(Described):
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
         out = {"law": name, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
-        return out | {key: data[key] for key in DEPENDENCES if data.get(key) is not None}
+        return out | {key: data[key] for key in ("stribeck_shape", *DEPENDENCES) if data.get(key) is not None}
 
     @model_validator(mode="after")
     def _levels(self) -> Friction:
@@ -147,6 +157,17 @@ class Friction(Described):
                 f"friction.coulomb = {units.write(coulomb, 'N', 'N')}"
             )
             raise wrong("friction.breakaway", what, remedy="Were the two swapped?")
+        return self
+
+    @model_validator(mode="after")
+    def _shape(self) -> Friction:
+        if self.stribeck_shape is not None and not has_stribeck_curve(self.law):
+            what = f'friction.stribeck_shape needs a Stribeck curve, which law "{self.law}" has not'
+            laws = ", ".join(name for name in friction_laws() if has_stribeck_curve(name))
+            raise wrong("friction.stribeck_shape", what, remedy=f"Laws with one: {laws}.")
+        if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
+            what = f'friction.stribeck_exponent has no meaning with stribeck_shape = "{self.stribeck_shape}"'
+            raise wrong("friction.stribeck_exponent", what, remedy='It belongs to stribeck_shape = "free".')
         return self
 
     @model_validator(mode="after")
@@ -164,12 +185,15 @@ class Friction(Described):
     def core(self) -> dict[str, Any]:
         """Return the SI form that the core takes: law, parameters, pressure, and what else acts on the law."""
         tables = {key: value.core() for key, value in self._dependences().items()}
-        return {"law": self.law, "parameters": dict(self.parameters), "pressure": None} | tables
+        shape = {} if self.stribeck_shape is None else {"stribeck_shape": self.stribeck_shape}
+        return {"law": self.law, "parameters": dict(self.parameters), "pressure": None} | shape | tables
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table as users would."""
         by_key = {p["key"]: p for p in friction_laws()[self.law]["parameters"]}
         out: dict[str, Any] = {"law": self.law}
+        if self.stribeck_shape is not None:
+            out["stribeck_shape"] = self.stribeck_shape
         out |= {key: _parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
         return out | {key: value.to_dict() for key, value in self._dependences().items()}
 
@@ -181,6 +205,8 @@ class Friction(Described):
         for name, law in friction_laws().items():
             own = {key: table for key, table in tables.items() if key != "relaxation" or has_bristles(name)}
             properties: dict[str, Any] = {"law": {"const": name}, **own}
+            if has_stribeck_curve(name):
+                properties["stribeck_shape"] = {"enum": list(get_args(StribeckShape))}
             for p in law["parameters"]:
                 one = _parameter_quantity(p).__get_pydantic_json_schema__(None, None)
                 properties[p["key"]] = one | {"title": p["meaning"]}

@@ -1,11 +1,11 @@
 //! The friction of a description: a law, and what acts on it, with every value checked.
 
 use crate::run::Error;
-use crate::specification::{self, Growth};
+use crate::specification::{self, Growth, StribeckShape};
 use physics::Parameter;
 use physics::friction::{
-    self, AnyLaw, Composition, Contact, Direction, Dwell, Harmonic, LAWS, Meta, Position, Relaxation,
-    SealLips, SideLoad,
+    self, AnyLaw, Choices, Composition, Contact, Direction, Dwell, Harmonic, LAWS, Meta, Position,
+    Relaxation, SealLips, Shape, SideLoad,
 };
 
 /// Harmonics of position that a description may have: more would describe the noise of a recording.
@@ -66,10 +66,34 @@ fn law(spec: &specification::Friction) -> Result<AnyLaw<f64>, Error> {
     {
         return refuse(format!("friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N"));
     }
-    let law = AnyLaw::build(meta.key, &mut |parameter| {
-        spec.parameters.get(parameter.key).copied().or(parameter.default).expect("checked above")
-    });
-    Ok(law.expect("the name is registered"))
+    let choices = choices(spec, meta)?;
+    let mut value = |parameter: &Parameter| match (parameter.key, spec.stribeck_shape) {
+        ("stribeck_exponent", Some(StribeckShape::Exponential)) => 1.0,
+        (key, _) => spec.parameters.get(key).copied().or(parameter.default).expect("checked above"),
+    };
+    Ok(AnyLaw::build(meta.key, &mut value, &choices).expect("the name is registered"))
+}
+
+/// What the description chooses beside numbers.
+fn choices(spec: &specification::Friction, law: &Meta) -> Result<Choices, Error> {
+    let Some(shape) = spec.stribeck_shape else { return Ok(Choices::default()) };
+    let takes = |key: &str| law.parameters.iter().any(|parameter| parameter.key == key);
+    if !takes("stribeck_exponent") {
+        return refuse(format!(
+            "friction.stribeck_shape needs a Stribeck curve, which law \"{}\" has not",
+            law.key
+        ));
+    }
+    if shape != StribeckShape::Free && spec.parameters.get("stribeck_exponent").is_some_and(|n| *n != 2.0) {
+        return refuse("friction.stribeck_exponent needs friction.stribeck_shape = \"free\"".into());
+    }
+    let shape = match shape {
+        StribeckShape::Gaussian => Some(Shape::Gaussian),
+        StribeckShape::Exponential => Some(Shape::Power),
+        StribeckShape::Lorentzian => Some(Shape::Lorentzian),
+        StribeckShape::Free => None,
+    };
+    Ok(Choices { shape })
 }
 
 /// Refuses a value out of the bounds of its parameter.

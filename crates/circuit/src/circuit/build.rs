@@ -91,7 +91,9 @@ impl Circuit<f64> {
     ) -> AxisId {
         let node = self.next_axis();
         let weight = mass * STANDARD_GRAVITY * math::elementary::sin(incline);
-        let part = Axis { mass, inverse_mass: 1.0 / mass, weight, external_force, friction, mode: 0.0, node };
+        let inertia = friction.as_ref().map_or(0.0, Contact::inertia);
+        let inverse_mass = 1.0 / (mass + inertia);
+        let part = Axis { mass, inertia, inverse_mass, weight, external_force, friction, mode: 0.0, node };
         self.parts.axes.push((Place::default(), part));
         AxisId(node)
     }

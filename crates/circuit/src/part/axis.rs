@@ -2,7 +2,7 @@ use super::{Common, Own, OwnRates, Part, State};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
-use physics::friction::{At, Contact, Levels};
+use physics::friction::{At, Contact, Levels, MOST_INNER};
 
 /// A mass that moves along one line, with friction: piston, slide and load.
 ///
@@ -14,7 +14,9 @@ use physics::friction::{At, Contact, Levels};
 pub struct Axis<P> {
     /// Moving mass m, kg.
     pub mass: P,
-    /// 1/m, prepared.
+    /// Mass by which friction contains the acceleration, kg: it moves along.
+    pub inertia: P,
+    /// 1/(m + inertia), prepared.
     pub inverse_mass: P,
     /// Weight along the axis, N, positive where it pulls towards -x.
     pub weight: P,
@@ -32,6 +34,7 @@ impl<R: Lane> Axis<R> {
         let contacts: Option<Vec<&Contact<f64>>> = each.iter().map(|axis| axis.friction.as_ref()).collect();
         Axis {
             mass: number(&|axis| axis.mass),
+            inertia: number(&|axis| axis.inertia),
             inverse_mass: number(&|axis| axis.inverse_mass),
             weight: number(&|axis| axis.weight),
             external_force: number(&|axis| axis.external_force),
@@ -92,13 +95,16 @@ impl<P: Real> Axis<P> {
             None => S::zero(),
         };
         node.a = (node.force - node.friction) * S::from(self.inverse_mass);
+        if !USUAL {
+            node.friction = S::from(self.inertia).fma(node.a, node.friction);
+        }
         [node.v, node.a]
     }
 
     /// What the axis with inner states `z` stores.
     pub(super) fn stored_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let node = &net.axis[self.node];
-        let kinetic = S::c(0.5) * S::from(self.mass) * node.v * node.v;
+        let kinetic = S::c(0.5) * S::from(self.mass + self.inertia) * node.v * node.v;
         let bristle = self.friction.as_ref().map_or(S::zero(), |contact| contact.stored(z));
         [S::zero(), kinetic + S::from(self.weight) * node.x + bristle, S::zero()]
     }
@@ -108,7 +114,7 @@ impl<P: Real> Axis<P> {
         let node = &net.axis[self.node];
         let heat = match &self.friction {
             Some(contact) => {
-                let mut rates = [S::zero(); 8];
+                let mut rates = [S::zero(); MOST_INNER];
                 let force = contact.force(&at(node), z, &mut rates[..z.len()], self.mode);
                 contact.heat(node.v, force, z, &rates)
             }
@@ -140,7 +146,11 @@ impl<R: Lane> Axis<R> {
         let at = at(&net.axis[self.node]);
         // For the law in stick: what decides is which way the applied force would move the mass.
         let levels = contact.levels(&at, z, R::zero());
-        let levels = Levels { coulomb: levels.coulomb.get(lane), breakaway: levels.breakaway.get(lane) };
+        let levels = Levels {
+            coulomb: levels.coulomb.get(lane),
+            breakaway: levels.breakaway.get(lane),
+            viscous: levels.viscous.get(lane),
+        };
         let mode = contact.law.next_mode(self.mode.get(lane), at.applied.get(lane), &levels);
         self.mode.put(lane, mode);
     }

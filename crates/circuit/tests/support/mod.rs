@@ -4,10 +4,10 @@
 
 use circuit::{Circuit, Net, specification};
 use ode::{NoOutput, Options, Output, Paused, Stepper, System};
-use physics::IdealGas;
 use physics::flow::Iso6358;
-use physics::friction::{AnyLaw, LAWS};
+use physics::friction::{AnyLaw, Choices, LAWS};
 use physics::mechanics::EndStop;
+use physics::{IdealGas, Parameter};
 
 pub const K: f64 = 1.4;
 pub const R: f64 = 287.05;
@@ -39,7 +39,8 @@ pub fn law(key: &str, values: &[(&str, f64)]) -> AnyLaw<f64> {
         assert!(meta.parameters.iter().any(|p| p.key == *name), "{key} has no {name}");
     }
     let value = |name: &str| values.iter().find(|(key, _)| *key == name).map(|(_, value)| *value);
-    AnyLaw::build(key, &mut |p| value(p.key).or(p.default).expect("a value")).expect("registered")
+    let mut value = |p: &Parameter| value(p.key).or(p.default).expect("a value");
+    AnyLaw::build(key, &mut value, &Choices::default()).expect("registered")
 }
 
 pub fn stribeck() -> AnyLaw<f64> {

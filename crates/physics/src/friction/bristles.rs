@@ -6,6 +6,55 @@ use math::{Over, Real};
 /// The mean deflection of the bristles.
 pub(super) const DEFLECTION: InnerState = InnerState { name: "bristle_deflection_m", unit: "m", scale: 1e-3 };
 
+/// [`crate::parameters!`] of a law of bristles: those of the Stribeck curve, of the bristles, then the law's own.
+macro_rules! bristle_parameters {
+    ($(#[$attribute:meta])* pub struct $name:ident { $($own:tt)* }) => {
+        $crate::friction::stribeck::stribeck_parameters! {
+            $(#[$attribute])*
+            pub struct $name {
+                /// Bristle stiffness sigma0
+                bristle_stiffness: "N/m", $crate::parameter::above(0.0);
+                /// Bristle damping sigma1
+                bristle_damping: "N s/m", $crate::parameter::at_least(0.0);
+                /// Velocity vd at which the bristle damping fades; infinite: it does not fade
+                damping_fade_velocity: "m/s", $crate::parameter::at_least(f64::MIN_POSITIVE), default f64::INFINITY;
+                $($own)*
+            } with {
+                /// The bristle damping fades
+                faded: bool,
+            }
+        }
+
+        impl $name<f64> {
+            pub(super) fn build(values: &[f64], choices: &$crate::friction::Choices) -> Self {
+                let shape = $crate::friction::Shape::of(choices, values[3]);
+                $name::from_values(values, shape, values[7].is_finite())
+            }
+
+            pub(super) fn warning(&self, levels: &$crate::friction::Levels<f64>) -> Option<String> {
+                let (damping, fade_velocity) = (self.bristle_damping, self.damping_fade_velocity);
+                let passivity = $crate::friction::bristles::Passivity { damping, fade_velocity };
+                passivity.warning(<$name<f64> as $crate::friction::Law<f64>>::KEY, levels)
+            }
+        }
+
+        impl<P: math::Real> $name<P> {
+            /// sigma0 z + sigma1(v) dz/dt + Fv v.
+            #[inline(always)]
+            fn force_of<S: math::Over<P>>(&self, v: S, viscous: S, elastic: S, rate: S) -> S {
+                let damping = $crate::friction::bristles::damping(
+                    v,
+                    self.bristle_damping,
+                    self.damping_fade_velocity,
+                    self.faded,
+                );
+                viscous.fma(v, damping.fma(rate, elastic))
+            }
+        }
+    };
+}
+pub(super) use bristle_parameters;
+
 /// sigma1(v) = sigma1 exp(-(v/vd)^2), N s/m; constant where it is not `faded`.
 #[inline(always)]
 pub(super) fn damping<P: Real, S: Over<P>>(v: S, sigma_1: P, fade_velocity: P, faded: bool) -> S {
@@ -23,7 +72,6 @@ pub(super) fn damping<P: Real, S: Over<P>>(v: S, sigma_1: P, fade_velocity: P, f
 /// conditions are those of LuGre [barabanov2000]; an elasto-plastic law meets them too, as it differs only
 /// where the bristles push less than the level.
 pub(super) struct Passivity {
-    pub viscous: f64,
     pub damping: f64,
     /// Infinite: the damping does not fade.
     pub fade_velocity: f64,
@@ -31,7 +79,7 @@ pub(super) struct Passivity {
 
 impl Passivity {
     pub fn holds(&self, levels: &Levels<f64>) -> bool {
-        self.viscous >= self.viscous_needed(levels) || self.fade_excess(levels) <= 1.0
+        levels.viscous >= self.viscous_needed(levels) || self.fade_excess(levels) <= 1.0
     }
 
     fn viscous_needed(&self, levels: &Levels<f64>) -> f64 {
@@ -55,7 +103,7 @@ impl Passivity {
             "this {law} set is not passive: viscous = {} N s/m is below bristle_damping (breakaway - coulomb)/coulomb = {} N s/m \
              (coulomb {} N, breakaway {} N), so friction can give energy during fast transients; \
              friction.damping_fade_velocity = \"{:.3} m/s\" or less makes it passive",
-            self.viscous,
+            levels.viscous,
             rounded(self.viscous_needed(levels)),
             rounded(levels.coulomb),
             rounded(levels.breakaway),

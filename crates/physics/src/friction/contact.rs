@@ -103,10 +103,15 @@ impl<P: Real> Contact<P> {
 
     /// The inner states, in their order.
     pub fn states(&self) -> Vec<InnerState> {
-        let mut states = self.law.meta().states.to_vec();
+        let mut states = self.law.states().to_vec();
         states.extend(self.relaxation().map(|_| relaxation::STATE));
         states.extend(self.dwell().map(Dwell::state));
         states
+    }
+
+    /// Mass, kg, by which the force contains the acceleration.
+    pub fn inertia(&self) -> P {
+        self.law.inertia()
     }
 
     /// Which inner state is the age of the contact.
@@ -126,7 +131,11 @@ impl<P: Real> Contact<P> {
     #[inline(always)]
     fn seals<S: Over<P>>(&self, at: &At<S>) -> Levels<S> {
         let base = self.law.levels();
-        let base = Levels { coulomb: S::from(base.coulomb), breakaway: S::from(base.breakaway) };
+        let base = Levels {
+            coulomb: S::from(base.coulomb),
+            breakaway: S::from(base.breakaway),
+            viscous: S::from(base.viscous),
+        };
         match &self.seal_lips {
             Some(lips) => lips.apply(&base, at),
             None => base,
@@ -145,7 +154,7 @@ impl<P: Real> Contact<P> {
             return self.law.force(at, &self.seals(at), inner, rates, mode);
         };
         let levels = self.levels(at, inner, mode);
-        let n = self.law.n_states();
+        let n = self.law.states().len();
         let (dz, more) = rates.split_at_mut(n);
         let Some(relaxation) = &composition.relaxation else {
             let force = self.law.force(at, &levels, &inner[..n], dz, mode);
@@ -199,7 +208,7 @@ impl<P: Real> Contact<P> {
 
     /// Energy stored in the inner states, J.
     pub fn stored<S: Over<P>>(&self, inner: &[S]) -> S {
-        let n = self.law.n_states();
+        let n = self.law.states().len();
         let of_all = self.law.stored(&inner[..n]);
         match self.relaxation() {
             Some(relaxation) => relaxation.mixed(of_all, self.law.stored(&[inner[0] - inner[n]])),
@@ -209,7 +218,7 @@ impl<P: Real> Contact<P> {
 
     /// Heat produced, W, with the force and the rates that [`Contact::force`] gave.
     pub fn heat<S: Over<P>>(&self, v: S, force: S, inner: &[S], rates: &[S]) -> S {
-        let n = self.law.n_states();
+        let n = self.law.states().len();
         let of_all = self.law.heat(v, force, &inner[..n], &rates[..n]);
         match self.relaxation() {
             Some(relaxation) => {

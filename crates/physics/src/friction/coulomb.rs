@@ -1,4 +1,4 @@
-use super::{At, Law, Levels, dry, sliding};
+use super::{At, Choices, Claims, Law, Levels, dry, sliding};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -19,8 +19,8 @@ crate::parameters! {
 }
 
 impl Coulomb<f64> {
-    pub(super) fn from_values(values: &[f64]) -> Self {
-        Coulomb { coulomb: values[0], viscous: values[1] }
+    pub(super) fn build(values: &[f64], _choices: &Choices) -> Self {
+        Coulomb::from_values(values)
     }
 
     pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
@@ -33,14 +33,15 @@ impl<P: Real> Law<P> for Coulomb<P> {
     const TITLE: &'static str = "Coulomb and viscous friction, exact sticking";
     const SOURCE: &'static str = "armstrong1994";
     const STICKS: bool = true;
+    const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
-        Levels::equal(self.coulomb)
+        Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }
     }
 
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], _dz: &mut [S], mode: P) -> S {
-        dry::force(at, mode, S::from(mode) * levels.coulomb + S::from(self.viscous) * at.v)
+        dry::force(at, mode, S::from(mode) * levels.coulomb + levels.viscous * at.v)
     }
 
     fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, mode: P) -> S {
@@ -52,6 +53,6 @@ impl<P: Real> Law<P> for Coulomb<P> {
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.coulomb, self.viscous)
+        sliding(v, levels.coulomb, levels.viscous)
     }
 }

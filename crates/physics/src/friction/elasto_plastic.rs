@@ -1,10 +1,10 @@
-use super::bristles::{DEFLECTION, Passivity, damping};
-use super::{At, InnerState, Law, Levels, sliding, stribeck::weight};
-use crate::parameter::{above, at_least, between};
+use super::bristles::{DEFLECTION, bristle_parameters};
+use super::{At, Claims, InnerState, Law, Levels, sliding};
+use crate::parameter::between;
 use math::{Over, Real};
 use std::f64::consts::PI;
 
-crate::parameters! {
+bristle_parameters! {
     /// Elasto-plastic bristles: elastic up to a share of their greatest deflection, so that nothing
     /// drifts below breakaway.
     ///
@@ -19,65 +19,12 @@ crate::parameters! {
     /// present greatest deflection, so that it keeps its meaning where the level grows with pressure
     /// or age. Passive under the conditions of LuGre. Source: [dupont2002].
     pub struct ElastoPlastic {
-        /// Coulomb force Fc
-        coulomb: "N", above(0.0);
-        /// Breakaway force Fs, the limit of sliding for v -> 0
-        breakaway: "N", above(0.0);
-        /// Stribeck velocity vs
-        stribeck_velocity: "m/s", above(0.0);
-        /// Stribeck exponent n
-        stribeck_exponent: "-", above(0.0), default 2.0;
-        /// Viscous coefficient Fv
-        viscous: "N s/m", at_least(0.0), default 0.0;
-        /// Bristle stiffness sigma0
-        bristle_stiffness: "N/m", above(0.0);
-        /// Bristle damping sigma1
-        bristle_damping: "N s/m", at_least(0.0);
-        /// Velocity vd at which the bristle damping fades; infinite: it does not fade
-        damping_fade_velocity: "m/s", at_least(f64::MIN_POSITIVE), default f64::INFINITY;
         /// Share c of the greatest deflection at which slip begins
         breakaway_share: "-", between(0.0, 1.0), default 0.9;
-    } with {
-        /// n = 2: a square instead of a power
-        gaussian: bool,
-        /// The bristle damping fades
-        faded: bool,
-    }
-}
-
-impl ElastoPlastic<f64> {
-    pub(super) fn from_values(values: &[f64]) -> Self {
-        ElastoPlastic {
-            coulomb: values[0],
-            breakaway: values[1],
-            stribeck_velocity: values[2],
-            stribeck_exponent: values[3],
-            viscous: values[4],
-            bristle_stiffness: values[5],
-            bristle_damping: values[6],
-            damping_fade_velocity: values[7],
-            breakaway_share: values[8],
-            gaussian: values[3] == 2.0,
-            faded: values[7].is_finite(),
-        }
-    }
-
-    pub(super) fn warning(&self, levels: &Levels<f64>) -> Option<String> {
-        let passivity = Passivity {
-            viscous: self.viscous,
-            damping: self.bristle_damping,
-            fade_velocity: self.damping_fade_velocity,
-        };
-        passivity.warning("elasto-plastic", levels)
     }
 }
 
 impl<P: Real> ElastoPlastic<P> {
-    #[inline(always)]
-    fn weight<S: Over<P>>(&self, v: S) -> S {
-        weight(v, self.stribeck_velocity, self.stribeck_exponent, self.gaussian)
-    }
-
     /// alpha: which share of a motion is slip, for bristles deflected to the share `q` of their limit.
     #[inline(always)]
     fn plastic_share<S: Over<P>>(&self, v: S, z: S, q: S) -> S {
@@ -94,9 +41,10 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
     const SOURCE: &'static str = "dupont2002";
     const STATES: &'static [InnerState] = &[DEFLECTION];
     const BRISTLES: bool = true;
+    const CLAIMS: Claims = Claims { no_drift: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
-        Levels { coulomb: self.coulomb, breakaway: self.breakaway }
+        self.own_levels()
     }
 
     #[inline(always)]
@@ -105,9 +53,8 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
         let elastic = S::from(self.bristle_stiffness) * z[0];
         let deflected = elastic / levels.at(self.weight(v));
         let rate = v - self.plastic_share(v, z[0], deflected.abs()) * v.abs() * deflected;
-        let damping = damping(v, self.bristle_damping, self.damping_fade_velocity, self.faded);
         dz[0] = rate;
-        S::from(self.viscous).fma(v, damping.fma(rate, elastic))
+        self.force_of(v, levels.viscous, elastic, rate)
     }
 
     fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
@@ -123,6 +70,6 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.at(self.weight(v)), self.viscous)
+        sliding(v, levels.at(self.weight(v)), levels.viscous)
     }
 }

@@ -1,67 +1,100 @@
-use super::{At, Law, Levels, dry, sliding};
-use crate::parameter::{above, at_least};
+use super::{At, Choices, Claims, Law, Levels, dry, sliding};
 use math::{Over, Real};
 
 /// |v/vs| below this is taken as this in a general exponent, where the slope at zero would be
 /// infinite: it changes the weight by less than 1e-6 for exponents from 0.5.
 const SMALLEST_RATIO: f64 = 1e-12;
 
-/// exp(-|v/vs|^n): how much of Fs - Fc is left at velocity `v`; `gaussian` says that n = 2.
-#[inline(always)]
-pub fn weight<P: Real, S: Over<P>>(v: S, vs: P, exponent: P, gaussian: bool) -> S {
-    let ratio = v * S::from(P::one() / vs);
-    if gaussian {
-        (-(ratio * ratio)).exp()
-    } else {
-        (-ratio.abs().max(S::c(SMALLEST_RATIO)).pow(S::from(exponent))).exp()
+/// How the excess of breakaway over Coulomb force falls with the velocity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// exp(-(v/vs)^2): a square instead of a power.
+    Gaussian,
+    /// exp(-|v/vs|^n).
+    Power,
+    /// 1/(1 + (v/vs)^2): a heavier tail.
+    Lorentzian,
+}
+
+impl Shape {
+    /// The shape that a description chose, or that of its exponent.
+    pub(super) fn of(choices: &Choices, exponent: f64) -> Self {
+        choices.shape.unwrap_or(if exponent == 2.0 { Shape::Gaussian } else { Shape::Power })
     }
 }
 
-crate::parameters! {
+/// How much of Fs - Fc is left at velocity `v`.
+#[inline(always)]
+pub fn weight<P: Real, S: Over<P>>(v: S, vs: P, exponent: P, shape: Shape) -> S {
+    let ratio = v * S::from(P::one() / vs);
+    match shape {
+        Shape::Gaussian => (-(ratio * ratio)).exp(),
+        Shape::Power => (-ratio.abs().max(S::c(SMALLEST_RATIO)).pow(S::from(exponent))).exp(),
+        Shape::Lorentzian => S::one() / ratio.fma(ratio, S::one()),
+    }
+}
+
+/// [`crate::parameters!`] of a law with a Stribeck curve: its five parameters and its shape, then the law's own.
+macro_rules! stribeck_parameters {
+    ($(#[$attribute:meta])* pub struct $name:ident { $($own:tt)* } $(with { $($choice:tt)* })?) => {
+        $crate::parameters! {
+            $(#[$attribute])*
+            pub struct $name {
+                /// Coulomb force Fc
+                coulomb: "N", $crate::parameter::above(0.0);
+                /// Breakaway force Fs, the limit of sliding for v -> 0
+                breakaway: "N", $crate::parameter::above(0.0);
+                /// Stribeck velocity vs
+                stribeck_velocity: "m/s", $crate::parameter::above(0.0);
+                /// Stribeck exponent n
+                stribeck_exponent: "-", $crate::parameter::above(0.0), default 2.0;
+                /// Viscous coefficient Fv
+                viscous: "N s/m", $crate::parameter::at_least(0.0), default 0.0;
+                $($own)*
+            } with {
+                /// Shape of the Stribeck curve
+                shape: $crate::friction::Shape,
+                $($($choice)*)?
+            }
+        }
+
+        impl<P: math::Real> $name<P> {
+            #[inline(always)]
+            fn weight<S: math::Over<P>>(&self, v: S) -> S {
+                $crate::friction::weight(v, self.stribeck_velocity, self.stribeck_exponent, self.shape)
+            }
+
+            #[inline(always)]
+            fn own_levels(&self) -> $crate::friction::Levels<P> {
+                $crate::friction::Levels {
+                    coulomb: self.coulomb,
+                    breakaway: self.breakaway,
+                    viscous: self.viscous,
+                }
+            }
+        }
+    };
+}
+pub(super) use stribeck_parameters;
+
+stribeck_parameters! {
     /// Friction of a lip seal in steady sliding (Stribeck curve), with exact sticking.
     ///
-    ///   F(v) = [Fc + (Fs - Fc) exp(-|v/vs|^n)] sgn(v) + Fv v          [N], opposes v > 0
+    ///   F(v) = [Fc + (Fs - Fc) s(v)] sgn(v) + Fv v,  s = exp(-|v/vs|^n)   [N], opposes v > 0
     ///   at rest: F = applied force, as long as |applied| <= Fs
     ///
     /// Stick and slip are modes with located events: v = 0 exactly for as long as it sticks. No
     /// presliding, no memory (use `lugre`). Source: [armstrong1994].
-    pub struct Stribeck {
-        /// Coulomb force Fc
-        coulomb: "N", above(0.0);
-        /// Breakaway force Fs, the limit of sliding for v -> 0
-        breakaway: "N", above(0.0);
-        /// Stribeck velocity vs
-        stribeck_velocity: "m/s", above(0.0);
-        /// Stribeck exponent n
-        stribeck_exponent: "-", above(0.0), default 2.0;
-        /// Viscous coefficient Fv
-        viscous: "N s/m", at_least(0.0), default 0.0;
-    } with {
-        /// n = 2: a square instead of a power
-        gaussian: bool,
-    }
+    pub struct Stribeck {}
 }
 
 impl Stribeck<f64> {
-    pub(super) fn from_values(values: &[f64]) -> Self {
-        Stribeck {
-            coulomb: values[0],
-            breakaway: values[1],
-            stribeck_velocity: values[2],
-            stribeck_exponent: values[3],
-            viscous: values[4],
-            gaussian: values[3] == 2.0,
-        }
+    pub(super) fn build(values: &[f64], choices: &Choices) -> Self {
+        Stribeck::from_values(values, Shape::of(choices, values[3]))
     }
 
     pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
         None
-    }
-}
-
-impl<P: Real> Stribeck<P> {
-    fn weight<S: Over<P>>(&self, v: S) -> S {
-        weight(v, self.stribeck_velocity, self.stribeck_exponent, self.gaussian)
     }
 }
 
@@ -70,9 +103,10 @@ impl<P: Real> Law<P> for Stribeck<P> {
     const TITLE: &'static str = "Stribeck curve with Coulomb and viscous friction, exact sticking";
     const SOURCE: &'static str = "armstrong1994";
     const STICKS: bool = true;
+    const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
-        Levels { coulomb: self.coulomb, breakaway: self.breakaway }
+        self.own_levels()
     }
 
     #[inline(always)]
@@ -82,7 +116,7 @@ impl<P: Real> Law<P> for Stribeck<P> {
 
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], _dz: &mut [S], mode: P) -> S {
-        dry::force(at, mode, S::from(mode) * levels.at(at.prepared) + S::from(self.viscous) * at.v)
+        dry::force(at, mode, S::from(mode) * levels.at(at.prepared) + levels.viscous * at.v)
     }
 
     fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, mode: P) -> S {
@@ -94,6 +128,6 @@ impl<P: Real> Law<P> for Stribeck<P> {
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.at(self.weight(v)), self.viscous)
+        sliding(v, levels.at(self.weight(v)), levels.viscous)
     }
 }

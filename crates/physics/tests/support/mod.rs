@@ -3,9 +3,10 @@
 #![allow(dead_code)] // every contract uses its own part
 
 use math::{Dual, Real};
+use physics::Parameter;
 use physics::friction::{
-    AnyLaw, At, Composition, Contact, Direction, Dwell, Growth, Harmonic, LAWS, Levels, Meta, Position,
-    Relaxation, SealLips, SideLoad,
+    AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, Growth, Harmonic, LAWS, Levels, Meta,
+    Position, Relaxation, SealLips, SideLoad,
 };
 use std::collections::BTreeMap;
 
@@ -47,13 +48,13 @@ pub fn sets() -> [Set; 4] {
 }
 
 pub fn law(meta: &Meta, set: &Set) -> AnyLaw<f64> {
-    let law = AnyLaw::build(meta.key, &mut |p| {
+    let mut value = |p: &Parameter| {
         let value = set.get(p.key).copied().or(p.default);
         let value = value.unwrap_or_else(|| panic!("a value for the new parameter {}", p.key));
         assert!(p.bounds.contain(value) || value.is_infinite(), "{}", p.key);
         value
-    });
-    law.expect("registered")
+    };
+    AnyLaw::build(meta.key, &mut value, &Choices::default()).expect("registered")
 }
 
 pub fn registered(key: &str) -> &'static Meta {
@@ -248,7 +249,8 @@ pub fn curve(meta: &Meta, set: &Set, fc: f64, fs: f64, v: f64) -> f64 {
 /// Fc and Fs of a set: both the same for a law without breakaway.
 pub fn levels(meta: &Meta, set: &Set) -> Levels<f64> {
     let coulomb = set["coulomb"];
-    Levels { coulomb, breakaway: if meta.key == "coulomb" { coulomb } else { set["breakaway"] } }
+    let breakaway = if meta.key == "coulomb" { coulomb } else { set["breakaway"] };
+    Levels { coulomb, breakaway, viscous: set["viscous"] }
 }
 
 /// Solves `f(y) = 0` for up to three unknowns by Newton's method, `f` giving values and derivatives; whether
