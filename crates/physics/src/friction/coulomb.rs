@@ -33,7 +33,8 @@ impl<P: Real> Law<P> for Coulomb<P> {
     const TITLE: &'static str = "Coulomb and viscous friction, exact sticking";
     const SOURCE: &'static str = "armstrong1994";
     const STICKS: bool = true;
-    const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
+    const CLAIMS: Claims =
+        Claims { rate_independent: true, no_drift: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
         Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }

@@ -2,60 +2,14 @@
 
 #![allow(dead_code)] // every contract uses its own part
 
+mod values;
+
 use math::{Dual, Real};
-use physics::Parameter;
 use physics::friction::{
-    AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, Growth, Harmonic, LAWS, Levels, Meta,
-    Position, Relaxation, SealLips, SideLoad,
+    AnyLaw, At, Composition, Contact, Direction, Dwell, Growth, Harmonic, LAWS, Levels, Meta, Position,
+    Relaxation, SealLips, SideLoad,
 };
-use std::collections::BTreeMap;
-
-/// A value for each name of a parameter; a law takes those that it lists.
-pub type Set = BTreeMap<&'static str, f64>;
-
-const BASE: [(&str, f64); 9] = [
-    ("coulomb", 30.0),
-    ("breakaway", 45.0),
-    ("stribeck_velocity", 0.02),
-    ("stribeck_exponent", 2.0),
-    ("viscous", 40.0),
-    ("bristle_stiffness", 1e5),
-    ("bristle_damping", 300.0),
-    ("damping_fade_velocity", f64::INFINITY),
-    ("breakaway_share", 0.9),
-];
-
-pub fn with(changes: &[(&'static str, f64)]) -> Set {
-    BASE.into_iter().chain(changes.iter().copied()).collect()
-}
-
-/// The reference set, one with a general exponent, one that fades, and one where nothing is round.
-pub fn sets() -> [Set; 4] {
-    [
-        with(&[]),
-        with(&[("stribeck_exponent", 0.7), ("viscous", 0.0)]),
-        with(&[("damping_fade_velocity", 0.1), ("breakaway", 30.0)]),
-        with(&[
-            ("coulomb", 3.7),
-            ("breakaway", 9.1),
-            ("stribeck_velocity", 0.0031),
-            ("stribeck_exponent", 1.3),
-            ("viscous", 11.3),
-            ("bristle_stiffness", 7.7e4),
-            ("breakaway_share", 0.61),
-        ]),
-    ]
-}
-
-pub fn law(meta: &Meta, set: &Set) -> AnyLaw<f64> {
-    let mut value = |p: &Parameter| {
-        let value = set.get(p.key).copied().or(p.default);
-        let value = value.unwrap_or_else(|| panic!("a value for the new parameter {}", p.key));
-        assert!(p.bounds.contain(value) || value.is_infinite(), "{}", p.key);
-        value
-    };
-    AnyLaw::build(meta.key, &mut value, &Choices::default()).expect("registered")
-}
+pub use values::*;
 
 pub fn registered(key: &str) -> &'static Meta {
     LAWS.iter().find(|meta| meta.key == key).expect("registered")
@@ -130,7 +84,7 @@ impl Subject {
 
 pub fn subjects() -> impl Iterator<Item = Subject> {
     LAWS.iter().flat_map(|meta| {
-        sets().into_iter().flat_map(move |set| {
+        sets(meta).into_iter().flat_map(move |set| {
             KINDS.map(|kind| {
                 let contact = composed(kind, meta, law(meta, &set));
                 Subject { meta, set: set.clone(), kind, contact }
@@ -211,25 +165,18 @@ pub fn evaluate_dual<const N: usize>(
     (force, rates)
 }
 
-/// Velocities of both signs over many decades, with every mode, bristles up to and beyond their limit,
-/// relaxed parts of either sign, young and old contacts.
+/// Velocities of both signs over many decades, with every mode, inner states up to and beyond their limit, of
+/// either sign where they have one, young and old contacts.
 pub fn grid(subject: &Subject) -> Vec<Point> {
     let mut points = Vec::new();
     let speeds = [0.0, 1e-300, 1e-15, 1e-9, 1e-6, 1e-4, 3e-3, 0.02, 0.3, 2.0, 50.0, 1e3];
     let modes: &[f64] = if subject.meta.sticks { &[-1.0, 0.0, 1.0] } else { &[0.0] };
-    let ages = [1e-5, 0.31, 41.0, 1e-9, 1e5];
+    let ranges: Vec<Range> = subject.contact.states().iter().map(Range::of).collect();
     for v in speeds.iter().flat_map(|v| [*v, -v]) {
         for (i, share) in [-1.07, -0.4, 0.0, 1e-9, 0.93].into_iter().enumerate() {
             for &mode in modes {
-                let states = subject.contact.states();
-                let inner = states.iter().map(|state| match state.name {
-                    "bristle_deflection_m" => share * 4.5e-4,
-                    "relaxed_deflection_m" => [0.3, 1.3, -0.6, 0.0, 0.2][i] * share * 4.5e-4,
-                    "contact_age_s" => ages[i],
-                    name => panic!("a value for the new state {name}"),
-                });
-                let inner = inner.collect();
-                let (x, gauges) = (0.071 * i as f64, [3.1e5 * share.abs(), 1.7e5]);
+                let inner = ranges.iter().enumerate().map(|(j, range)| range.at(i, j)).collect();
+                let (x, gauges) = (0.071 * i as f64, [3.1e5 * f64::abs(share), 1.7e5]);
                 points.push(Point { v, applied: 40.0 * share, x, gauges, inner, mode });
             }
         }
@@ -237,28 +184,60 @@ pub fn grid(subject: &Subject) -> Vec<Point> {
     points
 }
 
-/// The Stribeck curve as it stands in the description's contract, by the library's functions.
-pub fn curve(meta: &Meta, set: &Set, fc: f64, fs: f64, v: f64) -> f64 {
-    let weight = match meta.key {
-        "coulomb" => 0.0,
-        _ => (-(v.abs() / set["stribeck_velocity"]).powf(set["stribeck_exponent"])).exp(),
+/// Steady sliding as it stands in the description's contract, by the library's functions.
+pub fn curve(meta: &Meta, set: &Set, levels: &Levels<f64>, v: f64) -> f64 {
+    let Levels { coulomb, breakaway, viscous } = *levels;
+    let ratio = v.abs() / set["stribeck_velocity"];
+    let stribeck = || coulomb + (breakaway - coulomb) * (-ratio.powf(set["stribeck_exponent"])).exp();
+    let level = match meta.key {
+        "coulomb" => coulomb,
+        "stribeck" | "lugre" | "elasto-plastic" => stribeck(),
+        key => panic!("the steady curve of the new law {key}, worked out by hand"),
     };
-    (fc + (fs - fc) * weight) * v.signum() + set["viscous"] * v
+    level * v.signum() + viscous * v
 }
 
-/// Fc and Fs of a set: both the same for a law without breakaway.
+/// Fc, Fs and Fv of a set: what stands for one that a law has not.
 pub fn levels(meta: &Meta, set: &Set) -> Levels<f64> {
-    let coulomb = set["coulomb"];
-    let breakaway = if meta.key == "coulomb" { coulomb } else { set["breakaway"] };
-    Levels { coulomb, breakaway, viscous: set["viscous"] }
+    let given = |key: &str| meta.parameters.iter().any(|p| p.key == key).then(|| set[key]);
+    let own = law(meta, set).levels();
+    let coulomb = given("coulomb").unwrap_or(own.coulomb);
+    Levels {
+        coulomb,
+        breakaway: given("breakaway").unwrap_or(coulomb),
+        viscous: given("viscous").unwrap_or(own.viscous),
+    }
 }
 
-/// Solves `f(y) = 0` for up to three unknowns by Newton's method, `f` giving values and derivatives; whether
-/// it converged.
-pub fn newton(y: &mut [f64], mut f: impl FnMut(&[f64]) -> Vec<Dual<f64, 3>>) -> bool {
+/// Directions of one dual pass.
+const PASS: usize = 4;
+
+/// Friction and the rates of the inner states at `p`, and their derivatives by v (first) and the inner states:
+/// rows of (value, derivatives), the force first.
+fn slopes(contact: &Contact<f64>, p: &Point) -> Vec<(f64, Vec<f64>)> {
+    let n = p.inner.len();
+    let mut rows = vec![(0.0, vec![0.0; n + 1]); n + 1];
+    for first in (0..=n).step_by(PASS) {
+        let of = |i: usize| {
+            let direction = if i == 0 { 0 } else { (i + 1).checked_sub(5)? };
+            direction.checked_sub(first).filter(|d| *d < PASS)
+        };
+        let (force, rates) = evaluate_dual::<PASS>(contact, p, of);
+        for (row, dual) in rows.iter_mut().zip([force].iter().chain(&rates)) {
+            row.0 = dual.re;
+            let last = (first + PASS).min(n + 1);
+            row.1[first..last].copy_from_slice(&dual.eps[..last - first]);
+        }
+    }
+    rows
+}
+
+/// Solves `f(y) = 0` by Newton's method, `f` giving rows of (value, derivatives); whether it converged, to steps
+/// of 1e-13 of `y` or 1e-15 of its `scales`.
+pub fn newton(y: &mut [f64], scales: &[f64], mut f: impl FnMut(&[f64]) -> Vec<(f64, Vec<f64>)>) -> bool {
     for _ in 0..40 {
-        let mut rows: Vec<Vec<f64>> =
-            f(y).iter().map(|r| r.eps[..y.len()].iter().copied().chain([-r.re]).collect()).collect();
+        let row = |(value, slopes): (f64, Vec<f64>)| slopes.into_iter().chain([-value]).collect();
+        let mut rows: Vec<Vec<f64>> = f(y).into_iter().map(row).collect();
         let n = rows.len();
         for i in 0..n {
             let pivot = (i..n).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs())).expect("rows");
@@ -273,7 +252,8 @@ pub fn newton(y: &mut [f64], mut f: impl FnMut(&[f64]) -> Vec<Dual<f64, 3>>) -> 
         }
         let steps: Vec<f64> = (0..n).map(|i| rows[i][n] / rows[i][i]).collect();
         y.iter_mut().zip(&steps).for_each(|(y, step)| *y += step);
-        if steps.iter().zip(&*y).all(|(step, y)| step.abs() <= 1e-13 * y.abs()) {
+        let small = |((step, y), scale): ((&f64, &f64), &f64)| step.abs() <= 1e-13 * y.abs() + 1e-15 * scale;
+        if steps.iter().zip(&*y).zip(scales).all(small) {
             return true;
         }
     }
@@ -291,12 +271,16 @@ pub fn implicit(
     note: &mut impl FnMut(&Point, f64),
 ) {
     let start = p.inner.clone();
+    let scales: Vec<f64> = contact.states().iter().map(|state| state.scale).collect();
     let mut found = start.clone();
-    let converged = newton(&mut found, |y| {
+    let converged = newton(&mut found, &scales, |y| {
         p.inner.copy_from_slice(y);
-        let rates = evaluate_dual::<3>(contact, p, |i| i.checked_sub(5)).1;
-        let lag = |j: usize| Dual::variable(y[j], j) - Dual::from(start[j]) - Dual::from(end * dt) * rates[j];
-        (0..y.len()).map(lag).collect()
+        let rates = slopes(contact, p).into_iter().skip(1);
+        let lag = |(j, (rate, slopes)): (usize, (f64, Vec<f64>))| {
+            let of = |(k, slope): (usize, &f64)| f64::from(j == k) - end * dt * slope;
+            (y[j] - start[j] - end * dt * rate, slopes[1..].iter().enumerate().map(of).collect())
+        };
+        rates.enumerate().map(lag).collect()
     });
     if !converged {
         assert!(dt > 1e-15, "no solution from {start:?} at {p:?}");
@@ -308,6 +292,36 @@ pub fn implicit(
     p.inner = found;
     note(p, dt);
     p.inner = start.iter().zip(&p.inner).map(|(start, found)| start + (found - start) / end).collect();
+}
+
+/// One step of a mass, kg, that a force, N, moves against friction: like [`implicit`] with `end` = 1, the velocity
+/// an unknown.
+pub fn pushed(contact: &Contact<f64>, p: &mut Point, mass: f64, force: f64, dt: f64) {
+    let mass = mass + contact.inertia();
+    let start: Vec<f64> = [p.v].into_iter().chain(p.inner.iter().copied()).collect();
+    let scales: Vec<f64> = [1.0].into_iter().chain(contact.states().iter().map(|s| s.scale)).collect();
+    let mut found = start.clone();
+    let converged = newton(&mut found, &scales, |y| {
+        (p.v, p.applied) = (y[0], force);
+        p.inner.copy_from_slice(&y[1..]);
+        let lag = |(j, (value, slopes)): (usize, (f64, Vec<f64>))| {
+            // m dv/dt = force - friction, in the first row.
+            let (rate, gain) = if j == 0 { ((force - value) / mass, -1.0 / mass) } else { (value, 1.0) };
+            let of = |(k, slope): (usize, &f64)| f64::from(j == k) - dt * gain * slope;
+            (y[j] - start[j] - dt * rate, slopes.iter().enumerate().map(of).collect())
+        };
+        slopes(contact, p).into_iter().enumerate().map(lag).collect()
+    });
+    if !converged {
+        assert!(dt > 1e-12, "no solution from {start:?} at {p:?}");
+        (p.v, p.inner) = (start[0], start[1..].to_vec());
+        pushed(contact, p, mass - contact.inertia(), force, 0.5 * dt);
+        pushed(contact, p, mass - contact.inertia(), force, 0.5 * dt);
+        return;
+    }
+    p.v = found[0];
+    p.inner.copy_from_slice(&found[1..]);
+    p.x += dt * p.v;
 }
 
 /// A random motion of pieces (velocity, duration): creeping and fast, long and short, in both
