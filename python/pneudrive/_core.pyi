@@ -63,6 +63,16 @@ class Drive:
         rtol: float,
     ) -> ServoResult: ...
     def chambers(self, states: NDArray[float64]) -> NDArray[float64]: ...
+    def along(
+        self,
+        times: NDArray[float64],
+        position: NDArray[float64],
+        velocity: NDArray[float64],
+        pressure_a: NDArray[float64],
+        pressure_b: NDArray[float64],
+        openings: NDArray[float64],
+        temperatures: Sequence[float],
+    ) -> dict[str, NDArray[float64]]: ...
 
 @type_check_only
 class RigResult(Result):

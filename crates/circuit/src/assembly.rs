@@ -1,9 +1,11 @@
 //! Assemblies: circuits of public parts, with names for what they contain.
 
+mod along;
 mod drive;
 mod friction;
 mod rig;
 
+pub use along::{ALONG, Record};
 pub use drive::{Drive, Servo};
 pub use friction::friction_law;
 pub use rig::{End, Motion, Rig, Start};

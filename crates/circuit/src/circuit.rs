@@ -3,7 +3,7 @@
 mod build;
 
 use crate::ledger::Channel;
-use crate::net::Net;
+use crate::net::{AxisNode, Net};
 use crate::part::cylinder::INNER;
 use crate::part::*;
 use math::{Lane, Over, Real};
@@ -252,6 +252,11 @@ impl<P: Real> Circuit<P> {
                 (*place, &mut cylinder.axis, INNER)
             }
         }
+    }
+
+    /// Friction of steady sliding of an axis at the place, speed and pressures of a node, N.
+    pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
+        self.mover(self.find(axis)).1.steady_friction(node)
     }
 
     fn find(&self, axis: AxisId) -> Mover {

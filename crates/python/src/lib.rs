@@ -1,6 +1,8 @@
 //! The seam to Python: conversion and error mapping, nothing else.
 
-use circuit::{Balance, Drive, Error, Kind, Motion, Rig, Run, Servo, Start, friction_law, specification};
+use circuit::{
+    ALONG, Balance, Drive, Error, Kind, Motion, Record, Rig, Run, Servo, Start, friction_law, specification,
+};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::{Options, Statistics};
 use physics::IdealGas;
@@ -162,6 +164,50 @@ impl PyDrive {
         }
         let gas = self.drive.chambers(states.rows().into_iter().map(|row| row.to_vec()));
         PyArray1::from_vec(py, gas).reshape([states.nrows(), 4])
+    }
+
+    /// Forces, steady friction and pressure rates along a measured record: columns by name. `openings` has
+    /// a row for each sample: supply to a, a to exhaust, supply to b, b to exhaust.
+    #[allow(clippy::too_many_arguments)]
+    fn along<'py>(
+        &self,
+        py: Python<'py>,
+        times: PyReadonlyArray1<'py, f64>,
+        position: PyReadonlyArray1<'py, f64>,
+        velocity: PyReadonlyArray1<'py, f64>,
+        pressure_a: PyReadonlyArray1<'py, f64>,
+        pressure_b: PyReadonlyArray1<'py, f64>,
+        openings: PyReadonlyArray2<'py, f64>,
+        temperatures: [f64; 2],
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let shares: Vec<[f64; 4]> =
+            openings.as_array().rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect();
+        let record = Record {
+            times: times.as_slice()?,
+            position: position.as_slice()?,
+            velocity: velocity.as_slice()?,
+            pressure: [pressure_a.as_slice()?, pressure_b.as_slice()?],
+            openings: &shares,
+            temperature: temperatures,
+        };
+        let n = record.times.len();
+        if [record.position, record.velocity, record.pressure[0], record.pressure[1]]
+            .iter()
+            .any(|column| column.len() != n)
+            || shares.len() != n
+            || openings.as_array().ncols() != 4
+        {
+            return Err(PyValueError::new_err(
+                "the columns of a record have one length, openings four columns",
+            ));
+        }
+        let rows = py.detach(|| self.drive.along(&record));
+        let out = PyDict::new(py);
+        for (i, name) in ALONG.iter().enumerate() {
+            let column = rows.iter().skip(i).step_by(ALONG.len()).copied().collect();
+            out.set_item(*name, PyArray1::from_vec(py, column))?;
+        }
+        Ok(out)
     }
 
     /// A sampled servo loop tracking a sine around mid stroke.

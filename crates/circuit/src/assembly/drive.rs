@@ -183,6 +183,25 @@ impl Drive {
         }
     }
 
+    /// Opens each edge of the valve by itself: supply to a, a to exhaust, supply to b, b to exhaust.
+    pub(super) fn set_openings(&self, circuit: &mut Circuit<f64>, openings: [f64; 4]) {
+        for (edge, opening) in self.edges.iter().zip(openings) {
+            circuit.set_opening(*edge, 0, opening);
+        }
+    }
+
+    pub(super) fn circuit(&self) -> &Circuit<f64> {
+        &self.circuit
+    }
+
+    pub(super) fn axis_id(&self) -> AxisId {
+        self.axis
+    }
+
+    pub(super) fn chamber_ids(&self) -> [GasId; 2] {
+        [self.a, self.b]
+    }
+
     /// Simulates a command that is constant from each of `times` to the next (the first at 0).
     pub fn simulate(
         &self,

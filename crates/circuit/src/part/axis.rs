@@ -101,6 +101,11 @@ impl<P: Real> Axis<P> {
         [node.v, node.a]
     }
 
+    /// Friction of steady sliding (after any transient) at a node, N.
+    pub(crate) fn steady_friction<S: Over<P>>(&self, node: &AxisNode<S>) -> S {
+        self.friction.as_ref().map_or(S::zero(), |contact| contact.steady(&at(node)))
+    }
+
     /// What the axis with inner states `z` stores.
     pub(super) fn stored_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let node = &net.axis[self.node];

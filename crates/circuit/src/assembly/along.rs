@@ -1,0 +1,111 @@
+//! The equations of a drive along a measured record: what they say of forces and pressure rates at states
+//! that were measured rather than integrated.
+
+use super::Drive;
+use crate::net::Net;
+use crate::specification::Initial;
+use math::Dual;
+use ode::System;
+
+/// One direction: that of the flow.
+type AlongFlow = Dual<f64, 1>;
+
+/// Names of the columns of [`Drive::along`].
+pub const ALONG: [&str; 9] = [
+    "temperature_a_k",
+    "temperature_b_k",
+    "force_n",
+    "friction_n",
+    "end_stop_force_n",
+    "pressure_rate_a_pa_s",
+    "pressure_rate_b_pa_s",
+    "mass_flow_a_kg_s",
+    "mass_flow_b_kg_s",
+];
+
+/// A record of a drive as it was measured; `n` samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Record<'a> {
+    /// s, rising.
+    pub times: &'a [f64],
+    /// m, m/s, Pa absolute.
+    pub position: &'a [f64],
+    pub velocity: &'a [f64],
+    pub pressure: [&'a [f64]; 2],
+    /// Share of the full conductance that each edge of the valve has open: supply to a, a to exhaust,
+    /// supply to b, b to exhaust. From each sample to the next.
+    pub openings: &'a [[f64; 4]],
+    /// Temperatures in the chambers at the first sample, K.
+    pub temperature: [f64; 2],
+}
+
+/// Relative step of the difference that gives d(dT/dt)/dT.
+const STEP: f64 = 1e-4;
+
+impl Drive {
+    /// The columns [`ALONG`] at each sample, row by row.
+    ///
+    ///   force     all forces in +x but friction                    N
+    ///   friction  of steady sliding at the measured velocity       N, opposes v > 0
+    ///   dp/dt     of the energy balance at the measured state      Pa/s
+    ///
+    /// Temperatures are not measured: they follow the energy balance from the first sample on, at measured
+    /// position, velocity and pressure, with the linearly implicit Euler method
+    ///
+    ///   T' = T + h f / (1 - h df/dT),   f = dT/dt
+    ///
+    /// which is stable where a small chamber is flushed within less than a sample. Whatever they are at the
+    /// start is forgotten with the time constant of heat transfer and flushing.
+    pub fn along(&self, record: &Record<'_>) -> Vec<f64> {
+        let mut net = self.circuit().work::<AlongFlow>();
+        let mut t = record.temperature;
+        let mut rows = Vec::with_capacity(ALONG.len() * record.times.len());
+        for i in 0..record.times.len() {
+            let rates = self.temperature_rates(record, i, t, &mut net);
+            let gas = self.chamber_ids().map(|id| net[id]);
+            let axis = net[self.axis_id()];
+            let steady = self.circuit().steady_friction(self.axis_id(), &axis).re;
+            rows.extend([t[0], t[1], axis.force.re, steady, -axis.end_stop.re]);
+            rows.extend(gas.iter().map(|node| node.p.eps[0]));
+            rows.extend(gas.iter().map(|node| node.m_dot.re));
+            if let Some(next) = record.times.get(i + 1) {
+                let h = next - record.times[i];
+                let warmer = self.temperature_rates(record, i, t.map(|t| t * (1.0 + STEP)), &mut net);
+                for side in 0..2 {
+                    let slope = (warmer[side] - rates[side]) / (t[side] * STEP);
+                    t[side] += h * rates[side] / (1.0 - h * slope.min(0.0));
+                }
+            }
+        }
+        rows
+    }
+
+    /// dT/dt in both chambers at sample `i` with temperatures `t`; leaves the nodes, with their rates along
+    /// the flow, in `net`.
+    fn temperature_rates(
+        &self,
+        record: &Record<'_>,
+        i: usize,
+        t: [f64; 2],
+        net: &mut Net<AlongFlow>,
+    ) -> [f64; 2] {
+        let initial = Initial {
+            position_m: record.position[i],
+            velocity_m_s: record.velocity[i],
+            pressure_a_pa: record.pressure[0][i],
+            pressure_b_pa: record.pressure[1][i],
+            temperature_a_k: t[0],
+            temperature_b_k: t[1],
+            contact_age_s: 0.0,
+        };
+        let (mut circuit, y) = self.start(&initial, 0.0);
+        self.set_openings(&mut circuit, record.openings[i]);
+        let still: Vec<AlongFlow> = y.iter().map(|&value| value.into()).collect();
+        let mut rates = still.clone();
+        circuit.rhs(0.0.into(), &still, &mut rates, net);
+        let moving: Vec<AlongFlow> =
+            y.iter().zip(&rates).map(|(&re, rate)| Dual { re, eps: [rate.re] }).collect();
+        circuit.rhs(0.0.into(), &moving, &mut rates, net);
+        self.chamber_ids().map(|id| net[id].t.eps[0])
+    }
+}
