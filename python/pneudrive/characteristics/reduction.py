@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.autocorrelation import stderr_of_mean
-from pneudrive.identify.observations import moderate
+from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -23,7 +23,7 @@ def apply_to_drive(fit: FrictionFit, drive: Drive) -> Drive:
     if not set(forces) <= known:
         changes |= _other_law(fit, drive, forces)
     elif fit.model.stribeck and "stribeck_exponent" in known:
-        forces["stribeck_exponent"] = fit.parameters["stribeck_exponent"]
+        changes |= _curve(fit, forces)
     _check_pressure(fit, drive)
     _check_order(fit, drive, forces)
     for name, value in forces.items():
@@ -47,11 +47,24 @@ def _other_law(fit: FrictionFit, drive: Drive, forces: dict[str, float]) -> dict
             rule="a drive takes another law only as a whole",
             remedy="give the drive the law stribeck or lugre first, or fit law='coulomb'",
         )
+    return {"friction.law": fit.law} | _curve(fit, forces)
+
+
+def _curve(fit: FrictionFit, forces: dict[str, float]) -> dict[str, object]:
+    """Shape of the Stribeck curve: an exponent among the forces, or the Lorentzian by its name."""
+    if fit.model.lorentzian:
+        return {"friction.stribeck_shape": "lorentzian"}
     forces["stribeck_exponent"] = fit.parameters["stribeck_exponent"]
-    return {"friction.law": fit.law}
+    return {}
 
 
 def _check_pressure(fit: FrictionFit, drive: Drive) -> None:
+    if fit.model.chambers and fit.model.pressure != "linear":
+        raise FitError(
+            f"a drive's friction is linear in the chamber pressures, and this fit is {fit.model.pressure} in them",
+            rule="no straight line is put in a curve's place without being asked for",
+            remedy="fit with pressure='linear' over the pressures at which the drive works",
+        )
     seals = drive.friction.pressure
     if seals is None or fit.model.chambers:
         return

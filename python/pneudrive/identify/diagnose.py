@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.identify.model import FrictionModel
-from pneudrive.identify.observations import distinct_levels
+from pneudrive.identify.levels import distinct_levels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.model import Observations
+    from pneudrive.identify.model import FrictionModel, Observations
     from pneudrive.identify.robust import Estimate
 
     Array = NDArray[np.float64]
@@ -72,38 +71,38 @@ def _listed(levels: list[tuple[float, float]]) -> str:
 
 
 def choose_model(
-    law: str, data: Observations, *, exponent: float | None, pressure_dependence: bool
+    wanted: FrictionModel, data: Observations, *, pressure: str | None
 ) -> tuple[FrictionModel, list[Undetermined]]:
-    """Choose the largest part of the law whose parameters these rows can determine in number; say what is left out."""
-    lost: list[Undetermined] = []
-    chambers: tuple[str, ...] = ()
-    if pressure_dependence:
-        chambers, lost = _chambers(data, law)
-    grouped = distinct_levels(data.speed_m_s)
-    levels, speeds = len(grouped), _listed(grouped)
-    needed = 4 if exponent is not None else 5
-    if law == "stribeck" and (levels < needed or len(data) < needed + 2 * len(chambers)):
-        count = f"{levels} distinct speed{'s' * (levels != 1)} ({speeds})"
-        reason = f"the map has {count} and a Stribeck curve needs at least {needed}"
-        if levels >= needed:
-            reason = f"the map has {len(data)} independent values, fewer than the law has parameters"
-        remedy = "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest"
-        names = ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * (exponent is None)
-        lost += [Undetermined(name, reason, remedy) for name in names]
-        law = "coulomb"
-        lost = [s for s in lost if not s.parameter.startswith("breakaway_")]
-        lost += [Undetermined(f"breakaway_{c}", reason, remedy) for c in (("a", "b") if pressure_dependence else ())]
-    exponent = exponent if law == "stribeck" else 2.0
-    model = FrictionModel(law, exponent, chambers, levels >= 2 and len(data) >= 2)
-    if levels < 2 or len(data) < len(model.names):
-        reason = f"all rows lie at one speed ({speeds})"
-        if levels >= 2:
+    """Choose the largest part of the law whose parameters these rows can determine in number; say what is left out.
+
+    Parameters
+    ----------
+    wanted : FrictionModel
+        The law, without chambers.
+    data : Observations
+    pressure : str or None
+        Wanted dependence on pressure, one of ``PRESSURE_FORMS``.
+    """
+    model, lost = (wanted, []) if pressure is None else _with_pressure(wanted, data, pressure)
+    model, statements = _with_enough_speeds(model, data, len(model.terms))
+    if statements:
+        lost = [s for s in lost if not s.parameter.startswith("breakaway_")] + statements
+        if pressure is not None:
+            first = statements[0]
+            lost += [Undetermined(f"breakaway_{c}", first.reason, first.remedy) for c in "ab"]
+    levels = distinct_levels(data.speed_m_s)
+    if not wanted.viscous:
+        reason = "it was held at zero; what is called coulomb here is all the friction at the speeds of the map"
+        lost.append(Undetermined("viscous", reason, "measure at speeds that differ by a factor of three or more"))
+    elif len(levels) < 2 or len(data) < len(model.names):
+        reason = f"all rows lie at one speed ({_listed(levels)})"
+        if len(levels) >= 2:
             reason = f"the map has {len(data)} independent values, fewer than the law has parameters"
         reason += "; what is called coulomb here is all the friction at " + (
-            "that speed" if levels < 2 else "its speeds"
+            "that speed" if len(levels) < 2 else "its speeds"
         )
         lost.append(Undetermined("viscous", reason, "measure at a second speed, at least three times higher"))
-        model = FrictionModel(law, exponent, chambers, viscous=False)
+        model = replace(model, viscous=False)
     if len(data) < len(model.names):
         raise FitError(
             "the friction map has fewer values than the law has parameters",
@@ -111,6 +110,58 @@ def choose_model(
             remedy="measure more speeds and pressures, or fit law='coulomb' without pressure dependence",
         )
     return model, lost
+
+
+def _with_enough_speeds(
+    model: FrictionModel, data: Observations, terms: int
+) -> tuple[FrictionModel, list[Undetermined]]:
+    """Leave the Stribeck part out where there are fewer speeds or values than it has parameters."""
+    grouped = distinct_levels(data.speed_m_s)
+    levels, free = len(grouped), model.exponent is None
+    needed = 5 if free else 4
+    if not model.stribeck or (levels >= needed and len(data) >= needed + 2 * terms):
+        return model, []
+    count = f"{levels} distinct speed{'s' * (levels != 1)} ({_listed(grouped)})"
+    reason = f"the map has {count} and a Stribeck curve needs at least {needed}"
+    if levels >= needed:
+        reason = f"the map has {len(data)} independent values, fewer than the law has parameters"
+    remedy = "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest"
+    names = ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * free
+    return model.without_stribeck(), [Undetermined(name, reason, remedy) for name in names]
+
+
+def _with_pressure(
+    wanted: FrictionModel, data: Observations, pressure: str
+) -> tuple[FrictionModel, list[Undetermined]]:
+    """Add what of the dependence on pressure the levels can carry."""
+    chambers, lost = _chambers(data, wanted.law)
+    forces = ("coulomb", "breakaway") if wanted.stribeck else ("coulomb",)
+    gauges = {"a": data.gauge_a_pa, "b": data.gauge_b_pa}
+    if pressure in ("quadratic", "saturating"):
+        few = [c for c in "ab" if any(c in chamber for chamber in chambers) and _levels(gauges[c]) < 3]
+        if few:
+            reason = f"chamber {few[0]} was measured at fewer than three pressures, which carry no more than a line"
+            remedy = "measure at three or more pressures, spread over the range"
+            lost += [Undetermined(f"{f}_curve_{c}", reason, remedy) for f in forces for c in few]
+            pressure = "linear"
+    if pressure == "interaction" and (chambers != ("a", "b") or not _crossed(data)):
+        reason = "the two chambers' pressures were not varied independently of each other"
+        remedy = "measure a grid: both chambers at 0, 2, 4 and 6 bar gauge in all combinations"
+        lost += [Undetermined(f"{f}_product", reason, remedy) for f in forces]
+        pressure = "linear"
+    return replace(wanted, chambers=chambers, pressure=pressure), lost
+
+
+def _levels(gauge: Array) -> int:
+    return int(np.sum(np.diff(np.sort(gauge)) > SAME_PRESSURE_PA)) + 1
+
+
+def _crossed(data: Observations) -> bool:
+    """Whether the product of both pressures is no combination of the pressures themselves."""
+    a, b = data.gauge_a_pa / 1e5, data.gauge_b_pa / 1e5
+    base = np.column_stack([np.ones_like(a), a, b])
+    rest = a * b - base @ np.linalg.lstsq(base, a * b, rcond=None)[0]
+    return bool(np.std(rest) > 1e-3 * np.std(a * b))
 
 
 def _chambers(data: Observations, law: str) -> tuple[tuple[str, ...], list[Undetermined]]:
@@ -206,13 +257,13 @@ def without_support(
             "and repeat strokes to lower the noise"
         )
         names = ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * (model.exponent is None)
-        names += [f"breakaway_{c}" for chamber in model.chambers for c in chamber]
-        smaller = FrictionModel("coulomb", chambers=model.chambers, viscous=model.viscous)
+        names += [f"breakaway_{c}" for c in ("a", "b") if any(c in chamber for chamber in model.chambers)]
+        smaller = model.without_stribeck()
         return smaller, [Undetermined(n, reason, remedy) for n in names]
     if model.viscous and not model.stribeck:
         typical = float(np.median(np.abs(data.friction_n)))
         reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))
-        smaller = FrictionModel("coulomb", chambers=model.chambers, viscous=False)
+        smaller = replace(model, viscous=False)
         if found.active[model.names.index("viscous")] and reach < 1e-3 * typical:
             reason = (
                 f"friction falls with speed between {_mm_s(slowest)} and {_mm_s(fastest)}, which no viscous part does; "

@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.describe import toml
 from pneudrive.errors import FitError
 from pneudrive.identify.diagnose import Undetermined
-from pneudrive.identify.model import UNITS, FrictionModel
+from pneudrive.identify.model import FrictionModel, unit_of
 from pneudrive.identify.result import FrictionFit
 from pneudrive.trajectory import whole
 
@@ -40,7 +40,7 @@ def fit_toml(fit: FrictionFit) -> str:
         *_table("model", _model_table(fit.model)),
     ]
     for name, value in fit.parameters.items():
-        entry: dict[str, object] = {"value": value, "unit": UNITS[name], "determined": name in fit.determined}
+        entry: dict[str, object] = {"value": value, "unit": unit_of(name), "determined": name in fit.determined}
         source = f"{name}b" if f"{name}b" in fit.free else name
         if source in fit.free:
             entry["standard_error"] = fit.standard_errors[source]
@@ -114,7 +114,13 @@ def _from_content(content: dict) -> FrictionFit:
         statistics={name: float(value) for name, value in content["statistics"].items()},
         provenance=dict(content["provenance"]),
         model=FrictionModel(
-            model["law"], None if exponent == "free" else float(exponent), tuple(model["chambers"]), model["viscous"]
+            model["law"],
+            None if exponent == "free" else float(exponent),
+            tuple(model["chambers"]),
+            model["viscous"],
+            bool(model.get("lorentzian", False)),
+            str(model.get("pressure", "linear")),
+            model.get("knee_pa"),
         ),
     )
 
@@ -125,6 +131,9 @@ def _model_table(model: FrictionModel) -> dict[str, object]:
         "stribeck_exponent": "free" if model.exponent is None else model.exponent,
         "chambers": list(model.chambers),
         "viscous": model.viscous,
+        "lorentzian": model.lorentzian,
+        "pressure": model.pressure,
+        **({} if model.knee_pa is None else {"knee_pa": model.knee_pa}),
     }
 
 

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive import __version__
 from pneudrive.characterise.pressure_line import CONFOUNDED
-from pneudrive.characterise.spread import student
-from pneudrive.errors import FitError
-from pneudrive.identify.diagnose import Undetermined, choose_model, diagnose, without_support
-from pneudrive.identify.model import PRESSURE_NAMES, UNITS, FrictionModel, Observations
+from pneudrive.errors import FitError, nearest
+from pneudrive.identify.assemble import assembled
+from pneudrive.identify.diagnose import choose_model, diagnose
+from pneudrive.identify.model import PRESSURE_FORMS, STRIBECK_SHAPES, FrictionModel, Observations
 from pneudrive.identify.observations import observations
-from pneudrive.identify.profile import profile_intervals
-from pneudrive.identify.result import FrictionFit
-from pneudrive.identify.robust import Estimate, deviance, estimate
-from pneudrive.identify.scatter import with_scatter
+from pneudrive.identify.losses import LOSSES
+from pneudrive.identify.support import Support, shrunk_to_the_data, with_knee
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Mapping, Sequence
 
     import xarray as xr
-    from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.identify.result import FrictionFit
 
 LAWS = ("coulomb", "stribeck")
 
@@ -37,7 +33,11 @@ def fit_friction(
     pressure_dependence: bool = False,
     direction: int | None = None,
     stribeck_exponent: float | None = 2.0,
+    stribeck_shape: str | None = None,
+    pressure: str = "linear",
+    viscous: bool = True,
     robust: bool = True,
+    loss: str = "huber",
     ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = (),
 ) -> FrictionFit:
@@ -56,8 +56,18 @@ def fit_friction(
         zero is then part of the Coulomb force.
     stribeck_exponent : float or None
         Fixed exponent (2 is Gauss, 1 is Tustin's exponential), or None to fit it.
+    stribeck_shape : str or None
+        ``gaussian``, ``exponential``, ``lorentzian`` or ``free`` (exponent to be fitted); None leaves it to
+        `stribeck_exponent`.
+    pressure : str
+        With `pressure_dependence`: ``linear`` in the gauge pressures; ``quadratic``; ``saturating``, g/(1 + g/knee) in
+        place of each gauge pressure g, with the most likely of a few knees; ``interaction``, with the product of both.
+    viscous : bool
+        False holds the viscous part at zero: where the speeds hardly differ.
     robust : bool
-        Huber's loss, so that single outlying levels do not move the fit.
+        A loss with which single outlying levels do not move the fit; False is plain least squares.
+    loss : str
+        With `robust`: ``huber``, ``soft-l1`` or ``tukey`` (gives far outliers no weight at all).
     ambient_pressure_pa : float or None
         Pressure from which gauge pressures count; None takes ``friction_map.attrs["ambient_pressure_pa"]``.
         Needed with `pressure_dependence` only.
@@ -82,36 +92,74 @@ def fit_friction(
     rows share, is carried to each parameter separately (`FrictionFit.systematic`). Methods: [huber2009],
     [bates1988], [smyth2004], [paule1982].
     """
-    _check(law, stribeck_exponent, direction)
+    exponent, lorentzian = _shape(law, stribeck_shape, stribeck_exponent)
+    _check(law, exponent, direction, pressure, loss)
     ambient = _ambient(friction_map, ambient_pressure_pa, pressure_dependence)
     data, notes = observations(
         friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
     )
-    model, lost = choose_model(law, data, exponent=stribeck_exponent, pressure_dependence=pressure_dependence)
-    notes += _confounding(data, pressure_dependence)
-    support = _shrunk_to_the_data(model, data, robust)
-    model, data, found, intervals = support.model, support.data, support.found, support.intervals
-    lost += support.lost + diagnose(model, data, found, intervals)
-    if support.scatter_n > 0.0:
-        notes.append(
-            f"the levels scatter by {support.scatter_n:.2g} N more than their standard errors say (runs differ, or the "
-            "law does not hold); the weights and the intervals count it"
-        )
-    if len(data) == len(model.names):
-        notes.append(
-            "as many values as parameters: the intervals rest on the stated standard errors alone, and a further run "
-            "may lie far outside them"
-        )
-    provenance = {
-        "version": __version__,
-        "map_sha256": fingerprint(data),
+    form = pressure if pressure_dependence else None
+    wanted = FrictionModel(law, exponent, viscous=viscous, lorentzian=lorentzian)
+    options = {
         "direction": "both" if direction is None else f"{direction:+d}",
         "robust": robust,
         "pressure_dependence": pressure_dependence,
         "ambient_pressure_pa": ambient,
         "exclude_flags": sorted(exclude_flags),
     }
-    return _result(law, support, lost, notes, provenance)
+    return fit_values(wanted, data, pressure=form, loss=loss if robust else "linear", notes=notes, options=options)
+
+
+def fit_values(
+    wanted: FrictionModel,
+    data: Observations,
+    *,
+    pressure: str | None = None,
+    loss: str = "huber",
+    notes: Sequence[str] = (),
+    options: Mapping[str, object] | None = None,
+) -> FrictionFit:
+    """Fit to values that were selected already; see :func:`fit_friction`, which selects them.
+
+    Parameters
+    ----------
+    wanted : FrictionModel
+        The law; chambers and what the data cannot determine in number are chosen here.
+    data : Observations
+    pressure : str or None
+        Dependence on pressure, one of ``PRESSURE_FORMS``; None for none.
+    loss : str
+        ``linear`` or a name in ``robust.LOSSES``.
+    notes, options
+        Go into the result; options into its provenance.
+    """
+    said = [*notes, *_confounding(data, pressure is not None)]
+    model, lost = choose_model(wanted, data, pressure=pressure)
+    support = shrunk_to_the_data(with_knee(model, data, loss), data, loss)
+    lost += support.lost + diagnose(support.model, support.data, support.found, support.intervals)
+    said += _remarks(support)
+    provenance = {"version": __version__, "map_sha256": fingerprint(data), "loss": loss, **(options or {})}
+    return assembled(wanted.law, support, lost, said, provenance)
+
+
+def _remarks(support: Support) -> list[str]:
+    said = []
+    if support.scatter_n > 0.0:
+        said.append(
+            f"the levels scatter by {support.scatter_n:.2g} N more than their standard errors say (runs differ, or the "
+            "law does not hold); the weights and the intervals count it"
+        )
+    if len(support.data) == len(support.model.names):
+        said.append(
+            "as many values as parameters: the intervals rest on the stated standard errors alone, and a further run "
+            "may lie far outside them"
+        )
+    if support.found.starts > 1 and support.found.agreeing == 1:
+        said.append(
+            f"only one of {support.found.starts} starts ended at the best estimate: others may lie nearby; "
+            "look at the intervals, not at the values"
+        )
+    return said
 
 
 def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: object) -> dict[int, FrictionFit]:
@@ -123,32 +171,6 @@ def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: o
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True)
-class _Support:
-    """The part of a law that the values support, with its estimate."""
-
-    model: FrictionModel
-    data: Observations
-    found: Estimate
-    scatter_n: float
-    intervals: dict[str, tuple[float, float]]
-    lost: list[Undetermined]
-
-
-def _shrunk_to_the_data(model: FrictionModel, stated: Observations, robust: bool) -> _Support:
-    """Fit, and leave out the parts of the law that the values do not support: they would only blur the others."""
-    lost: list[Undetermined] = []
-    while True:
-        dof = len(stated) - len(model.names)
-        found = estimate(model, stated, robust=robust and dof > 0, fixed_scale=dof == 0)
-        data, found, scatter = with_scatter(model, stated, found, robust=robust)
-        intervals = profile_intervals(model, data, found, student(dof))
-        smaller, statements = without_support(model, data, found, intervals, _excess_p_value(model, data, found, dof))
-        if smaller == model:
-            return _Support(model, data, found, scatter, intervals, lost)
-        model, lost = smaller, lost + statements
-
-
 def fingerprint(data: Observations) -> str:
     """SHA-256 of the values that the fit used."""
     import hashlib
@@ -157,7 +179,20 @@ def fingerprint(data: Observations) -> str:
     return hashlib.sha256(np.ascontiguousarray(np.stack(columns), dtype="<f8").tobytes()).hexdigest()
 
 
-def _check(law: str, exponent: float | None, direction: int | None) -> None:
+def _shape(law: str, shape: str | None, exponent: float | None) -> tuple[float | None, bool]:
+    """Give the exponent (None: free) and whether the curve is Lorentzian."""
+    if shape is None:
+        return exponent, False
+    if shape not in STRIBECK_SHAPES:
+        raise FitError(f"there is no Stribeck shape {shape!r}", remedy=nearest(shape, STRIBECK_SHAPES))
+    if law == "coulomb":
+        raise FitError(
+            "law 'coulomb' has no Stribeck curve", value=f"stribeck_shape = {shape!r}", remedy="law='stribeck'"
+        )
+    return {"gaussian": 2.0, "exponential": 1.0, "free": None}.get(shape, 2.0), shape == "lorentzian"
+
+
+def _check(law: str, exponent: float | None, direction: int | None, pressure: str, loss: str) -> None:
     if law not in LAWS:
         import difflib
 
@@ -169,6 +204,12 @@ def _check(law: str, exponent: float | None, direction: int | None) -> None:
         )
     if exponent is not None and not 0.0 < exponent < np.inf:
         raise FitError("the Stribeck exponent must be positive", value=f"stribeck_exponent = {exponent}")
+    if pressure not in PRESSURE_FORMS:
+        raise FitError(
+            f"there is no dependence on pressure called {pressure!r}", remedy=nearest(pressure, PRESSURE_FORMS)
+        )
+    if loss not in LOSSES:
+        raise FitError(f"there is no robust loss called {loss!r}", remedy=nearest(loss, LOSSES))
     if direction not in (None, 1, -1):
         raise FitError("direction must be None, +1 or -1", value=f"direction = {direction!r}")
 
@@ -207,99 +248,3 @@ def _confounding(data: Observations, pressure_dependence: bool) -> list[str]:
                 "what the fit gives to speed may belong to pressure, and the other way round"
             )
     return notes
-
-
-def _excess_p_value(model: FrictionModel, data: Observations, found: Estimate, dof: int) -> float | None:
-    """F test of the Stribeck part against the same law without it, on the same pseudo-values."""
-    from dataclasses import replace
-
-    from scipy.special import fdtrc
-
-    if not model.stribeck or dof < 1:
-        return None
-    smaller = FrictionModel("coulomb", chambers=model.chambers, viscous=model.viscous)
-    pseudo = replace(data, friction_n=found.pseudo)
-    without = estimate(smaller, pseudo, robust=False)
-    cost = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
-    extra = len(model.names) - len(smaller.names)
-    gain = float(np.sum(without.residual**2)) - cost
-    return float(fdtrc(extra, dof, max(gain, 0.0) / extra / found.variance))
-
-
-def _covariance(model: FrictionModel, found: Estimate) -> Array:
-    """Covariance in natural units; directions that the data do not determine are left out (the intervals are open)."""
-    size = np.linalg.norm(found.jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    scaled = found.jacobian / size
-    inner = np.linalg.pinv(scaled.T @ scaled, rcond=1e-8, hermitian=True) / np.outer(size, size)
-    to_natural = model.natural_jacobian(found.q)
-    covariance = found.variance * to_natural @ inner @ to_natural.T
-    return 0.5 * (covariance + covariance.T)
-
-
-def _systematic(model: FrictionModel, data: Observations, found: Estimate) -> Array:
-    """Carry what all rows share to a standard uncertainty of each parameter, to first order."""
-    size = np.linalg.norm(found.jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    shift = np.linalg.pinv(found.jacobian / size, rcond=1e-4) @ (data.u_systematic_n / data.stderr_n) / size
-    return np.abs(model.natural_jacobian(found.q) @ shift)
-
-
-def information_criteria(model: FrictionModel, data: Observations, found: Estimate) -> dict[str, float]:
-    """AICc and BIC from the deviance, see `robust.deviance`."""
-    n, k, fit = len(data), len(model.names) + 1, deviance(data, found)
-    small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
-    return {"aicc": fit + 2.0 * k + small, "bic": fit + k * float(np.log(n))}
-
-
-def _result(law: str, support: _Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
-    model, data, found, intervals = support.model, support.data, support.found, support.intervals
-    theta = dict(zip(model.names, map(float, model.natural(found.q)), strict=True))
-    systematic = dict(zip(model.names, map(float, _systematic(model, data, found)), strict=True))
-    parameters = {name: theta.get(name, float("nan")) for name in ("coulomb", "viscous")}
-    if law == "stribeck":
-        exponent = theta.get("stribeck_exponent", model.exponent if model.stribeck else float("nan"))
-        parameters = {
-            "coulomb": theta["coulomb"],
-            "breakaway": theta.get("breakaway", float("nan")),
-            "stribeck_velocity": theta.get("stribeck_velocity", float("nan")),
-            "stribeck_exponent": float(exponent if exponent is not None else np.nan),
-            "viscous": theta.get("viscous", float("nan")),
-        }
-    for name in UNITS:
-        if name in theta and name not in parameters:
-            parameters[name] = theta[name]
-        elif f"{name}b" in theta:  # coulomb_ab -> both chambers
-            parameters[name] = parameters[f"{name[:-1]}b"] = theta[f"{name}b"]
-    for name in parameters:
-        if name not in theta and f"{name[:-1]}ab" not in theta and not (name == "stribeck_exponent" and model.stribeck):
-            intervals = intervals | {name: (-np.inf if name in PRESSURE_NAMES else 0.0, np.inf)}
-    residual = found.residual
-    weighted_mean = float(np.average(data.friction_n, weights=data.stderr_n**-2))
-    spread = float(np.sum(((data.friction_n - weighted_mean) / data.stderr_n) ** 2))
-    statistics = {
-        "values": float(len(data)),
-        "degrees_of_freedom": float(len(data) - len(model.names)),
-        "scale": found.scale,
-        "variance": found.variance,
-        "scatter_n": support.scatter_n,
-        "rms_n": float(np.sqrt(np.mean((residual * data.stderr_n) ** 2))),
-        "outlying": float(np.sum(found.weight < 0.5)),
-        "fit_percent": 100.0 * (1.0 - float(np.sqrt(np.sum(residual**2) / spread))) if spread > 0.0 else float("nan"),
-        **information_criteria(model, data, found),
-    }
-    return FrictionFit(
-        law=law,
-        parameters=parameters,
-        free=model.names,
-        covariance=_covariance(model, found),
-        intervals=intervals,
-        systematic=systematic,
-        undetermined=tuple(lost),
-        notes=tuple(notes),
-        statistics=statistics,
-        provenance=provenance,
-        model=model,
-        observations=data,
-        weights=found.weight,
-    )

@@ -11,7 +11,7 @@ Only the derivative by the Stribeck velocity and exponent is written out (a test
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 
 #: Slopes over the gauge pressures of the chambers, in the order in which a fit reports them.
 PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
+#: How forces depend on the gauge pressures g of the chambers, beside the slopes: nothing more; a square of each;
+#: g/(1 + |g|/knee) in place of g; the product of both.
+PRESSURE_FORMS = ("linear", "quadratic", "saturating", "interaction")
+#: Shapes of the Stribeck curve, the core's names.
+STRIBECK_SHAPES = ("gaussian", "exponential", "lorentzian", "free")
 UNITS = {
     "coulomb": "N",
     "breakaway": "N",
@@ -33,11 +38,22 @@ UNITS = {
     "coulomb_b": "N/Pa",
     "breakaway_a": "N/Pa",
     "breakaway_b": "N/Pa",
+    "coulomb_curve_a": "N/Pa2",
+    "coulomb_curve_b": "N/Pa2",
+    "coulomb_product": "N/Pa2",
+    "breakaway_curve_a": "N/Pa2",
+    "breakaway_curve_b": "N/Pa2",
+    "breakaway_product": "N/Pa2",
 }
 #: Stribeck exponents found in the literature lie in 0.5 to 2 [armstrong1994]; the bounds leave room on both sides.
 EXPONENT_BOUNDS = (0.3, 4.0)
 #: Smallest excess Fs - Fc that the logarithm can reach, relative to the largest friction: far below any noise.
 EXCESS_FLOOR = 1e-9
+
+
+def unit_of(name: str) -> str:
+    """SI unit of a free parameter; a coefficient that both chambers share (``_ab``) has that of either."""
+    return UNITS[name.removesuffix("b") if name.endswith("_ab") else name]
 
 
 @dataclass(frozen=True)
@@ -83,12 +99,21 @@ class FrictionModel:
         only the sum of both slopes is free (equal slopes).
     viscous : bool
         Whether the viscous coefficient is free (else it is zero).
+    lorentzian : bool
+        Stribeck curve 1/(1 + (v/vs)^2) in place of exp(-(v/vs)^n); it has no exponent.
+    pressure : str
+        How the forces depend on the chambers' pressures, one of ``PRESSURE_FORMS``.
+    knee_pa : float or None
+        Gauge pressure at which a saturating dependence has half of its initial slope's force.
     """
 
     law: str
     exponent: float | None = 2.0
     chambers: tuple[str, ...] = ()
     viscous: bool = True
+    lorentzian: bool = False
+    pressure: str = "linear"
+    knee_pa: float | None = None
 
     @property
     def stribeck(self) -> bool:
@@ -105,10 +130,40 @@ class FrictionModel:
                 names.append("stribeck_exponent")
         if self.viscous:
             names.append("viscous")
-        names += [f"coulomb_{c}" for c in self.chambers]
+        names += [f"coulomb_{c}" for c in self.terms]
         if self.stribeck:
-            names += [f"breakaway_{c}" for c in self.chambers]
+            names += [f"breakaway_{c}" for c in self.terms]
         return tuple(names)
+
+    def without_stribeck(self) -> FrictionModel:
+        """Return the same law without its Stribeck part."""
+        return replace(self, law="coulomb", exponent=2.0, lorentzian=False)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """What of the pressures each force depends on; the slopes first."""
+        terms = self.chambers
+        if self.pressure == "quadratic":
+            terms += tuple(f"curve_{c}" for c in self.chambers)
+        if self.pressure == "interaction" and len(self.chambers) == 2:
+            terms += ("product",)
+        return terms
+
+    @property
+    def chosen(self) -> int:
+        """Count what was chosen by the data without being a free parameter: the knee."""
+        return int(self.knee_pa is not None)
+
+    @property
+    def title(self) -> str:
+        """The law in words, as tables show it."""
+        shape = ""
+        if self.stribeck:
+            shape = {1.0: " exponential", 2.0: " gaussian", None: " free exponent"}.get(
+                self.exponent, f" exponent {self.exponent:g}" if self.exponent else ""
+            )
+            shape = " lorentzian" if self.lorentzian else shape
+        return self.law + shape + (f", {self.pressure} in pressure" if self.chambers else "")
 
     # -- internal coordinates: log(Fs - Fc), log vs, log n; the rest as it is ---------------------------------
 
@@ -173,7 +228,7 @@ class FrictionModel:
             velocity = float(np.exp(q[2]))
             if self.exponent is None:
                 exponent = float(np.exp(q[3]))
-        return columns(self.law, speed, velocity, exponent)
+        return columns(self.law, speed, velocity, exponent, "lorentzian" if self.lorentzian else "free")
 
     def value(self, q: Array, data: Observations) -> Array:
         """Friction at the rows of `data`, shape (n,), N."""
@@ -183,7 +238,7 @@ class FrictionModel:
         """Friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
         b_c, b_s, b_v = self.shape(data.speed_m_s, q)
         theta = dict(zip(self.names, self.natural(q), strict=True))
-        gauges = self._gauges(data)
+        gauges = self._pressures(data)
         fc = theta["coulomb"] + sum(theta[f"coulomb_{c}"] * g for c, g in gauges.items())
         force = fc * b_c + theta.get("viscous", 0.0) * b_v
         jac = np.zeros((len(data), len(self.names)))
@@ -199,10 +254,10 @@ class FrictionModel:
             column["breakaway"][:] = np.exp(q[1]) * b_s
             for c, g in gauges.items():
                 column[f"breakaway_{c}"][:] = b_s * g
-            exponent = theta.get("stribeck_exponent", self.exponent)
+            exponent = 2.0 if self.lorentzian else theta.get("stribeck_exponent", self.exponent)
             ratio = (data.speed_m_s / theta["stribeck_velocity"]) ** exponent
-            # b_s = exp(-ratio) and b_c = 1 - b_s, so both move together with -d ratio
-            decay = (fs - fc) * b_s * ratio
+            # b_s = exp(-ratio), or 1/(1 + ratio), and b_c = 1 - b_s, so both move together with -d ratio
+            decay = (fs - fc) * b_s * ratio * (b_s if self.lorentzian else 1.0)
             column["stribeck_velocity"][:] = decay * exponent
             if "stribeck_exponent" in column:
                 column["stribeck_exponent"][:] = -decay * np.log(np.maximum(ratio, 1e-300))
@@ -216,18 +271,25 @@ class FrictionModel:
             if self.exponent is None:
                 q[3] = log_exponent if log_exponent is not None else np.log(2.0)
         b_c, b_s, b_v = self.shape(data.speed_m_s, q)
-        gauges = self._gauges(data)
+        gauges = self._pressures(data)
         columns_of = {"coulomb": b_c, "breakaway": b_s, "viscous": b_v}
         columns_of |= {f"coulomb_{c}": b_c * g for c, g in gauges.items()}
         columns_of |= {f"breakaway_{c}": b_s * g for c, g in gauges.items()}
         return np.column_stack([columns_of[n] for n in self.names if not n.startswith("stribeck_")])
 
-    def _gauges(self, data: Observations) -> dict[str, Array]:
-        pressures = {"a": data.gauge_a_pa, "b": data.gauge_b_pa, "ab": data.gauge_a_pa + data.gauge_b_pa}
-        return {c: pressures[c] for c in self.chambers}
+    def _pressures(self, data: Observations) -> dict[str, Array]:
+        a, b = data.gauge_a_pa, data.gauge_b_pa
+        of = {"a": a, "b": b}
+        if self.knee_pa is not None:
+            of = {c: g / (1.0 + np.abs(g) / self.knee_pa) for c, g in of.items()}
+        of |= {"curve_a": a**2, "curve_b": b**2, "product": a * b}
+        of |= {"ab": of["a"] + of["b"], "curve_ab": of["curve_a"] + of["curve_b"]}
+        return {term: of[term] for term in self.terms}
 
 
-def columns(law: str, speed: Array, stribeck_velocity: float, stribeck_exponent: float) -> tuple[Array, Array, Array]:
+def columns(
+    law: str, speed: Array, stribeck_velocity: float, stribeck_exponent: float, shape: str = "free"
+) -> tuple[Array, Array, Array]:
     """Columns (b_c, b_s, b_v) of a sliding law that is linear in its forces, from core values.
 
     Parameters
@@ -238,6 +300,8 @@ def columns(law: str, speed: Array, stribeck_velocity: float, stribeck_exponent:
         Speed in m/s, > 0.
     stribeck_velocity, stribeck_exponent : float
         m/s and 1; without effect where the law has none.
+    shape : str
+        ``free`` (by the exponent) or ``lorentzian``.
 
     Returns
     -------
@@ -248,15 +312,18 @@ def columns(law: str, speed: Array, stribeck_velocity: float, stribeck_exponent:
 
     speed = np.ascontiguousarray(speed, dtype=np.float64)
 
+    choices = {"stribeck_shape": shape} if law != "coulomb" else None
+
     def friction(coulomb: float, breakaway: float, viscous: float) -> Array:
         values = {"coulomb": coulomb, "viscous": viscous}
         if law != "coulomb":
             values |= {
                 "breakaway": breakaway,
                 "stribeck_velocity": stribeck_velocity,
-                "stribeck_exponent": stribeck_exponent,
             }
-        return np.asarray(_core.steady_friction(law, values, speed, 0.0, 0.0))
+            if shape == "free":
+                values["stribeck_exponent"] = stribeck_exponent
+        return np.asarray(_core.steady_friction(law, values, speed, 0.0, 0.0, None, choices))
 
     base = friction(1.0, 1.0, 0.0)
     b_v = friction(1.0, 1.0, 1.0) - base

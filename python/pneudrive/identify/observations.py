@@ -8,6 +8,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.identify.model import Observations
+from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -18,12 +19,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 REQUIRED = ("recording", "direction", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "balance_n", "friction_n")
-#: Speeds closer than this share count as one level when levels are counted.
-SAME_SPEED = 0.05
 #: No force sensor shows less: what is smaller in every row is rounding, and its squares would underflow.
 NO_FRICTION_N = 1e-12
-#: Speed levels for each coefficient of the trend of variance over speed.
-ROWS_PER_TREND = 4
 
 
 def observations(
@@ -184,84 +181,3 @@ def _standard_errors(
         notes.append(f"{np.sum(~known)} rows state no standard error: the median of the others is used for them")
     dof = np.where(np.isfinite(strokes), np.maximum(strokes - 2.0, 1.0), np.inf)
     return np.sqrt(moderate(stated**2, dof, speed)), notes
-
-
-def moderate(variance: Array, dof: Array, speed: Array) -> Array:
-    """Shrink variances that come from few repetitions towards their trend over speed.
-
-    A weight 1/s^2 from three strokes can be wrong by a factor of ten; the empirical-Bayes estimate
-    (d0 s0^2 + d s^2) / (d0 + d) is not, with d0 and s0 from the spread of log s^2 about its trend [smyth2004].
-
-    Parameters
-    ----------
-    variance, dof : ndarray, shape (n,)
-        Variances (> 0) and the degrees of freedom behind each (inf: exact, left alone).
-    speed : ndarray, shape (n,)
-        Speeds (> 0); the trend is a constant, a line or a parabola in log speed, as the data ask for.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    from scipy.special import digamma, polygamma
-
-    variance, dof = np.broadcast_arrays(np.asarray(variance, float), np.asarray(dof, float))
-    few = np.isfinite(dof)
-    if few.sum() < 3:
-        return variance.copy()
-    d = dof[few]
-    e = np.log(variance[few]) - digamma(d / 2.0) + np.log(d / 2.0)
-    trend, rest = _trend(e, np.log(speed[few]), distinct(speed[few]) // ROWS_PER_TREND)
-    spread = rest - float(np.mean(polygamma(1, d / 2.0)))
-    out = variance.copy()
-    if spread <= 0.0:
-        out[few] = np.exp(trend)
-        return out
-    d0 = 2.0 * _inverse_trigamma(spread)
-    s0 = np.exp(trend + digamma(d0 / 2.0) - np.log(d0 / 2.0))
-    out[few] = (d0 * s0 + d * variance[few]) / (d0 + d)
-    return out
-
-
-def _trend(values: Array, x: Array, most: int) -> tuple[NDArray, float]:
-    """Fit the constant, line or parabola with the smallest AICc; return it and the variance about it."""
-    best: float = np.inf
-    out = (np.zeros(values.size) + float(values.mean()), float(np.var(values, ddof=1)))
-    for count in range(1, min(3, most) + 1):
-        columns = np.vander(x - x.mean(), count)
-        fitted = columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
-        rest, k = float(np.sum((values - fitted) ** 2)), count + 1
-        if values.size <= k + 1 or rest <= 0.0:
-            break
-        score = values.size * np.log(rest) + 2.0 * k + 2.0 * k * (k + 1) / (values.size - k - 1)
-        if score < best:
-            best, out = score, (fitted, rest / (values.size - count))
-    return np.asarray(out[0]), out[1]
-
-
-def _inverse_trigamma(x: float) -> float:
-    from scipy.special import polygamma
-
-    y = 0.5 + 1.0 / x
-    for _ in range(50):
-        tri = polygamma(1, y)
-        step = tri * (1.0 - tri / x) / polygamma(2, y)
-        y += step
-        if -step / y < 1e-10:
-            break
-    return float(y)
-
-
-def distinct(values: Array, share: float = SAME_SPEED) -> int:
-    """Count the levels among `values`."""
-    return len(distinct_levels(values, share))
-
-
-def distinct_levels(values: Array, share: float = SAME_SPEED) -> list[tuple[float, float]]:
-    """Give the lowest and highest of each level's `values`; what is closer than `share` of the larger is one level."""
-    levels: list[tuple[float, float]] = []
-    for value in np.sort(np.abs(values)).tolist():
-        if not levels or value - levels[-1][0] > share * value:
-            levels.append((value, value))
-        levels[-1] = (levels[-1][0], value)
-    return levels

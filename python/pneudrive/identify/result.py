@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
-from pneudrive.identify.model import PRESSURE_NAMES, UNITS, FrictionModel, Observations
+from pneudrive.identify.model import UNITS, FrictionModel, Observations, unit_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -203,11 +203,8 @@ class FrictionFit:
         return read_fit(path)
 
     def _free_values(self) -> dict[str, float]:
-        values = dict(self.parameters)
-        for force in ("coulomb", "breakaway"):
-            if f"{force}_ab" in self.free:
-                values[f"{force}_ab"] = self.parameters[f"{force}_a"]
-        return values
+        shared = {n: self.parameters[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
+        return dict(self.parameters) | shared
 
     def _known(self, name: str) -> None:
         if name not in self.free:
@@ -223,7 +220,7 @@ class FrictionFit:
         ]
         lost = {u.parameter for u in self.undetermined}
         for name, value in self._free_values().items():
-            if name in PRESSURE_NAMES and name not in self.free:
+            if name not in self.free and name in UNITS and UNITS[name].startswith("N/Pa"):
                 continue
             lines.append("  " + _line(self, name, value, name in lost))
         lines += [f"  ! {statement}" for statement in self.statements()]
@@ -232,11 +229,11 @@ class FrictionFit:
 
 
 #: Units in which people read the parameters: factor from SI, name.
-_SHOWN = {"m/s": (1e3, "mm/s"), "N/Pa": (1e5, "N/bar"), "1": (1.0, "")}
+_SHOWN = {"m/s": (1e3, "mm/s"), "N/Pa": (1e5, "N/bar"), "N/Pa2": (1e10, "N/bar2"), "1": (1.0, "")}
 
 
 def _line(fit: FrictionFit, name: str, value: float, lost: bool) -> str:
-    factor, unit = _SHOWN.get(UNITS.get(name, "N/Pa"), (1.0, UNITS.get(name, "")))
+    factor, unit = _SHOWN.get(unit_of(name), (1.0, unit_of(name)))
     if not np.isfinite(value):
         return f"{name:<18} not determined"
     text = f"{name:<18} {factor * value:10.4g} {unit:<6}"

@@ -6,10 +6,12 @@ squares problem that is equivalent to it (pseudo-values, which the profile inter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from pneudrive.identify.losses import LINEAR, LOSSES, Loss
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,9 +20,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Huber's tuning constant: 99 % efficiency on normal errors. The usual 1.345 (95 %) buys a little more resistance with
-#: intervals that hold the truth 1 % less often on a dozen levels [huber2009].
-HUBER_K = 2.0
 #: Residuals below this share of the largest friction are rounding, not noise: floor of the scale.
 SCALE_FLOOR = 1e-10
 #: Rounds of (estimate, scale); the scale settles to 1e-6 in three to five.
@@ -29,6 +28,8 @@ MAX_ROUNDS = 20
 EXPONENT_STARTS = (1.0, 1.5, 2.0)
 STARTS_PER_DECADE = 8
 KEPT_STARTS = 3
+#: Starts whose costs differ by less than this share ended at the same estimate.
+SAME_COST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,9 @@ class Estimate:
     active : ndarray of bool, shape (p,)
         Coordinates at a bound.
     cost : float
-        Sum of Huber's rho at `scale`.
+        Sum of the loss at `scale`.
+    starts, agreeing : int
+        Starting points, and how many of them ended at this estimate.
     """
 
     q: Array
@@ -65,13 +68,15 @@ class Estimate:
     variance: float
     active: NDArray[np.bool_]
     cost: float
+    starts: int = 1
+    agreeing: int = 1
 
 
 def estimate(
     model: FrictionModel,
     data: Observations,
     *,
-    robust: bool = True,
+    loss: str = "huber",
     fixed_scale: bool = False,
     start: Array | None = None,
 ) -> Estimate:
@@ -81,8 +86,9 @@ def estimate(
     ----------
     model : FrictionModel
     data : Observations
-    robust : bool
-        Huber's loss; otherwise plain weighted least squares.
+    loss : str
+        ``linear`` (plain weighted least squares) or a name in ``LOSSES``. The scale is Huber's with any of them: a
+        loss that gives far outliers no weight has no scale of its own.
     fixed_scale : bool
         Take the stated standard errors as exact (the only choice where there are no more rows than parameters).
     start : ndarray, shape (p,), optional
@@ -92,25 +98,36 @@ def estimate(
     -------
     Estimate
     """
-    k = HUBER_K if robust else np.inf
-    dof = max(len(data) - len(model.names), 1)
+    if loss not in ("linear", "huber"):
+        near = estimate(model, data, fixed_scale=fixed_scale, start=start)
+        q = _polish(model, data, near.q, LOSSES[loss], near.scale)[0]
+        found = _describe(model, data, q, near.scale, LOSSES[loss], fixed_scale)
+        return replace(found, starts=near.starts, agreeing=near.agreeing)
+    kind = LINEAR if loss == "linear" else LOSSES[loss]
+    dof = _freedom(model, data)
     floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
     starts = starting_points(model, data) if start is None else [start]
     scale = 1.0 if fixed_scale else max(_mad(_residual(model, starts[0], data), dof), floor)
-    candidates = [_polish(model, data, q, k * scale) for q in starts]
-    q = min(candidates, key=lambda c: c[1])[0]
+    candidates = [_polish(model, data, q, kind, scale) for q in starts]
+    q, best = min(candidates, key=lambda c: c[1])
+    agreeing = sum(cost <= best * (1.0 + SAME_COST) + SAME_COST * floor**2 for _, cost in candidates)
     for _ in range(0 if fixed_scale else MAX_ROUNDS):
-        updated = max(proposal_2(_residual(model, q, data), scale, dof, k), floor)
+        updated = max(proposal_2(_residual(model, q, data), scale, dof, kind.tuning), floor)
         done = abs(updated / scale - 1.0) < 1e-6
         scale = updated
-        if done or not robust:
+        if done or kind is LINEAR:
             break
-        q = _polish(model, data, q, k * scale)[0]
-    return _describe(model, data, q, scale, k, dof, fixed_scale)
+        q = _polish(model, data, q, kind, scale)[0]
+    found = _describe(model, data, q, scale, kind, fixed_scale)
+    return replace(found, starts=len(starts), agreeing=agreeing)
+
+
+def _freedom(model: FrictionModel, data: Observations) -> int:
+    return max(len(data) - len(model.names) - model.chosen, 1)
 
 
 def deviance(data: Observations, found: Estimate) -> float:
-    """Twice the negative log-likelihood, but for a constant, with Huber's least favourable density [huber2009].
+    """Twice the negative log-likelihood, but for a constant, of the density whose logarithm is the loss [huber2009].
 
     Normal where the loss is quadratic.
     """
@@ -148,7 +165,7 @@ def _linear_start(
     names = [n for n in model.names if not n.startswith("stribeck_")]
     if model.stribeck:  # from (Fc, Fs) to (Fc, Fs - Fc), both not negative
         columns[:, 0] += columns[:, 1]
-    signed = [i for i, n in enumerate(names) if n[-2:] in {"_a", "_b"} or n.endswith("_ab")]
+    signed = [i for i, n in enumerate(names) if n not in ("coulomb", "breakaway", "viscous")]
     weight = 1.0 / data.stderr_n
     size = np.linalg.norm(columns * weight[:, None], axis=0)
     size[size == 0.0] = 1.0
@@ -174,7 +191,7 @@ def _residual(model: FrictionModel, q: Array, data: Observations) -> Array:
     return (data.friction_n - model.value(q, data)) / data.stderr_n
 
 
-def _polish(model: FrictionModel, data: Observations, q: Array, f_scale: float) -> tuple[Array, float]:
+def _polish(model: FrictionModel, data: Observations, q: Array, kind: Loss, scale: float) -> tuple[Array, float]:
     from scipy.optimize import least_squares
 
     lower, upper = model.bounds(data)
@@ -188,15 +205,14 @@ def _polish(model: FrictionModel, data: Observations, q: Array, f_scale: float) 
             memo[key] = (value - data.friction_n) / data.stderr_n, jac / data.stderr_n[:, None]
         return memo[key]
 
-    robust = np.isfinite(f_scale)
     found = least_squares(
         lambda x: both(x)[0],
         np.clip(q, lower, upper),
         jac=lambda x: both(x)[1],  # pyright: ignore[reportArgumentType]
         bounds=(lower, upper),
         x_scale="jac",
-        loss="huber" if robust else "linear",
-        f_scale=f_scale if robust else 1.0,
+        loss=kind.scipy,  # pyright: ignore[reportArgumentType]
+        f_scale=1.0 if kind is LINEAR else kind.tuning * scale,
         xtol=1e-10,
         ftol=1e-12,
         gtol=1e-12,
@@ -230,21 +246,19 @@ def proposal_2(residual: Array, scale: float, dof: int, k: float) -> float:
 
 
 def _describe(
-    model: FrictionModel, data: Observations, q: Array, scale: float, k: float, dof: int, fixed_scale: bool
+    model: FrictionModel, data: Observations, q: Array, scale: float, kind: Loss, fixed_scale: bool
 ) -> Estimate:
     value, jac = model.value_and_jacobian(q, data)
     residual = (data.friction_n - value) / data.stderr_n
     u = residual / scale
-    psi = np.clip(u, -k, k)
-    inside = float(np.mean(np.abs(u) <= k))
-    inside = max(inside, 1.0 / u.size)
+    psi, slope = kind.psi(u), kind.slope(u)
+    mean_slope = max(float(np.mean(slope)), 1.0 / u.size)
     # Huber's small-sample factor for regression [huber2009]
-    correction = 1.0 + len(model.names) / u.size * (1.0 - inside) / inside
-    variance = correction**2 * float(np.sum(psi**2)) / dof * (scale / inside) ** 2
+    correction = 1.0 + len(model.names) / u.size * float(np.var(slope)) / mean_slope**2
+    variance = correction**2 * float(np.sum(psi**2)) / _freedom(model, data) * (scale / mean_slope) ** 2
     if fixed_scale:
         variance = 1.0
-    weight = np.where(np.abs(u) <= k, 1.0, k / np.maximum(np.abs(u), 1e-300))
-    rho = np.where(np.abs(u) <= k, 0.5 * u**2, k * np.abs(u) - 0.5 * k**2) if np.isfinite(k) else 0.5 * u**2
+    weight = np.where(np.abs(u) > 1e-12, psi / np.where(np.abs(u) > 1e-12, u, 1.0), 1.0)
     lower, upper = model.bounds(data)
     reach = 1e-6 * np.maximum(np.abs(q), 1.0)
     active = (q - lower < reach) | (upper - q < reach)
@@ -256,8 +270,8 @@ def _describe(
         residual=residual,
         jacobian=jac / data.stderr_n[:, None],
         weight=weight,
-        pseudo=value + data.stderr_n * psi * scale / inside,
+        pseudo=value + data.stderr_n * psi * scale / mean_slope,
         variance=variance,
         active=active,
-        cost=float(np.sum(rho)),
+        cost=float(np.sum(kind.rho(u))),
     )

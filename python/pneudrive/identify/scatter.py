@@ -28,7 +28,7 @@ CLEARLY = 6.6
 
 
 def with_scatter(
-    model: FrictionModel, data: Observations, found: Estimate, *, robust: bool
+    model: FrictionModel, data: Observations, found: Estimate, *, loss: str
 ) -> tuple[Observations, Estimate, float]:
     """Add a scatter to the standard errors where the residuals ask for it and are then more likely.
 
@@ -50,7 +50,7 @@ def with_scatter(
     from scipy.optimize import brentq
     from scipy.special import chdtrc
 
-    dof = len(data) - len(model.names)
+    dof = len(data) - len(model.names) - model.chosen
     even = np.ptp(data.stderr_n) <= 1e-6 * data.stderr_n.max()
     if dof < LEAST_DOF or even or chdtrc(dof, dof * found.scale**2) > CHANCE:
         return data, found, 0.0
@@ -59,7 +59,7 @@ def with_scatter(
         return replace(data, stderr_n=np.hypot(data.stderr_n, scatter))
 
     def excess(log_scatter: float) -> float:
-        nearer = estimate(model, spread(float(np.exp(log_scatter))), robust=robust, start=found.q)
+        nearer = estimate(model, spread(float(np.exp(log_scatter))), loss=loss, start=found.q)
         return float(np.log(nearer.scale))
 
     most = 2.0 * found.scale * float(data.stderr_n.max()) + 2.0 * float(np.ptp(data.friction_n))
@@ -68,7 +68,7 @@ def with_scatter(
         return data, found, 0.0
     scatter = float(np.exp(brentq(excess, low, high, xtol=1e-2)))  # pyright: ignore[reportCallIssue, reportArgumentType]
     wider = spread(scatter)
-    again = estimate(model, wider, robust=robust)
+    again = estimate(model, wider, loss=loss)
     if deviance(wider, again) < deviance(data, found) + CLEARLY:
         return wider, again, scatter
     return data, found, 0.0

@@ -7,7 +7,8 @@ import pytest
 
 from pneudrive.errors import FitError
 from pneudrive.identify import fit_directions, fit_friction
-from pneudrive.identify.observations import distinct, moderate
+from pneudrive.identify.levels import distinct
+from pneudrive.identify.moderate import moderate
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 

@@ -1,0 +1,111 @@
+"""A fit's result from its estimate: natural parameters, covariance, statistics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.identify.model import PRESSURE_NAMES, UNITS
+from pneudrive.identify.result import FrictionFit
+from pneudrive.identify.support import information_criteria
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.diagnose import Undetermined
+    from pneudrive.identify.model import FrictionModel, Observations
+    from pneudrive.identify.robust import Estimate
+    from pneudrive.identify.support import Support
+
+    Array = NDArray[np.float64]
+
+
+def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
+    """Put the estimate into natural parameters with covariance, intervals and statistics."""
+    model, data, found = support.model, support.data, support.found
+    theta = dict(zip(model.names, map(float, model.natural(found.q)), strict=True))
+    systematic = dict(zip(model.names, map(float, _systematic(model, data, found)), strict=True))
+    parameters = _parameters(law, model, theta)
+    return FrictionFit(
+        law=law,
+        parameters=parameters,
+        free=model.names,
+        covariance=covariance(model, found),
+        intervals=support.intervals | _open(parameters, model, theta),
+        systematic=systematic,
+        undetermined=tuple(lost),
+        notes=tuple(notes),
+        statistics=_statistics(support),
+        provenance=provenance,
+        model=model,
+        observations=data,
+        weights=found.weight,
+    )
+
+
+def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict[str, float]:
+    """Every parameter of the law that was asked for; NaN for those that the data do not determine in number."""
+    names = ["coulomb", "viscous"]
+    if law == "stribeck":
+        names = ["coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"]
+        if model.lorentzian:
+            names.remove("stribeck_exponent")
+    parameters = {name: theta.get(name, float("nan")) for name in names}
+    if "stribeck_exponent" in parameters and model.stribeck and model.exponent is not None:
+        parameters["stribeck_exponent"] = float(model.exponent)
+    for name in UNITS:
+        if name in theta:
+            parameters[name] = theta[name]
+        elif f"{name}b" in theta:  # coulomb_ab -> both chambers
+            parameters[name] = parameters[f"{name[:-1]}b"] = theta[f"{name}b"]
+    return parameters
+
+
+def _open(
+    parameters: dict[str, float], model: FrictionModel, theta: dict[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Intervals of parameters that were not free and are not known."""
+    unknown = [n for n in parameters if n not in theta and f"{n[:-1]}ab" not in theta]
+    if model.stribeck:
+        unknown = [n for n in unknown if n != "stribeck_exponent"]
+    return {n: (-np.inf if n in PRESSURE_NAMES else 0.0, np.inf) for n in unknown}
+
+
+def _statistics(support: Support) -> dict[str, float]:
+    model, data, found = support.model, support.data, support.found
+    residual = found.residual
+    weighted_mean = float(np.average(data.friction_n, weights=data.stderr_n**-2))
+    spread = float(np.sum(((data.friction_n - weighted_mean) / data.stderr_n) ** 2))
+    return {
+        "values": float(len(data)),
+        "degrees_of_freedom": float(len(data) - len(model.names) - model.chosen),
+        "scale": found.scale,
+        "variance": found.variance,
+        "scatter_n": support.scatter_n,
+        "rms_n": float(np.sqrt(np.mean((residual * data.stderr_n) ** 2))),
+        "outlying": float(np.sum(found.weight < 0.5)),
+        "fit_percent": 100.0 * (1.0 - float(np.sqrt(np.sum(residual**2) / spread))) if spread > 0.0 else float("nan"),
+        "starts": float(found.starts),
+        "starts_agreeing": float(found.agreeing),
+        **information_criteria(model, data, found),
+    }
+
+
+def covariance(model: FrictionModel, found: Estimate) -> Array:
+    """Covariance in natural units; directions that the data do not determine are left out (the intervals are open)."""
+    size = np.linalg.norm(found.jacobian, axis=0)
+    size[size == 0.0] = 1.0
+    scaled = found.jacobian / size
+    inner = np.linalg.pinv(scaled.T @ scaled, rcond=1e-8, hermitian=True) / np.outer(size, size)
+    to_natural = model.natural_jacobian(found.q)
+    matrix = found.variance * to_natural @ inner @ to_natural.T
+    return 0.5 * (matrix + matrix.T)
+
+
+def _systematic(model: FrictionModel, data: Observations, found: Estimate) -> Array:
+    """Carry what all rows share to a standard uncertainty of each parameter, to first order."""
+    size = np.linalg.norm(found.jacobian, axis=0)
+    size[size == 0.0] = 1.0
+    shift = np.linalg.pinv(found.jacobian / size, rcond=1e-4) @ (data.u_systematic_n / data.stderr_n) / size
+    return np.abs(model.natural_jacobian(found.q) @ shift)

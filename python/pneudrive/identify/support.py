@@ -1,0 +1,78 @@
+"""The part of a law that the values support, and its estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.spread import student
+from pneudrive.identify.diagnose import Undetermined, without_support
+from pneudrive.identify.profile import profile_intervals
+from pneudrive.identify.robust import Estimate, deviance, estimate
+from pneudrive.identify.scatter import with_scatter
+
+if TYPE_CHECKING:
+    from pneudrive.identify.model import FrictionModel, Observations
+
+#: Knees that are tried, as multiples of the largest gauge pressure; beyond four the curve is a straight line to 20 %
+#: of its end, and below a tenth a step.
+KNEES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
+
+
+@dataclass(frozen=True)
+class Support:
+    """The part of a law that the values support, with its estimate."""
+
+    model: FrictionModel
+    data: Observations
+    found: Estimate
+    scatter_n: float
+    intervals: dict[str, tuple[float, float]]
+    lost: list[Undetermined]
+
+
+def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) -> Support:
+    """Fit, and leave out the parts of the law that the values do not support: they would only blur the others."""
+    lost: list[Undetermined] = []
+    while True:
+        dof = len(stated) - len(model.names) - model.chosen
+        found = estimate(model, stated, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
+        data, found, scatter = with_scatter(model, stated, found, loss=loss)
+        intervals = profile_intervals(model, data, found, student(dof))
+        smaller, statements = without_support(model, data, found, intervals, _excess_p_value(model, data, found, dof))
+        if smaller == model:
+            return Support(model, data, found, scatter, intervals, lost)
+        model, lost = smaller, lost + statements
+
+
+def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionModel:
+    """Choose the knee of a saturating dependence on pressure: the most likely of a few."""
+    if model.pressure != "saturating" or not model.chambers:
+        return model
+    top = float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
+    tried = [replace(model, knee_pa=share * top) for share in KNEES]
+    return min(tried, key=lambda m: deviance(data, estimate(m, data, loss=loss)))
+
+
+def _excess_p_value(model: FrictionModel, data: Observations, found: Estimate, dof: int) -> float | None:
+    """F test of the Stribeck part against the same law without it, on the same pseudo-values."""
+    from scipy.special import fdtrc
+
+    if not model.stribeck or dof < 1:
+        return None
+    smaller = model.without_stribeck()
+    pseudo = replace(data, friction_n=found.pseudo)
+    without = estimate(smaller, pseudo, loss="linear")
+    cost = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
+    extra = len(model.names) - len(smaller.names)
+    gain = float(np.sum(without.residual**2)) - cost
+    return float(fdtrc(extra, dof, max(gain, 0.0) / extra / found.variance))
+
+
+def information_criteria(model: FrictionModel, data: Observations, found: Estimate) -> dict[str, float]:
+    """AICc and BIC from the deviance, see `robust.deviance`."""
+    n, k, fit = len(data), len(model.names) + model.chosen + 1, deviance(data, found)
+    small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
+    return {"aicc": fit + 2.0 * k + small, "bic": fit + k * float(np.log(n))}

@@ -1,0 +1,139 @@
+"""Shapes of the Stribeck curve, forms of the dependence on pressure, losses: each finds the truth that has its form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from pneudrive import Drive, _core
+from pneudrive.errors import FitError
+from pneudrive.identify import FrictionFit, fit_friction
+from pneudrive.identify.losses import LOSSES
+from pneudrive.identify.model import FrictionModel, Observations
+
+SPEED = np.geomspace(1e-3, 0.45, 20)
+GRID = [(a, b) for a in (0.0, 2e5, 4e5, 6e5) for b in (0.0, 2e5, 4e5, 6e5)]
+
+
+def at_pressures(make_map, law, noise=0.1, seed=1):
+    """Map over a grid of pressures at six speeds; `law(a, b)` gives Coulomb and breakaway force."""
+    speed, a, b = (np.array(x) for x in zip(*[(v, *g) for g in GRID for v in np.geomspace(1e-3, 0.45, 6)], strict=True))
+    friction = np.empty(speed.size)
+    for i, v in enumerate(speed):
+        coulomb = law(a[i], b[i])
+        values = {"coulomb": coulomb, "breakaway": 1.3 * coulomb, "stribeck_velocity": 0.012, "viscous": 60.0}
+        friction[i] = _core.steady_friction("stribeck", values, np.array([v]))[0]
+    friction += noise * np.random.default_rng(seed).standard_normal(speed.size)
+    return make_map(speed, friction, noise, gauge_a=a, gauge_b=b)
+
+
+def test_lorentzian_curve_is_the_cores_and_its_jacobian_the_derivative(truth):
+    del truth["stribeck_exponent"]
+    one = np.ones(SPEED.size)
+    data = Observations(SPEED, one, one, 0.0 * one, 0.0 * one, 0.0 * one, np.zeros(SPEED.size, np.int64))
+    model = FrictionModel("stribeck", lorentzian=True)
+    q = model.internal(np.array([truth[n] for n in model.names]))
+    core = _core.steady_friction("stribeck", truth, SPEED, dependences={"stribeck_shape": "lorentzian"})
+    value, jac = model.value_and_jacobian(q, data)
+    np.testing.assert_allclose(value, core, rtol=1e-12)
+    step = 1e-6 * np.eye(q.size)
+    slopes = [(model.value(q + h, data) - model.value(q - h, data)) / 2e-6 for h in step]
+    np.testing.assert_allclose(jac, np.column_stack(slopes), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("shape", ["gaussian", "exponential", "lorentzian"])
+def test_the_shape_that_made_the_values_has_the_smallest_aicc(make_map, truth, shape):
+    del truth["stribeck_exponent"]
+    exact = _core.steady_friction("stribeck", truth, SPEED, dependences={"stribeck_shape": shape})
+    noisy = make_map(SPEED, exact + 0.1 * np.random.default_rng(4).standard_normal(20), 0.1)
+    fits = {s: fit_friction(noisy, stribeck_shape=s) for s in ("gaussian", "exponential", "lorentzian")}
+    assert min(fits, key=lambda s: fits[s].statistics["aicc"]) == shape
+    low, high = fits[shape].intervals["stribeck_velocity"]
+    assert low < truth["stribeck_velocity"] < high
+
+
+FORMS = {
+    "quadratic": (lambda a, b: 20.0 + 3e-5 * a - 2e-11 * a**2 + 1e-5 * b, {"coulomb_curve_a": -2e-11}),
+    "interaction": (lambda a, b: 20.0 + 1e-5 * a + 1e-5 * b + 2e-11 * a * b, {"coulomb_product": 2e-11}),
+    "saturating": (lambda a, b: 20.0 + 4e-5 * a / (1 + a / 2.1e5) + 4e-5 * b / (1 + b / 2.1e5), {"coulomb_a": 4e-5}),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_dependence_that_is_no_straight_line_is_found(make_map, form, tmp_path):
+    law, coefficient = FORMS[form]
+    curves = at_pressures(make_map, law)
+    fit = fit_friction(curves, pressure_dependence=True, pressure=form)
+    line = fit_friction(curves, pressure_dependence=True)
+    assert fit.statistics["aicc"] < line.statistics["aicc"] - 10.0
+    for name, value in coefficient.items():
+        low, high = fit.intervals[name]
+        assert low < value < high
+    fit.to_toml(tmp_path / "fit.toml")
+    again = FrictionFit.from_toml(tmp_path / "fit.toml")
+    at = (np.array([0.01, 0.1]), 3e5, 5e5)
+    np.testing.assert_allclose(again.predict(*at).upper_n, fit.predict(*at).upper_n, rtol=1e-12)
+    with pytest.raises(FitError, match="linear in the chamber pressures"):
+        fit.apply(Drive.load("catalogue:reference"))
+
+
+def test_a_curve_over_two_pressures_is_refused_in_words(make_map, friction_of):
+    speed, gauge = np.tile(SPEED, 2), np.repeat([0.0, 4e5], 20)
+    exact = friction_of(speed, gauge, 0.0, {"coulomb_a": 1e-5, "breakaway_a": 1e-5})
+    noise = 0.1 * np.random.default_rng(1).standard_normal(40)
+    fit = fit_friction(
+        make_map(speed, exact + noise, 0.1, gauge_a=gauge), pressure_dependence=True, pressure="quadratic"
+    )
+    assert "coulomb_curve_a" not in fit.free
+    assert any("fewer than three pressures" in s for s in fit.statements())
+
+
+def test_each_loss_has_the_efficiency_of_hubers_on_normal_errors():
+    def efficiency(loss):
+        def mean(f):
+            return (
+                2.0
+                * quad(lambda u: f(np.array([u]))[0] * np.exp(-0.5 * u * u) / np.sqrt(2 * np.pi), 0, 9, points=[2])[0]
+            )
+
+        return mean(loss.slope) ** 2 / mean(lambda u: loss.psi(u) ** 2)
+
+    assert efficiency(LOSSES["huber"]) == pytest.approx(0.99, abs=0.001)
+    for loss in LOSSES.values():
+        assert efficiency(loss) == pytest.approx(efficiency(LOSSES["huber"]), abs=1e-4)
+        u, h = np.array([0.3, 1.9, 2.5, 6.0, 9.0]), 1e-6
+        np.testing.assert_allclose((loss.rho(u + h) - loss.rho(u - h)) / (2 * h), loss.psi(u), atol=1e-8)
+
+
+def test_far_outliers_move_no_robust_estimate(make_map, truth, friction_of):
+    noise = 0.3 * np.random.default_rng(2).standard_normal(20)
+    friction = friction_of(SPEED) + noise
+    clean = fit_friction(make_map(SPEED, friction, 0.3))
+    friction[[5, 13]] += 30.0
+    for loss in LOSSES:
+        fit = fit_friction(make_map(SPEED, friction, 0.3), loss=loss)
+        assert fit.parameters["coulomb"] == pytest.approx(clean.parameters["coulomb"], rel=0.03), loss
+        assert fit.statistics["outlying"] == 2
+    plain = fit_friction(make_map(SPEED, friction, 0.3), robust=False)
+    assert abs(plain.parameters["coulomb"] / clean.parameters["coulomb"] - 1) > 0.05
+
+
+def test_starts_that_agree_are_counted(make_map, friction_of):
+    noise = 0.3 * np.random.default_rng(2).standard_normal(20)
+    fit = fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.3), stribeck_shape="free")
+    assert 1 <= fit.statistics["starts_agreeing"] <= fit.statistics["starts"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"stribeck_shape": "gauss"}, "no Stribeck shape 'gauss'.*Did you mean 'gaussian'"),
+        ({"law": "coulomb", "stribeck_shape": "gaussian"}, "has no Stribeck curve"),
+        ({"pressure": "cubic"}, "no dependence on pressure called 'cubic'.*Known: interaction, linear"),
+        ({"loss": "l2"}, "no robust loss called 'l2'.*Known: huber"),
+    ],
+)
+def test_unknown_choices_are_named(make_map, friction_of, options, said):
+    with pytest.raises(FitError, match=f"(?s){said}"):
+        fit_friction(make_map(SPEED, friction_of(SPEED)), **options)
