@@ -73,6 +73,16 @@ class Drive:
         openings: NDArray[float64],
         temperatures: Sequence[float],
     ) -> dict[str, NDArray[float64]]: ...
+    def restarted(
+        self,
+        times: Sequence[float] | NDArray[float64],
+        commands: Sequence[float] | NDArray[float64],
+        duration: float,
+        sample_rate: float,
+        restarts: NDArray[float64],
+        temperatures: Sequence[float],
+        rtol: float,
+    ) -> tuple[dict[str, NDArray[float64]], list[str]]: ...
 
 @type_check_only
 class RigResult(Result):

@@ -5,7 +5,7 @@ mod drive;
 mod friction;
 mod rig;
 
-pub use along::{ALONG, Record};
+pub use along::{ALONG, Record, Restart};
 pub use drive::{Drive, Servo};
 pub use friction::friction_law;
 pub use rig::{End, Motion, Rig, Start};

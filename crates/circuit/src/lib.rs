@@ -12,7 +12,7 @@ mod part;
 mod run;
 pub mod specification;
 
-pub use assembly::{ALONG, Drive, End, Motion, Record, Rig, Servo, Start, friction_law};
+pub use assembly::{ALONG, Drive, End, Motion, Record, Restart, Rig, Servo, Start, friction_law};
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
 pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};

@@ -1,7 +1,8 @@
 //! The seam to Python: conversion and error mapping, nothing else.
 
 use circuit::{
-    ALONG, Balance, Drive, Error, Kind, Motion, Record, Rig, Run, Servo, Start, friction_law, specification,
+    ALONG, Balance, Drive, Error, Kind, Motion, Record, Restart, Rig, Run, Servo, Start, friction_law,
+    specification,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::{Options, Statistics};
@@ -208,6 +209,47 @@ impl PyDrive {
             out.set_item(*name, PyArray1::from_vec(py, column))?;
         }
         Ok(out)
+    }
+
+    /// Simulates a command, put back at each of the restarts (rows of t, position, velocity, pressure a and b)
+    /// to a measured state: columns by name, and what could not go on.
+    #[allow(clippy::too_many_arguments)]
+    fn restarted<'py>(
+        &self,
+        py: Python<'py>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        duration: f64,
+        sample_rate: f64,
+        restarts: PyReadonlyArray2<'py, f64>,
+        temperatures: [f64; 2],
+        rtol: f64,
+    ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
+        if restarts.as_array().ncols() != 5 || restarts.as_array().nrows() == 0 {
+            return Err(PyValueError::new_err("restarts have five columns and at least one row"));
+        }
+        let restarts: Vec<Restart> = restarts
+            .as_array()
+            .rows()
+            .into_iter()
+            .map(|r| Restart { t: r[0], position: r[1], velocity: r[2], pressure: [r[3], r[4]] })
+            .collect();
+        let (columns, failures) = detached(py, |interrupted| {
+            let plan = (&times[..], &commands[..]);
+            self.drive.restarted(
+                plan,
+                (duration, sample_rate),
+                &restarts,
+                temperatures,
+                options(rtol),
+                interrupted,
+            )
+        })?;
+        let out = PyDict::new(py);
+        for (name, column) in self.drive.columns().iter().zip(columns) {
+            out.set_item(name, PyArray1::from_vec(py, column))?;
+        }
+        Ok((out, failures))
     }
 
     /// A sampled servo loop tracking a sine around mid stroke.

@@ -3,9 +3,10 @@
 
 use super::Drive;
 use crate::net::Net;
+use crate::run::{Error, Recorder, sample_times};
 use crate::specification::Initial;
 use math::Dual;
-use ode::System;
+use ode::{NoOutput, Options, Stepper, System};
 
 /// One direction: that of the flow.
 type AlongFlow = Dual<f64, 1>;
@@ -107,5 +108,105 @@ impl Drive {
             y.iter().zip(&rates).map(|(&re, rate)| Dual { re, eps: [rate.re] }).collect();
         circuit.rhs(0.0.into(), &moving, &mut rates, net);
         self.chamber_ids().map(|id| net[id].t.eps[0])
+    }
+}
+
+/// A measured state that a run is put back to.
+#[derive(Clone, Copy, Debug)]
+pub struct Restart {
+    /// s.
+    pub t: f64,
+    /// m, m/s, Pa absolute.
+    pub position: f64,
+    pub velocity: f64,
+    pub pressure: [f64; 2],
+}
+
+/// What nobody measures at the start, bristles above all, is brought to rest by so many runs of so many
+/// seconds from the first state: it then carries what the pressures leave to be carried.
+const SETTLING: (usize, f64) = (200, 5e-3);
+
+impl Drive {
+    /// Simulates a command, put back to measured states at given times, the first of them at 0: position,
+    /// velocity and pressures are set anew, temperatures and the inner states of friction go on. One state
+    /// alone makes a free run.
+    ///
+    /// Returns the columns of [`Drive::columns`], NaN from where a part could not go on until the next
+    /// restart, and the messages of such parts.
+    pub fn restarted(
+        &self,
+        (times, commands): (&[f64], &[f64]),
+        sampling: (f64, f64),
+        restarts: &[Restart],
+        temperature: [f64; 2],
+        options: Options,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(Vec<Vec<f64>>, Vec<String>), Error> {
+        let samples = sample_times(sampling.0, sampling.1);
+        let mut gas = temperature;
+        let mut inner = Vec::new();
+        for _ in 0..SETTLING.0 {
+            let plan = (&[0.0][..], &commands[..1], SETTLING.1);
+            let mut stepper = self.put_back(&restarts[0], gas, &inner, commands[0], options);
+            if self.follow(plan, &mut stepper, &mut NoOutput, |_| {}, interrupted).is_err() {
+                break;
+            }
+            inner = stepper.system().inner_states(self.axis_id(), stepper.state()).to_vec();
+        }
+        let mut columns = vec![vec![f64::NAN; samples.len()]; self.columns().len()];
+        let mut failures = Vec::new();
+        for (j, restart) in restarts.iter().enumerate() {
+            let end = restarts.get(j + 1).map_or(sampling.0, |next| next.t);
+            let from = samples.partition_point(|&t| t < restart.t);
+            let is_last = j + 1 == restarts.len();
+            let until = samples.partition_point(|&t| t < end || (is_last && t <= end));
+            let k = times.partition_point(|&t| t <= restart.t).max(1) - 1;
+            let mut stepper = self.put_back(restart, gas, &inner, commands[k], options);
+            let command = std::cell::Cell::new(commands[k]);
+            let mut recorder = Recorder::new(
+                stepper.system(),
+                samples[from..until].to_vec(),
+                columns.len(),
+                |c, t, y, net, row| self.row(c, t, command.get(), y, net, row),
+            );
+            let plan = (&times[k..], &commands[k..], end);
+            match self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), interrupted) {
+                Ok(()) => recorder.finish(stepper.system(), stepper.state()),
+                Err(Error::Stopped(message)) => failures.push(message),
+                Err(other) => return Err(other),
+            }
+            for (column, own) in columns.iter_mut().zip(&recorder.columns) {
+                column[from..from + own.len()].copy_from_slice(own);
+            }
+            let state = stepper.state().to_vec();
+            inner = stepper.system().inner_states(self.axis_id(), &state).to_vec();
+            let end = self.chambers(std::iter::once(state));
+            gas = [end[1], end[3]];
+        }
+        Ok((columns, failures))
+    }
+
+    /// A stepper at a measured state, with temperatures and inner states as they were.
+    fn put_back(
+        &self,
+        restart: &Restart,
+        temperature: [f64; 2],
+        inner: &[f64],
+        u: f64,
+        options: Options,
+    ) -> Stepper<f64, crate::Circuit<f64>> {
+        let initial = Initial {
+            position_m: restart.position,
+            velocity_m_s: restart.velocity,
+            pressure_a_pa: restart.pressure[0],
+            pressure_b_pa: restart.pressure[1],
+            temperature_a_k: temperature[0],
+            temperature_b_k: temperature[1],
+            contact_age_s: 0.0,
+        };
+        let (circuit, mut y) = self.start(&initial, u);
+        let first = circuit.n_states() - circuit.inner_states(self.axis_id(), &y).len();
+        y[first..first + inner.len()].copy_from_slice(inner);
+        Stepper::new(circuit, restart.t, &y, options)
     }
 }

@@ -248,7 +248,7 @@ impl Drive {
 
     /// Advances through the segments of a plan (times, commands, duration), the stepper starting with
     /// the first command.
-    fn follow(
+    pub(super) fn follow(
         &self,
         (times, commands, duration): (&[f64], &[f64], f64),
         stepper: &mut Stepper<f64, Circuit<f64>>,
@@ -306,7 +306,15 @@ impl Drive {
         Ok((recorder.finish(stepper.state()), commands, stepper.statistics(0)))
     }
 
-    fn row(&self, circuit: &Circuit<f64>, t: f64, u: f64, y: &[f64], net: &mut Net<f64>, row: &mut [f64]) {
+    pub(super) fn row(
+        &self,
+        circuit: &Circuit<f64>,
+        t: f64,
+        u: f64,
+        y: &[f64],
+        net: &mut Net<f64>,
+        row: &mut [f64],
+    ) {
         circuit.observe(y, net);
         let (axis, a, b) = (&net.axis[self.axis.0], &net.gas[self.a.0], &net.gas[self.b.0]);
         let values = [
