@@ -123,7 +123,7 @@ pub struct Restart {
 }
 
 /// What nobody measures at the start, bristles above all, is brought to rest by so many runs of so many
-/// seconds from the first state: it then carries what the pressures leave to be carried.
+/// seconds from the first state with the valve shut: it then carries what the pressures leave to be carried.
 const SETTLING: (usize, f64) = (200, 5e-3);
 
 impl Drive {
@@ -146,8 +146,8 @@ impl Drive {
         let mut gas = temperature;
         let mut inner = Vec::new();
         for _ in 0..SETTLING.0 {
-            let plan = (&[0.0][..], &commands[..1], SETTLING.1);
-            let mut stepper = self.put_back(&restarts[0], gas, &inner, commands[0], options);
+            let plan = (&[0.0][..], &[0.0][..], SETTLING.1);
+            let mut stepper = self.put_back(&restarts[0], gas, &inner, 0.0, options);
             if self.follow(plan, &mut stepper, &mut NoOutput, |_| {}, interrupted).is_err() {
                 break;
             }
