@@ -336,8 +336,17 @@ impl<R: Lane> System<R> for Circuit<R> {
 
     fn switch(&mut self, lane: usize, event: usize, y: &mut [R], net: &mut Net<R>) {
         self.evaluate(y, net);
+        let common = self.common;
+        let (n_states, keeps_accounts) = (self.n_states(), !self.channels().is_empty());
         let (place, axis, inner) = self.mover_mut(self.topology.sticking[event]);
-        axis.switch(lane, &y[place.first + inner..place.first + place.count], net);
+        let taken = axis.switch(lane, &mut y[place.first + inner..place.first + place.count], net);
+        if !axis.stops() {
+            return;
+        }
         y[place.first + 1].put(lane, 0.0);
+        if keeps_accounts {
+            let first = n_states + place.first_account;
+            axis.book(lane, taken, &common, &mut y[first..first + place.accounts]);
+        }
     }
 }

@@ -1,12 +1,16 @@
 //! Friction laws. A law is one file and one line in `laws!` below.
 
+mod armstrong;
+mod bouc_wen;
 mod bristles;
 mod contact;
 mod coulomb;
+mod dahl;
 mod direction;
 mod dry;
 mod dwell;
 mod elasto_plastic;
+mod karnopp;
 mod lugre;
 mod position;
 mod relaxation;
@@ -17,11 +21,15 @@ mod stribeck;
 use crate::parameter::Parameter;
 use math::{Lane, Over, Real};
 
+pub use armstrong::Armstrong;
+pub use bouc_wen::BoucWen;
 pub use contact::{Composition, Contact};
 pub use coulomb::Coulomb;
+pub use dahl::Dahl;
 pub use direction::Direction;
 pub use dwell::{Dwell, Growth};
 pub use elasto_plastic::ElastoPlastic;
+pub use karnopp::Karnopp;
 pub use lugre::LuGre;
 pub use position::{Harmonic, Position};
 pub use relaxation::Relaxation;
@@ -150,6 +158,8 @@ pub trait Law<P: Real> {
     const BRISTLES: bool = false;
     /// Bristles that slip from the first load on.
     const CREEPS: bool = false;
+    /// An event of the mode leaves the velocity at zero exactly.
+    const STOPS: bool = true;
     const CLAIMS: Claims = Claims::USUAL;
 
     /// Fc, Fs and Fv before any dependence. A law without one of them gives what stands for it: without Fs
@@ -181,14 +191,14 @@ pub trait Law<P: Real> {
         v
     }
 
-    /// Positive while the mode holds.
-    fn event<S: Over<P>>(&self, _at: &At<S>, _levels: &Levels<S>, _mode: P) -> S {
+    /// Positive while the mode holds, with inner states `z`.
+    fn event<S: Over<P>>(&self, _at: &At<S>, _levels: &Levels<S>, _z: &[S], _mode: P) -> S {
         S::one()
     }
 
-    /// The mode after the event, for velocity zero and the force applied, N.
-    fn next_mode(&self, _mode: f64, _applied: f64, _levels: &Levels<f64>) -> f64 {
-        0.0
+    /// The mode after the event, with the levels of stick; changes the inner states that remember events.
+    fn next_mode(&self, _mode: P, _at: &At<P>, _levels: &Levels<P>, _z: &mut [P]) -> P {
+        P::zero()
     }
 
     /// Energy stored in the inner states, J.
@@ -216,6 +226,7 @@ pub struct Meta {
     pub sticks: bool,
     pub bristles: bool,
     pub creeps: bool,
+    pub stops: bool,
     pub claims: Claims,
 }
 
@@ -266,6 +277,7 @@ macro_rules! laws {
             sticks: <$name<f64> as Law<f64>>::STICKS,
             bristles: <$name<f64> as Law<f64>>::BRISTLES,
             creeps: <$name<f64> as Law<f64>>::CREEPS,
+            stops: <$name<f64> as Law<f64>>::STOPS,
             claims: <$name<f64> as Law<f64>>::CLAIMS,
         },)*];
 
@@ -325,11 +337,11 @@ macro_rules! laws {
             pub fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.slip(v, dz),)* }
             }
-            pub fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, mode: P) -> S {
-                match self { $(AnyLaw::$name(law) => law.event(at, levels, mode),)* }
+            pub fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], mode: P) -> S {
+                match self { $(AnyLaw::$name(law) => law.event(at, levels, z, mode),)* }
             }
-            pub fn next_mode(&self, mode: f64, applied: f64, levels: &Levels<f64>) -> f64 {
-                match self { $(AnyLaw::$name(law) => law.next_mode(mode, applied, levels),)* }
+            pub fn next_mode(&self, mode: P, at: &At<P>, levels: &Levels<P>, z: &mut [P]) -> P {
+                match self { $(AnyLaw::$name(law) => law.next_mode(mode, at, levels, z),)* }
             }
             pub fn stored<S: Over<P>>(&self, z: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.stored(z),)* }
@@ -346,5 +358,5 @@ macro_rules! laws {
 
 laws! {
     usual: Coulomb, Stribeck, LuGre;
-    others: ElastoPlastic,
+    others: ElastoPlastic, Karnopp, Dahl, BoucWen, Armstrong,
 }

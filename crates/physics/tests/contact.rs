@@ -63,7 +63,7 @@ fn age_counts_standing_time_and_is_worn_off_by_slip_alone() {
         let slip = match meta.key {
             "lugre" => 1e-3 * 20.0 / (30.0 + 15.0 * (-0.0025_f64).exp() + 1.5 * 1.5_f64.ln()),
             "elasto-plastic" => 0.0,
-            _ if meta.sticks => 1e-3,
+            _ if meta.sticks && meta.stops => 1e-3,
             _ => continue,
         };
         let (got, by_hand) = (rate(1e-3, 2e-4, 0.5, 1.0), 1.0 - 0.5 * slip / 2e-5);

@@ -130,7 +130,7 @@ fn drift(contact: &Contact<f64>) -> f64 {
             let force = 15.0 + 2.0 * (std::f64::consts::TAU * phase).sin();
             let event = contact.event(&At { applied: force, ..at(&p) }, &p.inner, p.mode);
             assert!(event > 0.0, "{}: {force} N end its stick", contact.law.meta().key);
-            if !contact.law.meta().sticks {
+            if !(contact.law.meta().sticks && contact.law.meta().stops) {
                 pushed(contact, &mut p, 0.01, force, 1.0 / frequency / f64::from(STEPS));
             }
         }

@@ -272,9 +272,11 @@ impl Circuit<f64> {
         for &mover in &self.topology.clone().sticking {
             let (place, axis, inner) = self.mover_mut(mover);
             let v = y[place.first + 1];
-            let z = &y[place.first + inner..place.first + place.count];
-            axis.mode = if v == 0.0 { 0.0 } else { v.signum() };
-            if v == 0.0 && axis.event(z, &net) < 0.0 {
+            let z = &mut y[place.first + inner..place.first + place.count];
+            // A law that lets the mass move in stick slips only once it has to.
+            let sticks = v == 0.0 || !axis.stops();
+            axis.mode = if sticks { 0.0 } else { v.signum() };
+            if sticks && axis.event(z, &net) < 0.0 {
                 axis.switch(0, z, &net);
             }
         }

@@ -2,7 +2,7 @@ use super::{Common, Own, OwnRates, Part, State};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
-use physics::friction::{At, Contact, Levels, MOST_INNER};
+use physics::friction::{At, Contact, MOST_INNER};
 
 /// A mass that moves along one line, with friction: piston, slide and load.
 ///
@@ -67,6 +67,11 @@ impl<P: Real> Axis<P> {
     /// Whether the law sticks by a mode, with an event of its own.
     pub fn sticks(&self) -> bool {
         self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks)
+    }
+
+    /// Whether an event of the law's mode leaves it at rest.
+    pub fn stops(&self) -> bool {
+        self.friction.as_ref().is_some_and(|contact| contact.law.meta().stops)
     }
 
     /// Position, velocity and the forces that are always there.
@@ -145,19 +150,26 @@ impl Axis<f64> {
 }
 
 impl<R: Lane> Axis<R> {
-    /// Sets one lane's mode after its event. The velocity is zero then.
-    pub(crate) fn switch(&mut self, lane: usize, z: &[R], net: &Net<R>) {
+    /// Sets one lane's mode after its event, and its inner states that remember events; the kinetic energy,
+    /// J, that friction takes where the event leaves the mass at rest.
+    pub(crate) fn switch(&mut self, lane: usize, z: &mut [R], net: &Net<R>) -> f64 {
         let contact = self.friction.as_ref().expect("an axis with events has a law");
-        let at = at(&net.axis[self.node]);
-        // For the law in stick: what decides is which way the applied force would move the mass.
-        let levels = contact.levels(&at, z, R::zero());
-        let levels = Levels {
-            coulomb: levels.coulomb.get(lane),
-            breakaway: levels.breakaway.get(lane),
-            viscous: levels.viscous.get(lane),
-        };
-        let mode = contact.law.next_mode(self.mode.get(lane), at.applied.get(lane), &levels);
-        self.mode.put(lane, mode);
+        let node = &net.axis[self.node];
+        let mut after = z.to_vec();
+        let mode = contact.next_mode(self.mode, &at(node), &mut after);
+        self.mode.put(lane, mode.get(lane));
+        for (z, after) in z.iter_mut().zip(&after) {
+            z.put(lane, after.get(lane));
+        }
+        let v = node.v.get(lane);
+        if self.stops() { 0.5 * (self.mass + self.inertia).get(lane) * v * v } else { 0.0 }
+    }
+
+    /// Books `energy` J that friction took in an instant, in one lane of the axis' accounts.
+    pub(crate) fn book(&self, lane: usize, energy: f64, common: &Common<R>, accounts: &mut [R]) {
+        let [heat, entropy] = [1, 2].map(|i| accounts[i].get(lane));
+        accounts[1].put(lane, heat - energy);
+        accounts[2].put(lane, entropy + energy / common.ambient_temperature.get(lane));
     }
 }
 

@@ -203,7 +203,15 @@ impl<P: Real> Contact<P> {
 
     /// Positive while the mode of the law holds.
     pub fn event<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> S {
-        self.law.event(at, &self.levels(at, inner, mode), mode)
+        let own = &inner[..self.law.states().len()];
+        self.law.event(at, &self.levels(at, inner, mode), own, mode)
+    }
+
+    /// The mode after an event of `mode`; changes the inner states that remember events.
+    pub fn next_mode(&self, mode: P, at: &At<P>, inner: &mut [P]) -> P {
+        // For the law in stick: what decides is which way the applied force would move the mass.
+        let levels = self.levels(at, inner, P::zero());
+        self.law.next_mode(mode, at, &levels, &mut inner[..self.law.states().len()])
     }
 
     /// Energy stored in the inner states, J.

@@ -24,6 +24,8 @@ pub(super) fn event<P: Real, S: Over<P>>(at: &At<S>, breakaway: S, mode: P) -> S
 
 /// From stick the mass leaves with the force; from slip it stops, unless the force is already
 /// strong enough to push it back.
-pub(super) fn next_mode(mode: f64, applied: f64, breakaway: f64) -> f64 {
-    if mode == 0.0 || applied.abs() > breakaway { applied.signum() } else { 0.0 }
+pub(super) fn next_mode<P: Real>(mode: P, applied: P, breakaway: P) -> P {
+    let way = P::select(applied.lt(P::zero()), -P::one(), P::one());
+    let stopped = P::select(breakaway.lt(applied.abs()), way, P::zero());
+    P::select(is_stick(mode), way, stopped)
 }

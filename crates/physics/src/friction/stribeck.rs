@@ -119,12 +119,12 @@ impl<P: Real> Law<P> for Stribeck<P> {
         dry::force(at, mode, S::from(mode) * levels.at(at.prepared) + levels.viscous * at.v)
     }
 
-    fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, mode: P) -> S {
+    fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], mode: P) -> S {
         dry::event(at, levels.breakaway, mode)
     }
 
-    fn next_mode(&self, mode: f64, applied: f64, levels: &Levels<f64>) -> f64 {
-        dry::next_mode(mode, applied, levels.breakaway)
+    fn next_mode(&self, mode: P, at: &At<P>, levels: &Levels<P>, _z: &mut [P]) -> P {
+        dry::next_mode(mode, at.applied, levels.breakaway)
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {

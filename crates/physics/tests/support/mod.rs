@@ -190,8 +190,9 @@ pub fn curve(meta: &Meta, set: &Set, levels: &Levels<f64>, v: f64) -> f64 {
     let ratio = v.abs() / set["stribeck_velocity"];
     let stribeck = || coulomb + (breakaway - coulomb) * (-ratio.powf(set["stribeck_exponent"])).exp();
     let level = match meta.key {
-        "coulomb" => coulomb,
-        "stribeck" | "lugre" | "elasto-plastic" => stribeck(),
+        "coulomb" | "dahl" | "bouc-wen" => coulomb,
+        "stribeck" | "karnopp" | "lugre" | "elasto-plastic" => stribeck(),
+        "armstrong" => coulomb + (breakaway - coulomb) / (1.0 + ratio * ratio),
         key => panic!("the steady curve of the new law {key}, worked out by hand"),
     };
     level * v.signum() + viscous * v

@@ -19,6 +19,12 @@ const BASE: &[(&str, f64)] = &[
     ("bristle_damping", 300.0),
     ("damping_fade_velocity", f64::INFINITY),
     ("breakaway_share", 0.9),
+    ("dead_zone", 5e-7),
+    ("dahl_exponent", 1.0),
+    ("bouc_wen_exponent", 1.0),
+    ("loop_shape", 0.8),
+    ("memory_time", 0.02),
+    ("recovery_time", 1.0),
 ];
 
 /// Parameters that select code or count states: the same in all lanes.
@@ -46,6 +52,8 @@ pub fn sets(meta: &Meta) -> Vec<Set> {
         ]),
     ];
     let own: &[&[(&'static str, f64)]] = match meta.key {
+        "dahl" => &[&[("dahl_exponent", 1.7)]],
+        "bouc-wen" => &[&[("bouc_wen_exponent", 2.3), ("loop_shape", 0.5)]],
         "lugre" | "elasto-plastic" => &[&[("viscous", 0.0), ("bristle_damping", 1e3)]],
         _ => &[],
     };

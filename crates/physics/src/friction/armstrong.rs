@@ -1,0 +1,135 @@
+use super::bristles::DEFLECTION;
+use super::{At, Choices, Claims, InnerState, Law, Levels, Shape, dry, sliding, weight};
+use crate::parameter::{above, at_least};
+use math::{Over, Real};
+
+crate::parameters! {
+    /// Armstrong: seven parameters, with presliding, a memory of the velocity and static friction that rises in a stop.
+    ///
+    ///   stick:  F = kt z + Fv v,   dz/dt = v              ends where kt |z| = Fc + E while v loads the contact
+    ///   slip:   F = G sgn(v) + Fv v,   G = Fc + E/[1 + (u/vs)^2]                           [N], opposes v > 0
+    ///           ends where v = 0
+    ///   E = (Fs - Fc) [1 - l gamma/(t + gamma)]           static friction above Fc after a stop of length t
+    ///   tau du/dt = v - u                                 frictional memory
+    ///
+    /// At the beginning of a stop t = 0, and l becomes the share of Fs - Fc that G lacks then: E goes on from the value of the
+    /// arrival, Ea = G - Fc, as Ea + (Fs - Fc - Ea) t/(t + gamma). A drive begins well rested, l = 0. While it slips, E stays.
+    ///
+    /// Three choices where the source leaves one or cannot be a differential equation: (1) its u is v delayed by tau; here it
+    /// is a first-order lag of the same time constant: at the frequency w its phase is -atan(w tau) in place of -w tau and its
+    /// amplitude 1/sqrt(1 + (w tau)^2) in place of 1, 0.009 rad and 4.2 % off at w tau = 0.3. (2) In slip z follows,
+    /// dz/dt = v - |v| kt z/G, so that a stop begins with the force with which slip ended, not with none.
+    /// (3) Viscous friction also acts in stick: it damps the spring kt.
+    /// Always passive: with the store kt z^2/2 the heat of slip is |v| (G - kt z sgn v + (kt z)^2/G) + Fv v^2 > 0.
+    /// Source: [armstrong1994].
+    pub struct Armstrong {
+        /// Coulomb force Fc
+        coulomb: "N", above(0.0);
+        /// Breakaway force Fs after a long stop
+        breakaway: "N", above(0.0);
+        /// Stribeck velocity vs
+        stribeck_velocity: "m/s", above(0.0);
+        /// Viscous coefficient Fv
+        viscous: "N s/m", at_least(0.0), default 0.0;
+        /// Presliding stiffness kt
+        bristle_stiffness: "N/m", above(0.0);
+        /// Frictional memory tau: time by which friction lags behind the velocity
+        memory_time: "s", above(0.0);
+        /// Time gamma of a stop after which half of the static friction that was lost has come back
+        recovery_time: "s", above(0.0);
+    }
+}
+
+/// Where z, u, t and l stand among the inner states.
+const Z: usize = 0;
+const U: usize = 1;
+const T: usize = 2;
+const L: usize = 3;
+
+impl Armstrong<f64> {
+    pub(super) fn build(values: &[f64], _choices: &Choices) -> Self {
+        Armstrong::from_values(values)
+    }
+
+    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
+        None
+    }
+}
+
+impl<P: Real> Armstrong<P> {
+    /// E/(Fs - Fc): the share of static friction that is there.
+    #[inline(always)]
+    fn rested<S: Over<P>>(&self, z: &[S]) -> S {
+        let gamma = S::from(self.recovery_time);
+        S::one() - z[L] * gamma / (z[T] + gamma)
+    }
+
+    /// 1/[1 + (u/vs)^2].
+    #[inline(always)]
+    fn weight<S: Over<P>>(&self, u: S) -> S {
+        weight(u, self.stribeck_velocity, P::c(2.0), Shape::Lorentzian)
+    }
+}
+
+impl<P: Real> Law<P> for Armstrong<P> {
+    const KEY: &'static str = "armstrong";
+    const TITLE: &'static str = "Armstrong: seven parameters, frictional memory and rising static friction";
+    const SOURCE: &'static str = "armstrong1994";
+    const STATES: &'static [InnerState] = &[
+        DEFLECTION,
+        InnerState { name: "remembered_velocity_m_s", unit: "m/s", scale: 1e-2 },
+        InnerState { name: "stop_time_s", unit: "s", scale: 1.0 },
+        InnerState { name: "lost_share", unit: "-", scale: 1.0 },
+    ];
+    const STICKS: bool = true;
+    const STOPS: bool = false;
+    const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
+
+    fn levels(&self) -> Levels<P> {
+        Levels { coulomb: self.coulomb, breakaway: self.breakaway, viscous: self.viscous }
+    }
+
+    #[inline(always)]
+    fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
+        let (v, way, stick) = (at.v, S::from(mode), dry::is_stick(mode));
+        let elastic = S::from(self.bristle_stiffness) * z[Z];
+        let level = levels.at(self.rested(z) * self.weight(z[U]));
+        dz[Z] = v - way * v * elastic / level;
+        dz[U] = (v - z[U]) / S::from(self.memory_time);
+        dz[T] = S::select(stick, S::one(), S::zero());
+        dz[L] = S::zero();
+        levels.viscous.fma(v, S::select(stick, elastic, way * level))
+    }
+
+    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
+        v - dz[Z]
+    }
+
+    fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], mode: P) -> S {
+        let elastic = S::from(self.bristle_stiffness) * z[Z];
+        let loading = S::select(elastic.lt(S::zero()), -at.v, at.v);
+        // Where the level falls below a contact that is being unloaded, it goes on unloading.
+        let holds = (levels.at(self.rested(z)) - elastic.abs()).max(-loading);
+        S::select(dry::is_stick(mode), holds, S::from(mode) * at.v)
+    }
+
+    fn next_mode(&self, mode: P, _at: &At<P>, _levels: &Levels<P>, z: &mut [P]) -> P {
+        let (stick, way) = (dry::is_stick(mode), P::select(z[Z].lt(P::zero()), -P::one(), P::one()));
+        let lost = P::one() - self.rested(z) * self.weight(z[U]);
+        z[L] = P::select(stick, z[L], lost);
+        z[T] = P::select(stick, z[T], P::zero());
+        P::select(stick, way, P::zero())
+    }
+
+    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
+        S::c(0.5) * S::from(self.bristle_stiffness) * z[Z] * z[Z]
+    }
+
+    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
+        force * v - S::from(self.bristle_stiffness) * z[Z] * dz[Z]
+    }
+
+    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
+        sliding(v, levels.at(self.weight(v)), levels.viscous)
+    }
+}
