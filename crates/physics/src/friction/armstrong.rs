@@ -76,7 +76,7 @@ impl<P: Real> Law<P> for Armstrong<P> {
     const TITLE: &'static str = "Armstrong: seven parameters, frictional memory and rising static friction";
     const SOURCE: &'static str = "armstrong1994";
     const STATES: &'static [InnerState] = &[
-        DEFLECTION,
+        InnerState { name: "presliding_deflection_m", ..DEFLECTION },
         InnerState { name: "remembered_velocity_m_s", unit: "m/s", scale: 1e-2 },
         InnerState { name: "stop_time_s", unit: "s", scale: 1.0 },
         InnerState { name: "lost_share", unit: "-", scale: 1.0 },

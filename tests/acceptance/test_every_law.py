@@ -1,0 +1,50 @@
+"""The reference drive with every law of the core: it moves, its energy is accounted for, at rest it stays there.
+
+A new law takes the values of `VALUES` where its parameters have these names; a new name needs a value there.
+"""
+
+import math
+
+import pytest
+
+import pneudrive as pn
+from pneudrive.describe.friction import friction_laws
+
+VALUES = {
+    "coulomb": "30 N",
+    "breakaway": "40 N",
+    "stribeck_velocity": "20 mm/s",
+    "viscous": "60 N s/m",
+    "bristle_stiffness": "1e5 N/m",
+    "bristle_damping": "100 N s/m",
+    "dead_zone": "0.1 mm/s",
+    "memory_time": "20 ms",
+    "recovery_time": "1 s",
+}
+
+
+def with_law(law):
+    """Return the reference drive with a law, its parameters from `VALUES` or its own defaults."""
+    needed = [p for p in friction_laws()[law]["parameters"] if p["default"] is None or p["key"] in VALUES]
+    missing = [p["key"] for p in needed if p["key"] not in VALUES]
+    assert missing == [], f"values for the parameters of law {law!r}"
+    friction = {"law": law} | {p["key"]: VALUES[p["key"]] for p in needed}
+    return pn.Drive.load("catalogue:reference").replace({"friction": friction})
+
+
+@pytest.mark.parametrize("law", friction_laws())
+def test_it_moves_and_its_energy_is_accounted_for(law):
+    run = pn.simulate(with_law(law), "0 s: 0.3, 0.6 s: -0.2, 1.2 s: 0.02, 1.8 s: 0", "2.5 s", ledger=True)
+    assert float(run.velocity.max()) > 0.1
+    assert float(run.velocity.min()) < -0.1
+    ledger = run.attrs["ledger"]
+    assert abs(ledger["energy_error"]) < 1e-6
+    assert abs(ledger["mass_error"]) < 1e-12
+    assert ledger["least_entropy_production_j_k"] > -1e-9, "friction never cools"
+
+
+@pytest.mark.parametrize("law", friction_laws())
+def test_at_rest_it_stays_at_rest(law):
+    run = pn.simulate(with_law(law), "0 s: 0", "20 s", sample_rate="10 Hz")
+    position = run.position.to_numpy()
+    assert math.isclose(position.min(), position.max(), rel_tol=0, abs_tol=1e-12)
