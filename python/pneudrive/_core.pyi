@@ -6,7 +6,7 @@ from typing import Any, TypedDict, final, type_check_only
 from numpy import float64
 from numpy.typing import NDArray
 
-__all__ = ["Drive", "Rig", "choked_flow_factor", "flow_ratio", "friction_laws", "steady_friction"]
+__all__ = ["Drive", "Rig", "choked_flow_factor", "flow_ratio", "friction_laws", "steady_friction", "steady_friction_sensitivity"]
 
 @type_check_only
 class Result(TypedDict):
@@ -24,6 +24,15 @@ class ServoResult(TypedDict):
     states: NDArray[float64]
     commands: NDArray[float64]
     statistics: dict[str, int]
+
+@type_check_only
+class Shot(TypedDict):
+    values: NDArray[float64]
+    sensitivities: NDArray[float64]
+    ends: NDArray[float64]
+    end_sensitivities: NDArray[float64]
+    failures: list[str | None]
+    start_names: list[str]
 
 @final
 class Drive:
@@ -62,6 +71,21 @@ class Drive:
         initial: Mapping[str, float],
         rtol: float,
     ) -> ServoResult: ...
+    @property
+    def start_names(self) -> list[str]: ...
+    def shoot(
+        self,
+        times: Sequence[float] | NDArray[float64],
+        commands: Sequence[float] | NDArray[float64],
+        sample_times: Sequence[float] | NDArray[float64],
+        starts: Sequence[int],
+        initial: NDArray[float64],
+        parameters: Sequence[str],
+        with_initial: bool,
+        outputs: Sequence[str],
+        rtol: float,
+        threads: int = 2,
+    ) -> Shot: ...
     def chambers(self, states: NDArray[float64]) -> NDArray[float64]: ...
     def along(
         self,
@@ -116,3 +140,13 @@ def steady_friction(
     dependences: Mapping[str, Any] | None = None,
     position_m: float = 0.0,
 ) -> NDArray[float64]: ...
+def steady_friction_sensitivity(
+    law: str,
+    parameters: Mapping[str, float],
+    names: Sequence[str],
+    velocity: NDArray[float64],
+    gauge_a_pa: NDArray[float64],
+    gauge_b_pa: NDArray[float64],
+    position_m: NDArray[float64],
+    dependences: Mapping[str, Any] | None = None,
+) -> tuple[NDArray[float64], NDArray[float64]]: ...

@@ -4,8 +4,10 @@ mod along;
 mod drive;
 mod friction;
 mod rig;
+mod shoot;
 
 pub use along::{ALONG, Record, Restart};
 pub use drive::{Drive, Servo};
-pub use friction::friction_law;
+pub use friction::{friction_law, steady_sensitivity};
 pub use rig::{End, Motion, Rig, Start};
+pub use shoot::{DIRECTIONS, Shooting, Shot};

@@ -26,17 +26,17 @@ pub struct CarriageId(pub(crate) usize);
 
 /// Geometry of one side of a piston and of the chamber before it.
 #[derive(Clone, Copy, Debug)]
-pub struct PistonSide {
+pub struct PistonSide<P = f64> {
     /// Area on which the gas presses, m2.
-    pub area: f64,
+    pub area: P,
     /// Wetted perimeter of barrel and rod, m.
-    pub perimeter: f64,
+    pub perimeter: P,
     /// Wetted end faces, m2.
-    pub end_wall: f64,
+    pub end_wall: P,
 }
 
-impl PistonSide {
-    pub fn new(area: f64, perimeter: f64, end_wall: f64) -> Self {
+impl<P> PistonSide<P> {
+    pub fn new(area: P, perimeter: P, end_wall: P) -> Self {
         PistonSide { area, perimeter, end_wall }
     }
 }
@@ -60,7 +60,7 @@ enum Mover {
     OtherCylinder(usize),
 }
 
-/// A system of equations made of parts. `P` is `f64`, or lanes: one drive in each.
+/// A system of equations made of parts. `P` is `f64`, or lanes: one drive in each, or a dual: with derivatives.
 #[derive(Clone, Debug)]
 pub struct Circuit<P> {
     topology: Arc<Topology>,

@@ -7,12 +7,16 @@
 mod assembly;
 mod circuit;
 mod ledger;
+mod lifted;
 mod net;
 mod part;
 mod run;
 pub mod specification;
 
-pub use assembly::{ALONG, Drive, End, Motion, Record, Restart, Rig, Servo, Start, friction_law};
+pub use assembly::{
+    ALONG, DIRECTIONS, Drive, End, Motion, Record, Restart, Rig, Servo, Shooting, Shot, Start, friction_law,
+    steady_sensitivity,
+};
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
 pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};

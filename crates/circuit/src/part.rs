@@ -201,7 +201,7 @@ macro_rules! parts {
             }
         }
 
-        impl Parts<f64> {
+        impl<P: Real> Parts<P> {
             /// Gives every part its place; the states' names and scales in that order, then the accounts.
             pub fn lay_out(&mut self) -> (Vec<(String, State)>, Vec<Channel>) {
                 let all = 0 $(+ self.$field.len())*;

@@ -3,6 +3,7 @@
 use crate::circuit::Circuit;
 use crate::ledger::{Balance, balance};
 use crate::net::Net;
+use math::Lane;
 use ode::{Failure, Output, Paused, Statistics, Stepper, System};
 
 /// Why a description or a run cannot go on.
@@ -129,10 +130,10 @@ pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
 }
 
 /// Advances to `until`, looking at `interrupted` now and then.
-pub fn advance(
-    stepper: &mut Stepper<f64, Circuit<f64>>,
+pub fn advance<R: Lane>(
+    stepper: &mut Stepper<R, Circuit<R>>,
     until: f64,
-    output: &mut impl Output<f64, Circuit<f64>>,
+    output: &mut impl Output<R, Circuit<R>>,
     interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<(), Error> {
     loop {
@@ -150,11 +151,12 @@ pub fn advance(
 }
 
 /// When, in which state, with which value, and what to try.
-fn in_words(failure: Failure, stepper: &Stepper<f64, Circuit<f64>>) -> String {
+fn in_words<R: Lane>(failure: Failure, stepper: &Stepper<R, Circuit<R>>) -> String {
     let (circuit, y) = (stepper.system(), stepper.state());
     let names = circuit.state_names();
-    let state =
-        |i: usize| names.get(i).map_or("an account".to_string(), |name| format!("{name} = {:.6e}", y[i]));
+    let state = |i: usize| {
+        names.get(i).map_or("an account".to_string(), |name| format!("{name} = {:.6e}", y[i].get(0)))
+    };
     let (t, reason, remedy) = match failure {
         Failure::StepTooSmall { t, h, state: i } => (
             t,

@@ -1,5 +1,6 @@
 //! Sparsity from the type: a "number" that only remembers which states it depends on.
 
+use crate::dual::Dual;
 use crate::real::Real;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -32,6 +33,12 @@ impl Deps {
 
 impl From<f64> for Deps {
     fn from(_: f64) -> Self {
+        Deps([0; WORDS])
+    }
+}
+
+impl<const N: usize> From<Dual<f64, N>> for Deps {
+    fn from(_: Dual<f64, N>) -> Self {
         Deps([0; WORDS])
     }
 }

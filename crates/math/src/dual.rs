@@ -1,6 +1,6 @@
 //! Forward-mode automatic differentiation.
 
-use crate::real::Real;
+use crate::real::{Lane, Real};
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -152,5 +152,31 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     #[inline(always)]
     fn select(mask: R::Mask, a: Self, b: Self) -> Self {
         Dual { re: R::select(mask, a.re, b.re), eps: from_fn(|i| R::select(mask, a.eps[i], b.eps[i])) }
+    }
+}
+
+/// Step control and events look at the value alone.
+impl<const N: usize> Lane for Dual<f64, N> {
+    const L: usize = 1;
+    const DIRECTIONS: usize = N;
+    #[inline(always)]
+    fn get(&self, _lane: usize) -> f64 {
+        self.re
+    }
+    #[inline(always)]
+    fn put(&mut self, _lane: usize, value: f64) {
+        *self = Self::from(value);
+    }
+    #[inline(always)]
+    fn take(&mut self, _lane: usize, from: &Self) {
+        *self = *from;
+    }
+    #[inline(always)]
+    fn part(&self, part: usize) -> f64 {
+        if part == 0 { self.re } else { self.eps[part - 1] }
+    }
+    #[inline(always)]
+    fn from_parts(part: impl Fn(usize) -> f64) -> Self {
+        Dual { re: part(0), eps: from_fn(|i| part(i + 1)) }
     }
 }

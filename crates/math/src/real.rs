@@ -69,12 +69,34 @@ pub trait Real:
 pub trait Over<P: Real>: Real<Mask = P::Mask> + From<P> {}
 impl<P: Real, S: Real<Mask = P::Mask> + From<P>> Over<P> for S {}
 
-/// A number made of `L` independent `f64` lanes; used by step control and loading only.
+/// A number made of `L` independent `f64` lanes, or of one `f64` and its derivatives; used by step control
+/// and loading only.
 pub trait Lane: Real {
     /// How many lanes.
     const L: usize;
+    /// How many derivatives the number carries.
+    const DIRECTIONS: usize = 0;
     fn get(&self, lane: usize) -> f64;
+    /// Sets one lane to a constant.
     fn put(&mut self, lane: usize, value: f64);
+
+    /// Takes one lane over as it is, derivatives included.
+    #[inline(always)]
+    fn take(&mut self, lane: usize, from: &Self) {
+        self.put(lane, from.get(lane));
+    }
+
+    /// The value (part 0) or the derivative in direction `part - 1`, of a number of one lane.
+    #[inline(always)]
+    fn part(&self, _part: usize) -> f64 {
+        self.get(0)
+    }
+
+    /// The number of these parts.
+    #[inline(always)]
+    fn from_parts(part: impl Fn(usize) -> f64) -> Self {
+        Self::c(part(0))
+    }
 
     /// One number from one `f64` for each lane.
     #[inline(always)]

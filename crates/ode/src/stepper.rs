@@ -1,5 +1,6 @@
 //! The integration loop: one for a single system, for lanes, for every caller.
 
+mod saltation;
 mod search;
 
 use crate::control::{Control, Failure, Options, Statistics};
@@ -85,6 +86,8 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     g1: Vec<R>,
     g_look: Vec<R>,
     ahead: Vec<R>,
+    /// How far the time of the present event moves with what is differentiated: value zero.
+    event_shift: R,
     seeded: bool,
     fresh: bool,
     started: bool,
@@ -124,6 +127,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             g1: vec![R::zero(); n_events],
             g_look: vec![R::zero(); n_events],
             ahead: vec![R::zero(); n_obstacles],
+            event_shift: R::zero(),
             seeded: false,
             fresh: false,
             started: false,
@@ -387,13 +391,16 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let t1 = if self.lanes[lane].last { until } else { t0 + h_lane };
             self.give_samples(lane, t0, h_lane, t1, output);
             for (y, y1) in self.y.as_flattened_mut().iter_mut().zip(self.step.y1.as_flattened()) {
-                y.put(lane, y1.get(lane));
+                y.take(lane, y1);
             }
             self.t[lane] = t1;
             any_accepted = true;
             match taken {
                 Some(event) => self.switch(lane, event, true),
-                None => self.lanes[lane].idle_switches = 0,
+                None => {
+                    self.lanes[lane].idle_switches = 0;
+                    self.event_shift = R::zero();
+                }
             }
         }
         if any_accepted {

@@ -61,6 +61,19 @@ impl<S: Real> At<S> {
         At { v: o, x: o, gauge_a: o, gauge_b: o, applied: o, prepared: o }
     }
 
+    /// The same place in other numbers.
+    pub fn map<T>(&self, f: impl Fn(S) -> T) -> At<T> {
+        let At { v, x, gauge_a, gauge_b, applied, prepared } = *self;
+        At {
+            v: f(v),
+            x: f(x),
+            gauge_a: f(gauge_a),
+            gauge_b: f(gauge_b),
+            applied: f(applied),
+            prepared: f(prepared),
+        }
+    }
+
     /// The same with gauge pressures, Pa, in chambers a and b.
     pub fn pressed(self, gauge_a: S, gauge_b: S) -> Self {
         At { gauge_a, gauge_b, ..self }
@@ -293,6 +306,16 @@ macro_rules! laws {
                     return Some(AnyLaw::$name($name::build(&values, choices)));
                 })*
                 None
+            }
+
+            /// The same law with its parameters as other numbers, from `value(parameter)`.
+            pub fn lifted<P: Real>(&self, value: &mut dyn FnMut(&Parameter) -> P) -> AnyLaw<P> {
+                match self {
+                    $(AnyLaw::$name(law) => {
+                        let values: Vec<P> = <$name<f64>>::PARAMETERS.iter().map(|p| value(p)).collect();
+                        AnyLaw::$name(law.lifted(&values))
+                    })*
+                }
             }
 
             /// What the user should know about this parameter set with these levels, if anything.

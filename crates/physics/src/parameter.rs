@@ -97,6 +97,18 @@ macro_rules! parameters {
             }
         }
 
+        impl $name<f64> {
+            /// The same choices with other numbers, in the order of `PARAMETERS`.
+            #[allow(dead_code)]
+            pub fn lifted<P: math::Real>(&self, values: &[P]) -> $name<P> {
+                let mut values = values.iter().copied();
+                $name {
+                    $($field: values.next().expect(concat!("a value for ", stringify!($field))),)*
+                    $($($choice: self.$choice.clone(),)*)?
+                }
+            }
+        }
+
         impl<R: math::Lane> $name<R> {
             /// Lane `i` takes the parameters of `each[i]`.
             pub fn gather(each: &[&$name<f64>]) -> Self {

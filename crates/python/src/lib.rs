@@ -1,8 +1,8 @@
 //! The seam to Python: conversion and error mapping, nothing else.
 
 use circuit::{
-    ALONG, Balance, Drive, Error, Kind, Motion, Record, Restart, Rig, Run, Servo, Start, friction_law,
-    specification,
+    ALONG, Balance, Drive, Error, Kind, Motion, Record, Restart, Rig, Run, Servo, Shooting, Shot, Start,
+    friction_law, specification, steady_sensitivity,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::{Options, Statistics};
@@ -91,6 +91,7 @@ type Table<'py> = Bound<'py, PyArray2<f64>>;
 /// A drive, assembled from its description in SI (JSON).
 #[pyclass(name = "Drive", frozen)]
 struct PyDrive {
+    json: String,
     spec: specification::Drive,
     drive: Drive,
 }
@@ -98,10 +99,10 @@ struct PyDrive {
 #[pymethods]
 impl PyDrive {
     #[new]
-    fn new(json: &str) -> PyResult<Self> {
-        let spec: specification::Drive = parse(json)?;
+    fn new(json: String) -> PyResult<Self> {
+        let spec: specification::Drive = parse(&json)?;
         let drive = Drive::assemble(&spec, false).map_err(to_python)?;
-        Ok(PyDrive { spec, drive })
+        Ok(PyDrive { json, spec, drive })
     }
 
     /// Simulates a piecewise constant command.
@@ -279,6 +280,57 @@ impl PyDrive {
         Ok(out)
     }
 
+    /// Names of the numbers from which a segment of `shoot` starts.
+    #[getter]
+    fn start_names(&self) -> Vec<String> {
+        self.drive.start_names()
+    }
+
+    /// Runs segments of a record, each from a start of its own, with exact derivatives of the outputs and
+    /// of the ends by numbers of the description and, if asked, by the starts.
+    #[pyo3(signature = (times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2))]
+    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    fn shoot<'py>(
+        &self,
+        py: Python<'py>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        sample_times: Vec<f64>,
+        starts: Vec<usize>,
+        initial: PyReadonlyArray2<'py, f64>,
+        parameters: Vec<String>,
+        with_initial: bool,
+        outputs: Vec<String>,
+        rtol: f64,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let asked = Shooting {
+            times,
+            commands,
+            sample_times,
+            starts,
+            initial: initial.as_array().iter().copied().collect(),
+            parameters,
+            with_initial,
+            outputs,
+            options: options(rtol),
+            threads,
+        };
+        let shot = detached(py, |interrupted| self.drive.shoot(&self.json, &asked, interrupted))?;
+        let Shot { values, sensitivities, ends, end_sensitivities, failures, directions } = shot;
+        let (samples, outputs) = (asked.sample_times.len(), asked.outputs.len());
+        let (segments, states) = (asked.starts.len(), self.drive.start_names().len());
+        let array = |values: Vec<f64>| PyArray1::from_vec(py, values);
+        let out = PyDict::new(py);
+        out.set_item("values", array(values).reshape([samples, outputs])?)?;
+        out.set_item("sensitivities", array(sensitivities).reshape([samples, outputs, directions])?)?;
+        out.set_item("ends", array(ends).reshape([segments, states])?)?;
+        out.set_item("end_sensitivities", array(end_sensitivities).reshape([segments, states, directions])?)?;
+        out.set_item("failures", failures)?;
+        out.set_item("start_names", self.drive.start_names())?;
+        Ok(out)
+    }
+
     /// What the user should know about this description.
     #[getter]
     fn warnings(&self) -> Vec<String> {
@@ -416,14 +468,7 @@ fn steady_friction<'py>(
     dependences: Option<&Bound<'py, PyAny>>,
     position_m: f64,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let tables = PyDict::new(py);
-    if let Some(dependences) = dependences {
-        tables.call_method1("update", (dependences,))?;
-    }
-    tables.set_item("law", law)?;
-    tables.set_item("parameters", PyDict::new(py))?;
-    let json: String = py.import("json")?.call_method1("dumps", (tables,))?.extract()?;
-    let mut spec: specification::Friction = parse(&json)?;
+    let mut spec: specification::Friction = parse(&friction_json(py, law, dependences)?)?;
     spec.parameters = parameters;
     if let Some(pressure) = pressure {
         let coefficient = |key: &str| pressure.get(key).copied().unwrap_or(0.0);
@@ -440,6 +485,54 @@ fn steady_friction<'py>(
         friction.steady(&place.pressed(gauge_a_pa, gauge_b_pa))
     };
     Ok(PyArray1::from_iter(py, velocity.as_array().iter().map(|&v| force(v))))
+}
+
+/// The friction of a description as JSON, without its parameters: they may be infinite.
+fn friction_json(py: Python<'_>, law: &str, dependences: Option<&Bound<'_, PyAny>>) -> PyResult<String> {
+    let tables = PyDict::new(py);
+    if let Some(dependences) = dependences {
+        tables.call_method1("update", (dependences,))?;
+    }
+    tables.set_item("law", law)?;
+    tables.set_item("parameters", PyDict::new(py))?;
+    py.import("json")?.call_method1("dumps", (tables,))?.extract()
+}
+
+/// Steady sliding friction of a law, N, at each place, and its derivatives by numbers of the description,
+/// shape (places, names).
+#[pyfunction]
+#[pyo3(signature = (law, parameters, names, velocity, gauge_a_pa, gauge_b_pa, position_m, dependences=None))]
+#[allow(clippy::too_many_arguments)] // The seam: named in Python.
+fn steady_friction_sensitivity<'py>(
+    py: Python<'py>,
+    law: &str,
+    parameters: Values,
+    names: Vec<String>,
+    velocity: PyReadonlyArray1<'py, f64>,
+    gauge_a_pa: PyReadonlyArray1<'py, f64>,
+    gauge_b_pa: PyReadonlyArray1<'py, f64>,
+    position_m: PyReadonlyArray1<'py, f64>,
+    dependences: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, Table<'py>)> {
+    let n = velocity.as_array().len();
+    for (name, array) in
+        [("gauge_a_pa", &gauge_a_pa), ("gauge_b_pa", &gauge_b_pa), ("position_m", &position_m)]
+    {
+        let found = array.as_array().len();
+        if found != n {
+            return Err(PyValueError::new_err(format!("{name} has {found} values, velocity has {n}")));
+        }
+    }
+    let json = friction_json(py, law, dependences)?;
+    let conditions = gauge_a_pa.as_array().into_owned().into_iter().zip(gauge_b_pa.as_array().into_owned());
+    let places = velocity.as_array().into_owned().into_iter().zip(position_m.as_array().into_owned());
+    let places: Vec<At<f64>> = places
+        .zip(conditions)
+        .map(|((v, x), (gauge_a, gauge_b))| At { v, x, ..At::at_rest() }.pressed(gauge_a, gauge_b))
+        .collect();
+    let (forces, derivatives) = detached(py, |_| steady_sensitivity(&json, &parameters, &names, &places))?;
+    let table = PyArray1::from_vec(py, derivatives).reshape([n, names.len()])?;
+    Ok((PyArray1::from_vec(py, forces), table))
 }
 
 /// Flow through a component over its choked flow, at the ratio of downstream to upstream pressure.
@@ -461,6 +554,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<PyRig>()?;
     m.add_function(wrap_pyfunction!(friction_laws, m)?)?;
     m.add_function(wrap_pyfunction!(steady_friction, m)?)?;
+    m.add_function(wrap_pyfunction!(steady_friction_sensitivity, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;
     m.add_function(wrap_pyfunction!(choked_flow_factor, m)?)?;
     Ok(())

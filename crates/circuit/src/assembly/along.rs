@@ -167,7 +167,7 @@ impl Drive {
                 stepper.system(),
                 samples[from..until].to_vec(),
                 columns.len(),
-                |c, t, y, net, row| self.row(c, t, command.get(), y, net, row),
+                |c, t, y, net, row| self.row(c, (t, command.get()), y, net, row),
             );
             let plan = (&times[k..], &commands[k..], end);
             match self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), interrupted) {

@@ -1,19 +1,22 @@
-use super::friction_law;
+use super::friction::{contact, friction_law};
 use crate::circuit::{AxisId, Circuit, GasId, PistonSide, RestrictionId};
+use crate::lifted::Lifted;
 use crate::net::Net;
 use crate::part::ChamberLaw;
 use crate::run::{Error, Recorder, Run, States, advance, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
+use math::{Deps, Lane, Over, Real};
 use ode::{Options, Output, Statistics, Stepper, System};
 use physics::IdealGas;
 use physics::flow::Iso6358;
+use physics::friction::Contact;
 use physics::mechanics::EndStop;
 use std::f64::consts::PI;
 
 /// A double-acting cylinder on a 5/3 proportional valve.
 #[derive(Clone, Debug)]
-pub struct Drive {
-    circuit: Circuit<f64>,
+pub struct Drive<P = f64> {
+    circuit: Circuit<P>,
     axis: AxisId,
     a: GasId,
     b: GasId,
@@ -26,17 +29,17 @@ pub struct Drive {
 
 /// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both
 /// end faces and the rod's surface; the dead volume has no surface of its own.
-fn side(bore: f64, rod: f64) -> PistonSide {
-    let area = 0.25 * PI * (bore * bore - rod * rod);
-    PistonSide { area, perimeter: PI * (bore + rod), end_wall: 2.0 * area }
+fn side<P: Real>(bore: P, rod: P) -> PistonSide<P> {
+    let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
+    PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
 }
 
 /// A stop so soft that supply pressure pushes the piston through the dead volume before it.
-fn stop_warning(cylinder: &specification::Cylinder, sides: &[PistonSide; 2], gauge: f64) -> Option<String> {
-    let depth = |side: &PistonSide| gauge * side.area / cylinder.end_stop.stiffness_n_m;
-    let room = [cylinder.dead_volume_a_m3 / sides[0].area, cylinder.dead_volume_b_m3 / sides[1].area];
+fn stop_warning(cylinder: &specification::Cylinder, areas: [f64; 2], gauge: f64) -> Option<String> {
+    let depth = |area: f64| gauge * area / cylinder.end_stop.stiffness_n_m;
+    let room = [cylinder.dead_volume_a_m3 / areas[0], cylinder.dead_volume_b_m3 / areas[1]];
     // Chamber a pushes towards b's end, and the other way round.
-    let (into_b, into_a) = (depth(&sides[0]), depth(&sides[1]));
+    let (into_b, into_a) = (depth(areas[0]), depth(areas[1]));
     let (end, depth, room) = if into_b > room[1] { ("b", into_b, room[1]) } else { ("a", into_a, room[0]) };
     (depth > room).then(|| {
         format!(
@@ -50,96 +53,128 @@ fn stop_warning(cylinder: &specification::Cylinder, sides: &[PistonSide; 2], gau
 impl Drive {
     /// Assembles the drive; with `ledger`, its accounts are integrated along.
     pub fn assemble(spec: &specification::Drive, ledger: bool) -> Result<Self, Error> {
-        let cylinder = &spec.cylinder;
-        let gas = IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k);
-        let friction = friction_law(&spec.friction)?;
-        let rod = |has_rod: bool| {
-            if has_rod { cylinder.rod_diameter_m } else { 0.0 }
-        };
-        let mut sides = [
-            side(cylinder.bore_m, rod(cylinder.kind == CylinderKind::ThroughRod)),
-            side(cylinder.bore_m, rod(cylinder.kind != CylinderKind::Rodless)),
-        ];
-        let chamber_law = match cylinder.chamber_law {
-            ChamberLawName::EnergyBalance => ChamberLaw::EnergyBalance,
-            ChamberLawName::AsPrinted => {
-                // pi (D x + 0.25 D^3) as printed, in metres: the second term is no area at all.
-                for side in &mut sides {
-                    (side.perimeter, side.end_wall) =
-                        (PI * cylinder.bore_m, 0.25 * PI * cylinder.bore_m.powi(3));
-                }
-                ChamberLaw::AsPrinted
-            }
-        };
-        if ledger && chamber_law == ChamberLaw::AsPrinted {
+        let printed = spec.cylinder.chamber_law == ChamberLawName::AsPrinted;
+        if ledger && printed {
             return Err(Error::Specification(
                 "chamber law \"as-printed\" has no ledger: it does not conserve energy".into(),
             ));
         }
+        let lifted = Lifted::plain(spec);
+        let mut drive = Drive::lifted(&lifted, ledger)?;
+        let friction = friction_law(&spec.friction)?;
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
-        let mut warnings = friction.warnings(gauge, cylinder.stroke_m);
-        warnings.extend(stop_warning(cylinder, &sides, gauge));
-        if chamber_law == ChamberLaw::AsPrinted {
-            warnings.push(
+        drive.warnings = friction.warnings(gauge, spec.cylinder.stroke_m);
+        let areas = sides::<f64>(&lifted).map(|side| side.area);
+        drive.warnings.extend(stop_warning(&spec.cylinder, areas, gauge));
+        drive.citations = friction.sources();
+        drive.citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
+        if printed {
+            drive.warnings.push(
                 "chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only"
                     .into(),
             );
+            drive.citations.push("bracha");
         }
-        let inner = friction.states();
-        let mut citations = friction.sources();
-        citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
-        if chamber_law == ChamberLaw::AsPrinted {
-            citations.push("bracha");
+        if spec.cylinder.incline_rad != 0.0 {
+            drive.citations.push("bipm2019");
         }
-        if cylinder.incline_rad != 0.0 {
-            citations.push("bipm2019");
-        }
+        Ok(drive)
+    }
+}
 
-        let mut circuit = Circuit::new(&gas, spec.ambient.pressure_pa, spec.ambient.temperature_k);
-        let supply = circuit.reservoir(spec.supply.pressure_pa, spec.supply.temperature_k);
-        let exhaust = circuit.reservoir(spec.ambient.pressure_pa, spec.ambient.temperature_k);
-        let mut chamber = |dead_volume: f64| {
-            circuit.volume(
-                chamber_law,
-                dead_volume,
-                0.0,
-                cylinder.heat_transfer_w_m2_k,
-                cylinder.wall_temperature_k,
-            )
-        };
-        let (a, b) = (chamber(cylinder.dead_volume_a_m3), chamber(cylinder.dead_volume_b_m3));
-        let mass = cylinder.moving_mass_kg + spec.load.mass_kg;
-        let axis = circuit.axis(mass, cylinder.incline_rad, spec.load.force_n, Some(friction));
-        for (gas, side, grows) in [(a, sides[0], true), (b, sides[1], false)] {
-            circuit.face(gas, axis, grows, cylinder.stroke_m, side);
+/// Both sides of the piston.
+fn sides<P: Lane>(lifted: &Lifted<specification::Drive>) -> [PistonSide<P>; 2] {
+    let bore: P = lifted.number(|s| s.cylinder.bore_m);
+    let rod = |has_rod: bool| {
+        if has_rod { lifted.number(|s| s.cylinder.rod_diameter_m) } else { P::zero() }
+    };
+    let kind = lifted.value.cylinder.kind;
+    let mut sides =
+        [side(bore, rod(kind == CylinderKind::ThroughRod)), side(bore, rod(kind != CylinderKind::Rodless))];
+    if lifted.value.cylinder.chamber_law == ChamberLawName::AsPrinted {
+        // pi (D x + 0.25 D^3) as printed, in metres: the second term is no area at all.
+        for side in &mut sides {
+            (side.perimeter, side.end_wall) = (P::c(PI) * bore, P::c(0.25 * PI) * (bore * bore * bore));
         }
-        let stop = &cylinder.end_stop;
-        let stop = EndStop {
-            stiffness: stop.stiffness_n_m,
-            damping: stop.damping_n_s_m,
-            damping_depth: stop.damping_depth_m,
-        };
-        circuit.end_stops(axis, stop, cylinder.stroke_m);
-        if let Some(spring) = &spec.load.spring {
-            circuit.spring(axis, spring.stiffness_n_m, spring.rest_position_m);
-        }
+    }
+    sides
+}
+
+/// The law of the valve's edges.
+fn edge_law<P: Lane>(lifted: &Lifted<specification::Drive>, gas: &IdealGas<P>) -> Iso6358<P> {
+    fn valve(spec: &specification::Drive) -> &specification::ProportionalValve {
         let Valve::Proportional53(valve) = &spec.valve;
-        let edge_law = Iso6358::for_gas(
-            valve.conductance_m3_s_pa,
-            valve.critical_pressure_ratio,
-            valve.subsonic_index,
-            valve.linear_above,
-            valve.subsonic_index == 0.5,
-            &gas,
-            gas.is_air(),
-        );
-        let mut edge = |from, to| circuit.restriction(edge_law.clone(), from, to);
-        let edges = [edge(supply, a), edge(a, exhaust), edge(supply, b), edge(b, exhaust)];
+        valve
+    }
+    let index = |spec: &specification::Drive| valve(spec).subsonic_index;
+    Iso6358::for_gas(
+        lifted.number(|s| valve(s).conductance_m3_s_pa),
+        lifted.number(|s| valve(s).critical_pressure_ratio),
+        lifted.number(index),
+        lifted.number(|s| valve(s).linear_above),
+        index(lifted.value) == 0.5 && !lifted.is_free(index),
+        gas,
+        is_air(lifted.value),
+    )
+}
+
+fn is_air(spec: &specification::Drive) -> bool {
+    IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k).is_air()
+}
+
+impl<P: Lane> Drive<P>
+where
+    Deps: Over<P>,
+{
+    /// The equations, from numbers with or without derivatives.
+    pub(crate) fn lifted(lifted: &Lifted<specification::Drive>, ledger: bool) -> Result<Self, Error> {
+        let number = |f: fn(&specification::Drive) -> f64| -> P { lifted.number(f) };
+        let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
+        let friction: Contact<P> = contact(&lifted.table(|spec| &spec.friction))?;
         let mut columns: Vec<String> = COLUMNS.iter().map(ToString::to_string).collect();
-        columns.extend(inner.iter().map(|state| state.name.to_string()));
+        columns.extend(friction.states().iter().map(|state| state.name.to_string()));
+
+        let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
+        let mut circuit = Circuit::new(&gas, ambient[0], ambient[1]);
+        let supply = circuit.reservoir(number(|s| s.supply.pressure_pa), number(|s| s.supply.temperature_k));
+        let exhaust = circuit.reservoir(ambient[0], ambient[1]);
+        let chamber_law = match lifted.value.cylinder.chamber_law {
+            ChamberLawName::EnergyBalance => ChamberLaw::EnergyBalance,
+            ChamberLawName::AsPrinted => ChamberLaw::AsPrinted,
+        };
+        let heat_transfer = number(|s| s.cylinder.heat_transfer_w_m2_k);
+        let wall = number(|s| s.cylinder.wall_temperature_k);
+        let mut chamber =
+            |dead_volume: P| circuit.volume(chamber_law, dead_volume, P::zero(), heat_transfer, wall);
+        let (a, b) = (
+            chamber(number(|s| s.cylinder.dead_volume_a_m3)),
+            chamber(number(|s| s.cylinder.dead_volume_b_m3)),
+        );
+        let mass = number(|s| s.cylinder.moving_mass_kg) + number(|s| s.load.mass_kg);
+        let (incline, force) = (number(|s| s.cylinder.incline_rad), number(|s| s.load.force_n));
+        let axis = circuit.axis(mass, incline, force, Some(friction));
+        let stroke = number(|s| s.cylinder.stroke_m);
+        let [side_a, side_b] = sides(lifted);
+        circuit.face(a, axis, true, stroke, side_a);
+        circuit.face(b, axis, false, stroke, side_b);
+        let stop = EndStop {
+            stiffness: number(|s| s.cylinder.end_stop.stiffness_n_m),
+            damping: number(|s| s.cylinder.end_stop.damping_n_s_m),
+            damping_depth: number(|s| s.cylinder.end_stop.damping_depth_m),
+        };
+        circuit.end_stops(axis, stop, stroke);
+        if let Some(spring) = lifted.optional(|spec| spec.load.spring.as_ref()) {
+            circuit.spring(axis, spring.number(|s| s.stiffness_n_m), spring.number(|s| s.rest_position_m));
+        }
+        let law = edge_law(lifted, &gas);
+        let mut edge = |from, to| circuit.restriction(law.clone(), from, to);
+        let edges = [edge(supply, a), edge(a, exhaust), edge(supply, b), edge(b, exhaust)];
+        let (warnings, citations) = (Vec::new(), Vec::new());
         Ok(Drive { circuit: circuit.build(ledger), axis, a, b, edges, columns, warnings, citations })
     }
+}
 
+impl<P: Lane> Drive<P> {
     /// Names of the columns of a run.
     pub fn columns(&self) -> &[String] {
         &self.columns
@@ -150,6 +185,68 @@ impl Drive {
         self.circuit.n_states()
     }
 
+    /// Opens the valve of one lane: u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
+    pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: f64) {
+        let (extend, retract) = (u.max(0.0), (-u).max(0.0));
+        for (edge, opening) in self.edges.iter().zip([extend, retract, retract, extend]) {
+            circuit.set_opening(*edge, lane, opening);
+        }
+    }
+
+    /// One row of the columns.
+    pub(crate) fn row(
+        &self,
+        circuit: &Circuit<P>,
+        (t, u): (f64, f64),
+        y: &[P],
+        net: &mut Net<P>,
+        row: &mut [P],
+    ) {
+        circuit.observe(y, net);
+        let (axis, a, b) = (&net.axis[self.axis.0], &net.gas[self.a.0], &net.gas[self.b.0]);
+        let values = [
+            P::c(t),
+            axis.x,
+            axis.v,
+            axis.a,
+            a.p,
+            a.t,
+            b.p,
+            b.t,
+            axis.friction,
+            -axis.end_stop,
+            P::c(u),
+            a.m_dot,
+            b.m_dot,
+        ];
+        row[..values.len()].copy_from_slice(&values);
+        row[values.len()..].copy_from_slice(circuit.inner_states(self.axis, y));
+    }
+
+    /// The state as [`Drive::begin`] takes it.
+    pub(crate) fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P> {
+        circuit.observe(y, net);
+        let (axis, a, b) = (&net[self.axis], &net[self.a], &net[self.b]);
+        let mut state = vec![axis.x, axis.v, a.p, a.t, b.p, b.t];
+        state.extend_from_slice(circuit.inner_states(self.axis, y));
+        state
+    }
+
+    /// The start of a run with the command `u`: equations and state from position m, velocity m/s, pressure
+    /// Pa and temperature K in a and b, then the inner states of friction.
+    pub(crate) fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {
+        let mut circuit = self.circuit.clone();
+        self.set_command(&mut circuit, 0, u);
+        let y = circuit.initial_within(
+            &[(self.a, start[2], start[3]), (self.b, start[4], start[5])],
+            &[(self.axis, start[0], start[1])],
+            &[(self.axis, start[CHAMBER_STATES..].to_vec())],
+        );
+        (circuit, y)
+    }
+}
+
+impl Drive {
     /// What the user should know about this description.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -173,14 +270,6 @@ impl Drive {
             &[(self.axis, initial.contact_age_s)],
         );
         (circuit, y)
-    }
-
-    /// Opens the valve of one lane: u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
-    pub fn set_command<R: math::Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: f64) {
-        let (extend, retract) = (u.max(0.0), (-u).max(0.0));
-        for (edge, opening) in self.edges.iter().zip([extend, retract, retract, extend]) {
-            circuit.set_opening(*edge, lane, opening);
-        }
     }
 
     /// Opens each edge of the valve by itself: supply to a, a to exhaust, supply to b, b to exhaust.
@@ -217,7 +306,7 @@ impl Drive {
         let command = std::cell::Cell::new(commands[0]);
         let mut recorder =
             Recorder::new(&circuit, sample_times(duration, rate), self.columns.len(), |c, t, y, net, row| {
-                self.row(c, t, command.get(), y, net, row);
+                self.row(c, (t, command.get()), y, net, row);
             });
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
         let plan = (times, commands, duration);
@@ -305,40 +394,13 @@ impl Drive {
         commands.extend(commands.last().copied());
         Ok((recorder.finish(stepper.state()), commands, stepper.statistics(0)))
     }
-
-    pub(super) fn row(
-        &self,
-        circuit: &Circuit<f64>,
-        t: f64,
-        u: f64,
-        y: &[f64],
-        net: &mut Net<f64>,
-        row: &mut [f64],
-    ) {
-        circuit.observe(y, net);
-        let (axis, a, b) = (&net.axis[self.axis.0], &net.gas[self.a.0], &net.gas[self.b.0]);
-        let values = [
-            t,
-            axis.x,
-            axis.v,
-            axis.a,
-            a.p,
-            a.t,
-            b.p,
-            b.t,
-            axis.friction,
-            -axis.end_stop,
-            u,
-            a.m_dot,
-            b.m_dot,
-        ];
-        row[..values.len()].copy_from_slice(&values);
-        row[values.len()..].copy_from_slice(circuit.inner_states(self.axis, y));
-    }
 }
 
+/// States of a start before those of friction.
+pub(crate) const CHAMBER_STATES: usize = 6;
+
 /// Columns of a trajectory, before the inner states.
-const COLUMNS: [&str; 13] = [
+pub(crate) const COLUMNS: [&str; 13] = [
     "time_s",
     "position_m",
     "velocity_m_s",

@@ -1,12 +1,16 @@
 //! The friction of a description: a law, and what acts on it, with every value checked.
 
+use super::DIRECTIONS;
+use crate::lifted::{Lifted, tangents};
 use crate::run::Error;
 use crate::specification::{self, Growth, StribeckShape};
+use math::{Dual, Lane};
 use physics::Parameter;
 use physics::friction::{
-    self, AnyLaw, Choices, Composition, Contact, Direction, Dwell, Harmonic, LAWS, Meta, Position,
+    self, AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, Harmonic, LAWS, Meta, Position,
     Relaxation, SealLips, Shape, SideLoad,
 };
+use std::collections::BTreeMap;
 
 /// Harmonics of position that a description may have: more would describe the noise of a recording.
 const MOST_HARMONICS: usize = 4;
@@ -17,18 +21,47 @@ fn refuse<T>(message: String) -> Result<T, Error> {
 
 /// The friction of a description; unknown names list the choices.
 pub fn friction_law(spec: &specification::Friction) -> Result<Contact<f64>, Error> {
+    contact(&Lifted::plain(spec))
+}
+
+/// The same with derivatives.
+pub(crate) fn contact<P: Lane>(spec: &Lifted<specification::Friction>) -> Result<Contact<P>, Error> {
     let law = law(spec)?;
-    let lips = spec.pressure.as_ref().map(|p| SealLips {
-        coulomb_a: p.coulomb_a,
-        coulomb_b: p.coulomb_b,
-        breakaway_a: p.breakaway_a,
-        breakaway_b: p.breakaway_b,
+    let lips = spec.optional(|spec| spec.pressure.as_ref()).map(|lips| SealLips {
+        coulomb_a: lips.number(|p| p.coulomb_a),
+        coulomb_b: lips.number(|p| p.coulomb_b),
+        breakaway_a: lips.number(|p| p.breakaway_a),
+        breakaway_b: lips.number(|p| p.breakaway_b),
     });
     let composition = composition(spec, law.meta())?;
     Ok(Contact::new(law, lips, composition))
 }
 
-fn law(spec: &specification::Friction) -> Result<AnyLaw<f64>, Error> {
+/// Steady sliding at each of `places`: the forces, N, and their derivatives by the numbers called
+/// `names`, place by place. `json` is the friction of a description, but for `parameters`.
+pub fn steady_sensitivity(
+    json: &str,
+    parameters: &BTreeMap<String, f64>,
+    names: &[String],
+    places: &[At<f64>],
+) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let (mut spec, free) = tangents::<specification::Friction>(json, "friction", names)?;
+    spec.parameters = parameters.clone();
+    let mut derivatives = vec![0.0; places.len() * names.len()];
+    for first in (0..names.len()).step_by(DIRECTIONS) {
+        let friction = contact::<Dual<f64, DIRECTIONS>>(&Lifted::new(&spec, &free, first))?;
+        let last = names.len().min(first + DIRECTIONS);
+        for (row, at) in derivatives.chunks_exact_mut(names.len()).zip(places) {
+            let force = friction.steady(&at.map(Dual::from));
+            row[first..last].copy_from_slice(&force.eps[..last - first]);
+        }
+    }
+    let friction = friction_law(&spec)?;
+    Ok((places.iter().map(|at| friction.steady(at)).collect(), derivatives))
+}
+
+fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, Error> {
+    let spec = lifted.value;
     let Some(meta) = LAWS.iter().find(|meta| meta.key == spec.law) else {
         let names: Vec<&str> = LAWS.iter().map(|meta| meta.key).collect();
         return refuse(format!(
@@ -37,7 +70,7 @@ fn law(spec: &specification::Friction) -> Result<AnyLaw<f64>, Error> {
             names.join(", ")
         ));
     };
-    for key in spec.parameters.keys() {
+    for key in lifted.tables().flat_map(|spec| spec.parameters.keys()) {
         if !meta.parameters.iter().any(|parameter| parameter.key == key) {
             let names: Vec<&str> = meta.parameters.iter().map(|parameter| parameter.key).collect();
             return refuse(format!(
@@ -66,12 +99,25 @@ fn law(spec: &specification::Friction) -> Result<AnyLaw<f64>, Error> {
     {
         return refuse(format!("friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N"));
     }
-    let choices = choices(spec, meta)?;
-    let mut value = |parameter: &Parameter| match (parameter.key, spec.stribeck_shape) {
-        ("stribeck_exponent", Some(StribeckShape::Exponential)) => 1.0,
-        (key, _) => spec.parameters.get(key).copied().or(parameter.default).expect("checked above"),
-    };
-    Ok(AnyLaw::build(meta.key, &mut value, &choices).expect("the name is registered"))
+    let mut choices = choices(spec, meta)?;
+    if choices.shape.is_none() && lifted.is_free(|spec| named(spec, "stribeck_exponent").unwrap_or(0.0)) {
+        // Also at 2, where the value alone would be a square.
+        choices.shape = Some(Shape::Power);
+    }
+    let plain = AnyLaw::build(meta.key, &mut |parameter| number(lifted, parameter), &choices);
+    Ok(plain.expect("the name is registered").lifted(&mut |parameter| number(lifted, parameter)))
+}
+
+fn named(spec: &specification::Friction, key: &str) -> Option<f64> {
+    spec.parameters.get(key).copied()
+}
+
+/// The value of a parameter that has been checked.
+fn number<P: Lane>(lifted: &Lifted<specification::Friction>, parameter: &Parameter) -> P {
+    match (parameter.key, lifted.value.stribeck_shape) {
+        ("stribeck_exponent", Some(StribeckShape::Exponential)) => P::one(),
+        (key, _) => lifted.number_or(parameter.default.unwrap_or(f64::NAN), |spec| named(spec, key)),
+    }
 }
 
 /// What the description chooses beside numbers.
@@ -107,54 +153,60 @@ fn within(table: &str, parameter: &Parameter, value: f64) -> Result<(), Error> {
     ))
 }
 
-/// The values, all within the bounds of their parameters.
-fn checked<const N: usize>(
-    table: &str,
+/// Numbers of a table, their values within the bounds of the parameters that they are.
+fn checked<P: Lane, T, const N: usize>(
+    name: &str,
     parameters: &[Parameter],
-    values: [f64; N],
-) -> Result<[f64; N], Error> {
-    for (parameter, value) in parameters.iter().zip(values) {
-        within(table, parameter, value)?;
+    table: &Lifted<T>,
+    numbers: impl Fn(&T) -> [f64; N],
+) -> Result<[P; N], Error> {
+    for (parameter, value) in parameters.iter().zip(numbers(table.value)) {
+        within(name, parameter, value)?;
     }
-    Ok(values)
+    Ok(table.numbers(numbers))
 }
 
-fn composition(spec: &specification::Friction, law: &Meta) -> Result<Composition<f64>, Error> {
-    let dwell = spec.dwell.as_ref().map(dwell).transpose()?;
-    let relaxation = spec.relaxation.as_ref().map(|table| relaxation(table, law)).transpose()?;
-    let position = spec.position.as_ref().map(position).transpose()?;
-    let direction = spec.direction.as_ref().map(|table| {
-        let values = [table.positive, table.negative];
-        let [positive, negative] = checked("friction.direction", Direction::<f64>::PARAMETERS, values)?;
+fn composition<P: Lane>(spec: &Lifted<specification::Friction>, law: &Meta) -> Result<Composition<P>, Error> {
+    let dwell = spec.optional(|spec| spec.dwell.as_ref()).map(|table| dwell(&table)).transpose()?;
+    let relaxation = spec.optional(|spec| spec.relaxation.as_ref());
+    let relaxation = relaxation.map(|table| relaxed(&table, law)).transpose()?;
+    let position = spec.optional(|spec| spec.position.as_ref()).map(|table| position(&table)).transpose()?;
+    let direction = spec.optional(|spec| spec.direction.as_ref()).map(|table| {
+        let numbers = |table: &specification::Direction| [table.positive, table.negative];
+        let [positive, negative] =
+            checked("friction.direction", Direction::<f64>::PARAMETERS, &table, numbers)?;
         Ok(Direction { positive, negative, sticks: law.sticks })
     });
-    let side_load = spec.side_load.as_ref().map(|table| {
-        let values = [table.force_n, table.coefficient];
-        let [force, coefficient] = checked("friction.side_load", SideLoad::<f64>::PARAMETERS, values)?;
+    let side_load = spec.optional(|spec| spec.side_load.as_ref()).map(|table| {
+        let numbers = |table: &specification::SideLoad| [table.force_n, table.coefficient];
+        let [force, coefficient] =
+            checked("friction.side_load", SideLoad::<f64>::PARAMETERS, &table, numbers)?;
         Ok(SideLoad { force, coefficient })
     });
     let (direction, side_load) = (direction.transpose()?, side_load.transpose()?);
     Ok(Composition { position, direction, side_load, dwell, relaxation })
 }
 
-fn dwell(table: &specification::Dwell) -> Result<Dwell<f64>, Error> {
-    let growth = match table.growth {
+fn dwell<P: Lane>(table: &Lifted<specification::Dwell>) -> Result<Dwell<P>, Error> {
+    let growth = match table.value.growth {
         Growth::Saturating => friction::Growth::Saturating,
         Growth::Log => friction::Growth::Logarithmic,
         Growth::Hyperbolic => friction::Growth::Hyperbolic,
     };
-    let values = [
-        table.increment_n,
-        table.time_s,
-        table.exponent,
-        table.distance_m,
-        table.pressure_a,
-        table.pressure_b,
-    ];
-    Ok(Dwell::new(growth, checked("friction.dwell", Dwell::<f64>::PARAMETERS, values)?))
+    let numbers = |table: &specification::Dwell| {
+        [
+            table.increment_n,
+            table.time_s,
+            table.exponent,
+            table.distance_m,
+            table.pressure_a,
+            table.pressure_b,
+        ]
+    };
+    Ok(Dwell::new(growth, checked("friction.dwell", Dwell::<f64>::PARAMETERS, table, numbers)?))
 }
 
-fn relaxation(table: &specification::Relaxation, law: &Meta) -> Result<Relaxation<f64>, Error> {
+fn relaxed<P: Lane>(table: &Lifted<specification::Relaxation>, law: &Meta) -> Result<Relaxation<P>, Error> {
     if !law.bristles {
         let laws = LAWS.iter().filter(|meta| meta.bristles).map(|meta| meta.key);
         return refuse(format!(
@@ -163,13 +215,14 @@ fn relaxation(table: &specification::Relaxation, law: &Meta) -> Result<Relaxatio
             laws.collect::<Vec<_>>().join(", ")
         ));
     }
-    let values = [table.share, table.time_s, table.distance_m];
-    let [share, time, distance] = checked("friction.relaxation", Relaxation::<f64>::PARAMETERS, values)?;
+    let numbers = |table: &specification::Relaxation| [table.share, table.time_s, table.distance_m];
+    let [share, time, distance] =
+        checked("friction.relaxation", Relaxation::<f64>::PARAMETERS, table, numbers)?;
     Ok(Relaxation { share, time, distance })
 }
 
-fn position(table: &specification::Position) -> Result<Position<f64>, Error> {
-    let waves = &table.harmonics;
+fn position<P: Lane>(table: &Lifted<specification::Position>) -> Result<Position<P>, Error> {
+    let waves = &table.value.harmonics;
     if waves.len() > MOST_HARMONICS {
         return refuse(format!(
             "friction.position has {} harmonics; at most {MOST_HARMONICS} are taken",
@@ -183,20 +236,21 @@ fn position(table: &specification::Position) -> Result<Position<f64>, Error> {
              they must add up to less than 1"
         ));
     }
-    for (key, value) in [("slope", table.slope_per_m), ("reference", table.reference_m)] {
+    for (key, value) in [("slope", table.value.slope_per_m), ("reference", table.value.reference_m)] {
         if !value.is_finite() {
             return refuse(format!("friction.position.{key} = {value} is out of bounds: it must be finite"));
         }
     }
-    let harmonics = waves.iter().map(|wave| {
-        let values = [wave.period_m, wave.amplitude, wave.phase_rad];
+    let harmonics = (0..waves.len()).map(|k| {
+        let numbers = |wave: &specification::Harmonic| [wave.period_m, wave.amplitude, wave.phase_rad];
+        let wave = table.table(|table| &table.harmonics[k]);
         let [period, amplitude, phase] =
-            checked("friction.position.harmonics", Harmonic::<f64>::PARAMETERS, values)?;
+            checked("friction.position.harmonics", Harmonic::<f64>::PARAMETERS, &wave, numbers)?;
         Ok(Harmonic { period, amplitude, phase })
     });
     Ok(Position {
         harmonics: harmonics.collect::<Result<_, Error>>()?,
-        slope: table.slope_per_m,
-        reference: table.reference_m,
+        slope: table.number(|table| table.slope_per_m),
+        reference: table.number(|table| table.reference_m),
     })
 }

@@ -3,15 +3,15 @@
 use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId, Topology};
 use crate::part::cylinder::CHAMBERS;
 use crate::part::*;
-use math::{Deps, Real};
+use math::{Deps, Lane, Over};
 use ode::{Structure, System};
 use physics::friction::Contact;
 use physics::{IdealGas, STANDARD_GRAVITY};
 use std::sync::Arc;
 
-impl Circuit<f64> {
+impl<R: Lane> Circuit<R> {
     /// An empty circuit; the ambient pressure Pa acts on the outside of every piston.
-    pub fn new(gas: &IdealGas<f64>, ambient_pressure: f64, ambient_temperature: f64) -> Self {
+    pub fn new(gas: &IdealGas<R>, ambient_pressure: R, ambient_temperature: R) -> Self {
         Circuit {
             topology: Arc::new(Topology {
                 names: Vec::new(),
@@ -40,7 +40,7 @@ impl Circuit<f64> {
     }
 
     /// Gas at constant pressure Pa and temperature K.
-    pub fn reservoir(&mut self, pressure: f64, temperature: f64) -> GasId {
+    pub fn reservoir(&mut self, pressure: R, temperature: R) -> GasId {
         let node = self.next_gas();
         self.parts.reservoirs.push((Place::default(), Reservoir { pressure, temperature, node }));
         GasId(node)
@@ -50,15 +50,15 @@ impl Circuit<f64> {
     pub fn volume(
         &mut self,
         law: ChamberLaw,
-        dead_volume: f64,
-        dead_wall: f64,
-        heat_transfer: f64,
-        wall_temperature: f64,
+        dead_volume: R,
+        dead_wall: R,
+        heat_transfer: R,
+        wall_temperature: R,
     ) -> GasId {
         let node = self.next_gas();
         let mut part =
             Volume { dead_volume, dead_wall, heat_transfer, wall_temperature, node, law, scales: [1.0; 2] };
-        part.set_scales(self.common.gas.heat_capacity_ratio, self.common.gas.gas_constant);
+        part.set_scales(self.common.gas.heat_capacity_ratio.get(0), self.common.gas.gas_constant.get(0));
         self.parts.volumes.push((Place::default(), part));
         GasId(node)
     }
@@ -68,10 +68,10 @@ impl Circuit<f64> {
     }
 
     /// A restriction between two gas nodes, closed at first.
-    pub fn restriction(&mut self, law: physics::flow::Iso6358<f64>, from: GasId, to: GasId) -> RestrictionId {
+    pub fn restriction(&mut self, law: physics::flow::Iso6358<R>, from: GasId, to: GasId) -> RestrictionId {
         let part = Restriction {
             law,
-            opening: 0.0,
+            opening: R::zero(),
             from: from.0,
             to: to.0,
             from_boundary: self.is_reservoir(from),
@@ -82,37 +82,20 @@ impl Circuit<f64> {
     }
 
     /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.
-    pub fn axis(
-        &mut self,
-        mass: f64,
-        incline: f64,
-        external_force: f64,
-        friction: Option<Contact<f64>>,
-    ) -> AxisId {
+    pub fn axis(&mut self, mass: R, incline: R, external_force: R, friction: Option<Contact<R>>) -> AxisId {
         let node = self.next_axis();
-        let weight = mass * STANDARD_GRAVITY * math::elementary::sin(incline);
-        let inertia = friction.as_ref().map_or(0.0, Contact::inertia);
-        let inverse_mass = 1.0 / (mass + inertia);
-        let part = Axis { mass, inertia, inverse_mass, weight, external_force, friction, mode: 0.0, node };
+        let weight = mass * R::c(STANDARD_GRAVITY) * incline.sin();
+        let inertia = friction.as_ref().map_or(R::zero(), Contact::inertia);
+        let inverse_mass = R::one() / (mass + inertia);
+        let part =
+            Axis { mass, inertia, inverse_mass, weight, external_force, friction, mode: R::zero(), node };
         self.parts.axes.push((Place::default(), part));
         AxisId(node)
     }
 
-    /// A servo axis driven by its jerk: rigid, and never giving way.
-    pub fn carriage(&mut self) -> (AxisId, CarriageId) {
-        self.servo(Carriage::rigid())
-    }
-
-    /// A servo axis driven by its jerk.
-    pub fn servo(&mut self, carriage: Carriage<f64>) -> (AxisId, CarriageId) {
-        let node = self.next_axis();
-        self.parts.carriages.push((Place::default(), Carriage { node, ..carriage }));
-        (AxisId(node), CarriageId(self.parts.carriages.len() - 1))
-    }
-
     /// One side of a piston: `grows` where the chamber grows with x, else it ends at `stroke` m.
-    pub fn face(&mut self, gas: GasId, axis: AxisId, grows: bool, stroke: f64, side: PistonSide) {
-        let offset = if grows { 0.0 } else { stroke };
+    pub fn face(&mut self, gas: GasId, axis: AxisId, grows: bool, stroke: R, side: PistonSide<R>) {
+        let offset = if grows { R::zero() } else { stroke };
         let PistonSide { area, perimeter, end_wall } = side;
         let part = Face {
             area,
@@ -127,47 +110,20 @@ impl Circuit<f64> {
         self.parts.faces.push((Place::default(), part));
     }
 
-    pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<f64>, stroke: f64) {
+    pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<R>, stroke: R) {
         self.parts.end_stops.push((Place::default(), EndStops { law, stroke, axis: axis.0 }));
     }
 
-    pub fn spring(&mut self, axis: AxisId, stiffness: f64, rest_position: f64) {
+    pub fn spring(&mut self, axis: AxisId, stiffness: R, rest_position: R) {
         self.parts.springs.push((Place::default(), Spring { stiffness, rest_position, axis: axis.0 }));
     }
 
     /// Spring and damper between two axes; returns its index among the links.
-    pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: f64, damping: f64) -> usize {
+    pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: R, damping: R) -> usize {
         let driven = self.parts.carriages.iter().any(|(_, part)| part.node == from.0);
         let part = Link { stiffness, damping, from: from.0, to: to.0, driven };
         self.parts.links.push((Place::default(), part));
         self.parts.links.len() - 1
-    }
-
-    /// Finishes the circuit; with `ledger`, its mass, energy and entropy accounts are integrated along
-    /// without touching a step or a bit of the states.
-    pub fn build(mut self, ledger: bool) -> Self {
-        self.join_cylinders();
-        let (states, channels) = self.parts.lay_out();
-        let n_states = states.len();
-        let (names, mut scale): (Vec<_>, Vec<_>) =
-            states.into_iter().map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale)).unzip();
-        let channels = if ledger { channels } else { Vec::new() };
-        scale.extend(channels.iter().map(|_| f64::INFINITY));
-        let sticking = self.movers().filter(|&mover| self.mover(mover).1.sticks()).collect();
-        let topology = |structure| Topology { names, n_states, channels, structure, sticking };
-        // The pattern is that of everything open: it holds for every input and mode.
-        self.open = (0..self.parts.restrictions.len()).collect();
-        self.topology = Arc::new(topology(Arc::new(Structure::of(&[], &[], false))));
-        self.scale = scale;
-        let n = self.scale.len();
-        let y: Vec<Deps> = (0..n).map(Deps::of).collect();
-        let mut dy = vec![Deps::c(0.0); n];
-        let mut net = self.work::<Deps>();
-        self.rhs(Deps::c(0.0), &y, &mut dy, &mut net);
-        let structure = Arc::new(Structure::of(&dy, &self.scale, false));
-        Arc::get_mut(&mut self.topology).expect("not shared yet").structure = structure;
-        self.open.clear();
-        self
     }
 
     /// Joins each axis that stands between two chambers of its own, with end stops, into one part: the
@@ -205,26 +161,91 @@ impl Circuit<f64> {
             }
         }
     }
+}
 
+impl<R: Lane> Circuit<R>
+where
+    Deps: Over<R>,
+{
+    /// Finishes the circuit; with `ledger`, its mass, energy and entropy accounts are integrated along
+    /// without touching a step or a bit of the states.
+    pub fn build(mut self, ledger: bool) -> Self {
+        self.join_cylinders();
+        let (states, channels) = self.parts.lay_out();
+        let n_states = states.len();
+        let (names, mut scale): (Vec<_>, Vec<_>) =
+            states.into_iter().map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale)).unzip();
+        let channels = if ledger { channels } else { Vec::new() };
+        scale.extend(channels.iter().map(|_| f64::INFINITY));
+        let sticking = self.movers().filter(|&mover| self.mover(mover).1.sticks()).collect();
+        let topology = |structure| Topology { names, n_states, channels, structure, sticking };
+        // The pattern is that of everything open: it holds for every input and mode.
+        self.open = (0..self.parts.restrictions.len()).collect();
+        self.topology = Arc::new(topology(Arc::new(Structure::of(&[], &[], false))));
+        let n = scale.len();
+        self.scale = scale.iter().map(|&scale| R::c(scale)).collect();
+        let y: Vec<Deps> = (0..n).map(Deps::of).collect();
+        let mut dy = vec![Deps::from(R::zero()); n];
+        let mut net = self.work::<Deps>();
+        self.rhs(Deps::from(R::zero()), &y, &mut dy, &mut net);
+        let structure = Arc::new(Structure::of(&dy, &scale, false));
+        Arc::get_mut(&mut self.topology).expect("not shared yet").structure = structure;
+        self.open.clear();
+        self
+    }
+}
+
+impl Circuit<f64> {
+    /// A servo axis driven by its jerk: rigid, and never giving way.
+    pub fn carriage(&mut self) -> (AxisId, CarriageId) {
+        self.servo(Carriage::rigid())
+    }
+
+    /// A servo axis driven by its jerk.
+    pub fn servo(&mut self, carriage: Carriage<f64>) -> (AxisId, CarriageId) {
+        let node = self.next_axis();
+        self.parts.carriages.push((Place::default(), Carriage { node, ..carriage }));
+        (AxisId(node), CarriageId(self.parts.carriages.len() - 1))
+    }
+}
+
+impl<R: Lane> Circuit<R> {
     /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
     /// Sets the modes of friction to match.
-    pub fn initial(&mut self, gas: &[(GasId, f64, f64)], axes: &[(AxisId, f64, f64)]) -> Vec<f64> {
+    pub fn initial(&mut self, gas: &[(GasId, R, R)], axes: &[(AxisId, R, R)]) -> Vec<R> {
         self.initial_aged(gas, axes, &[])
     }
 
     /// The same with contacts that have stood for some time, s. Friction without memory does not mind.
     pub fn initial_aged(
         &mut self,
-        gas: &[(GasId, f64, f64)],
-        axes: &[(AxisId, f64, f64)],
-        ages: &[(AxisId, f64)],
-    ) -> Vec<f64> {
-        let mut y = vec![0.0; self.scale.len()];
-        for &(id, age) in ages {
+        gas: &[(GasId, R, R)],
+        axes: &[(AxisId, R, R)],
+        ages: &[(AxisId, R)],
+    ) -> Vec<R> {
+        let aged = ages.iter().map(|&(id, age)| {
             let (place, axis, inner) = self.mover(self.find(id));
+            let mut states = vec![R::zero(); place.count - inner];
             if let Some(i) = axis.age_index() {
-                y[place.first + inner + i] = age;
+                states[i] = age;
             }
+            (id, states)
+        });
+        let aged: Vec<_> = aged.collect();
+        self.initial_within(gas, axes, &aged)
+    }
+
+    /// The same with all inner states of friction given.
+    pub fn initial_within(
+        &mut self,
+        gas: &[(GasId, R, R)],
+        axes: &[(AxisId, R, R)],
+        inner_states: &[(AxisId, Vec<R>)],
+    ) -> Vec<R> {
+        let mut y = vec![R::zero(); self.scale.len()];
+        for (id, states) in inner_states {
+            let (place, _, inner) = self.mover(self.find(*id));
+            y[place.first + inner..place.first + place.count].copy_from_slice(states);
         }
         for &(id, x, v) in axes {
             let movers =
@@ -239,7 +260,7 @@ impl Circuit<f64> {
                 (y[at], y[at + 1]) = (x, v);
             }
         }
-        let mut net = self.work::<f64>();
+        let mut net = self.work::<R>();
         self.parts.place(&y, &mut net, &self.common);
         self.parts.shape(&mut net);
         for &(id, p, t) in gas {
@@ -265,19 +286,22 @@ impl Circuit<f64> {
     }
 
     /// Sets the modes of friction to match state `y`: stuck where the velocity is zero and the force
-    /// too small.
-    pub fn find_modes(&mut self, y: &mut [f64]) {
-        let mut net = self.work::<f64>();
+    /// too small. What sticks has no velocity, whatever is differentiated.
+    pub fn find_modes(&mut self, y: &mut [R]) {
+        let mut net = self.work::<R>();
         self.evaluate(y, &mut net);
         for &mover in &self.topology.clone().sticking {
             let (place, axis, inner) = self.mover_mut(mover);
-            let v = y[place.first + 1];
+            let v = y[place.first + 1].get(0);
             let z = &mut y[place.first + inner..place.first + place.count];
             // A law that lets the mass move in stick slips only once it has to.
             let sticks = v == 0.0 || !axis.stops();
-            axis.mode = if sticks { 0.0 } else { v.signum() };
-            if sticks && axis.event(z, &net) < 0.0 {
+            axis.mode = R::c(if sticks { 0.0 } else { v.signum() });
+            if sticks && axis.event(z, &net).get(0) < 0.0 {
                 axis.switch(0, z, &net);
+            }
+            if axis.stops() && axis.mode.get(0) == 0.0 {
+                y[place.first + 1] = R::zero();
             }
         }
     }

@@ -142,7 +142,7 @@ impl<P: Real> Axis<P> {
     }
 }
 
-impl Axis<f64> {
+impl<P: Real> Axis<P> {
     /// The age of the contact, where it has one, among the inner states.
     pub(crate) fn age_index(&self) -> Option<usize> {
         self.friction.as_ref()?.age_index()
@@ -159,7 +159,7 @@ impl<R: Lane> Axis<R> {
         let mode = contact.next_mode(self.mode, &at(node), &mut after);
         self.mode.put(lane, mode.get(lane));
         for (z, after) in z.iter_mut().zip(&after) {
-            z.put(lane, after.get(lane));
+            z.take(lane, after);
         }
         let v = node.v.get(lane);
         if self.stops() { 0.5 * (self.mass + self.inertia).get(lane) * v * v } else { 0.0 }

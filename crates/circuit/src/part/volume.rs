@@ -1,7 +1,7 @@
 use super::{Common, Own, OwnRates, Part, State};
 use crate::ledger::Kind;
 use crate::net::{GasNode, Net};
-use math::{Over, Real};
+use math::{Lane, Over, Real};
 use physics::chamber::{AsPrinted, EnergyBalance, Exchange};
 // The standard reference atmosphere: of the error scales, and where entropy is zero.
 use physics::flow::{P_0, T_0};
@@ -35,11 +35,11 @@ physics::parameters! {
     }
 }
 
-impl Volume<f64> {
+impl<R: Lane> Volume<R> {
     pub(crate) fn set_scales(&mut self, k: f64, r: f64) {
         self.scales = match self.law {
             ChamberLaw::EnergyBalance => {
-                [P_0 / (r * T_0) * self.dead_volume, P_0 * self.dead_volume / (k - 1.0)]
+                [P_0 / (r * T_0) * self.dead_volume.get(0), P_0 * self.dead_volume.get(0) / (k - 1.0)]
             }
             ChamberLaw::AsPrinted => [P_0, T_0],
         };

@@ -65,11 +65,4 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             None => Found::Nothing,
         }
     }
-
-    /// Changes the mode of one lane; `moved` where time has passed since its last switch.
-    pub(super) fn switch(&mut self, lane: usize, event: usize, moved: bool) {
-        let n = self.structure.n();
-        self.system.switch(lane, event, &mut self.y.as_flattened_mut()[..n], &mut self.work);
-        self.lanes[lane].note_switch(self.t[lane], event, moved);
-    }
 }

@@ -1,6 +1,6 @@
 use super::{At, InnerState};
 use crate::parameter::{above, any, at_least, between};
-use math::{Over, Real};
+use math::{Lane, Over, Real};
 
 /// How friction grows with the age phi of the contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,24 +83,27 @@ crate::parameters! {
     }
 }
 
-impl Dwell<f64> {
+impl<R: Lane> Dwell<R> {
     /// From the values of [`Dwell::PARAMETERS`], in their order.
     pub fn new(
         growth: Growth,
-        [increment, time, exponent, distance, pressure_a, pressure_b]: [f64; 6],
+        [increment, time, exponent, distance, pressure_a, pressure_b]: [R; 6],
     ) -> Self {
         // An error of phi must not cost more than the same share of b0: where Psi is nearly linear below
         // tau, tau itself; where it rises steeply from zero, the age at which m (phi/tau)^m is that share.
+        let time_s = time.get(0);
         let scale = match growth {
-            Growth::Logarithmic | Growth::Hyperbolic => time,
+            Growth::Logarithmic | Growth::Hyperbolic => time_s,
             Growth::Saturating => {
-                let youngest = distance / FAST;
-                time.min(youngest * (time / youngest).powf(exponent) / exponent)
+                let (youngest, exponent) = (distance.get(0) / FAST, exponent.get(0));
+                time_s.min(youngest * (time_s / youngest).powf(exponent) / exponent)
             }
         };
         Dwell { increment, time, exponent, distance, pressure_a, pressure_b, growth, scale }
     }
+}
 
+impl Dwell<f64> {
     /// The greatest increment that a stop can leave, N, at these gauge pressures.
     pub(super) fn largest(&self, at: &At<f64>) -> f64 {
         self.increment(at, LONGEST_STOP)

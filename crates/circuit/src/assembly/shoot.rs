@@ -1,0 +1,340 @@
+//! Several runs of a drive from starts of their own, with derivatives: what multiple shooting needs.
+
+use super::Drive;
+use super::drive::CHAMBER_STATES;
+use crate::circuit::Circuit;
+use crate::lifted::{Lifted, tangents};
+use crate::net::Net;
+use crate::run::{Error, advance};
+use crate::specification;
+use math::{Dual, Lane};
+use ode::{Options, Output, Stepper, System};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::Duration;
+
+/// How many derivatives one pass carries.
+pub const DIRECTIONS: usize = 8;
+type Sensitive = Dual<f64, DIRECTIONS>;
+
+/// Between two looks at whether the user wants to stop.
+const LOOK: Duration = Duration::from_millis(20);
+/// Stack of a thread, bytes: numbers with derivatives of derivatives are large.
+const STACK: usize = 16 << 20;
+
+/// What is asked: segments of a record, each from a start of its own.
+#[derive(Clone, Debug)]
+pub struct Shooting {
+    /// The command is constant from each of these times to the next.
+    pub times: Vec<f64>,
+    pub commands: Vec<f64>,
+    /// Increasing; the first is the start of the first segment, the last the end of the last one.
+    pub sample_times: Vec<f64>,
+    /// Which samples begin a segment.
+    pub starts: Vec<usize>,
+    /// The start of each segment, row by row; see [`Drive::start_names`].
+    pub initial: Vec<f64>,
+    /// Numbers of the description to differentiate by, as paths of its JSON.
+    pub parameters: Vec<String>,
+    /// Differentiate by the starts as well.
+    pub with_initial: bool,
+    /// Columns of a run.
+    pub outputs: Vec<String>,
+    pub options: Options,
+    pub threads: usize,
+}
+
+/// What comes back; arrays row by row, derivatives last.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    /// (samples, outputs); those of a segment's first sample are of its start.
+    pub values: Vec<f64>,
+    /// (samples, outputs, directions)
+    pub sensitivities: Vec<f64>,
+    /// (segments, states of a start): where each segment ends.
+    pub ends: Vec<f64>,
+    /// (segments, states, directions)
+    pub end_sensitivities: Vec<f64>,
+    /// Why a segment could not be finished; its numbers from there on are not finite.
+    pub failures: Vec<Option<String>>,
+    pub directions: usize,
+}
+
+impl Drive {
+    /// Names of the numbers that a run starts from.
+    pub fn start_names(&self) -> Vec<String> {
+        let chambers = [
+            "position_m",
+            "velocity_m_s",
+            "pressure_a_pa",
+            "temperature_a_k",
+            "pressure_b_pa",
+            "temperature_b_k",
+        ];
+        let inner = &self.columns()[super::drive::COLUMNS.len()..];
+        chambers.iter().map(ToString::to_string).chain(inner.iter().cloned()).collect()
+    }
+
+    /// Runs the segments of `asked`, with exact derivatives of the discrete solution. The result does not
+    /// depend on the number of threads. `json` is the description that this drive was made of.
+    pub fn shoot(
+        &self,
+        json: &str,
+        asked: &Shooting,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Shot, Error> {
+        let states = self.start_names().len();
+        check(asked, &self.start_names())?;
+        let columns = asked.outputs.iter().map(|name| column(self.columns(), name));
+        let columns = columns.collect::<Result<Vec<_>, _>>()?;
+        let n_parameters = asked.parameters.len();
+        let directions = n_parameters + if asked.with_initial { states } else { 0 };
+        let all = All { asked, columns: &columns, states, n_parameters, directions };
+        if directions == 0 {
+            return all.run(std::slice::from_ref(self), interrupted);
+        }
+        let (spec, free) = tangents::<specification::Drive>(json, "", &asked.parameters)?;
+        let pass = |first| Drive::<Sensitive>::lifted(&Lifted::new(&spec, &free, first), false);
+        let drives = (0..directions).step_by(DIRECTIONS).map(pass).collect::<Result<Vec<_>, _>>()?;
+        all.run(&drives, interrupted)
+    }
+}
+
+fn refuse<T>(message: String) -> Result<T, Error> {
+    Err(Error::Specification(message))
+}
+
+fn column(names: &[String], name: &str) -> Result<usize, Error> {
+    match names.iter().position(|column| column == name) {
+        Some(column) => Ok(column),
+        None => refuse(format!("\"{name}\" is no output; choose of {}", names.join(", "))),
+    }
+}
+
+fn check(asked: &Shooting, names: &[String]) -> Result<(), Error> {
+    let increasing = |times: &[f64]| times.windows(2).all(|pair| pair[0] < pair[1]);
+    let n = asked.sample_times.len();
+    if n < 2 || !increasing(&asked.sample_times) {
+        return refuse("sample_times must be two or more increasing times".into());
+    }
+    if asked.times.len() != asked.commands.len() || !increasing(&asked.times) {
+        return refuse("times must increase, and there must be one command for each".into());
+    }
+    if asked.times.first().is_none_or(|&first| first > asked.sample_times[0]) {
+        return refuse(format!("the first command must come at or before {} s", asked.sample_times[0]));
+    }
+    let ordered = asked.starts.windows(2).all(|pair| pair[0] < pair[1]);
+    if asked.starts.first() != Some(&0) || !ordered || asked.starts.last().is_some_and(|&last| last + 1 >= n)
+    {
+        return refuse(format!("starts must be increasing samples from 0 to below {}", n - 1));
+    }
+    let width = names.len();
+    if asked.initial.len() != asked.starts.len() * width {
+        return refuse(format!(
+            "initial must have {} rows, one for each segment, of {}",
+            asked.starts.len(),
+            names.join(", ")
+        ));
+    }
+    for (j, row) in asked.initial.chunks_exact(width).enumerate() {
+        for (i, (value, name)) in row.iter().zip(names).enumerate() {
+            let gas = (2..CHAMBER_STATES).contains(&i);
+            if !value.is_finite() || (gas && *value <= 0.0) {
+                let rule = if gas { "above zero" } else { "finite" };
+                return refuse(format!("initial: {name} = {value} of segment {j} must be {rule}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// All runs of a request.
+struct All<'a> {
+    asked: &'a Shooting,
+    columns: &'a [usize],
+    states: usize,
+    n_parameters: usize,
+    directions: usize,
+}
+
+/// One run: the outputs at its samples, and its end.
+struct Done<P> {
+    rows: Vec<P>,
+    end: Vec<P>,
+    failure: Option<String>,
+}
+
+impl All<'_> {
+    /// Runs every segment with the drive of each pass.
+    fn run<P: Lane>(
+        &self,
+        drives: &[Drive<P>],
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Shot, Error> {
+        let (segments, samples) = (self.asked.starts.len(), self.asked.sample_times.len());
+        let (outputs, directions) = (self.columns.len(), self.directions);
+        let mut shot = Shot {
+            values: vec![f64::NAN; samples * outputs],
+            sensitivities: vec![f64::NAN; samples * outputs * directions],
+            ends: vec![f64::NAN; segments * self.states],
+            end_sensitivities: vec![f64::NAN; segments * self.states * directions],
+            failures: vec![None; segments],
+            directions,
+        };
+        let jobs = segments * drives.len();
+        let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+        std::thread::scope(|scope| {
+            let (sender, receiver) = mpsc::channel();
+            for _ in 0..self.asked.threads.clamp(1, jobs) {
+                let (sender, next, stop) = (sender.clone(), &next, &stop);
+                let work = move || {
+                    loop {
+                        let job = next.fetch_add(1, Ordering::Relaxed);
+                        if job >= jobs || stop.load(Ordering::Relaxed) {
+                            return;
+                        }
+                        let (segment, pass) = (job / drives.len(), job % drives.len());
+                        let done = self.segment(&drives[pass], segment, pass, stop);
+                        if sender.send((segment, pass, done)).is_err() {
+                            return;
+                        }
+                    }
+                };
+                let thread = std::thread::Builder::new().stack_size(STACK);
+                thread.spawn_scoped(scope, work).map_err(|e| Error::Stopped(format!("no thread: {e}")))?;
+            }
+            drop(sender);
+            loop {
+                match receiver.recv_timeout(LOOK) {
+                    Ok((segment, pass, done)) => self.enter(&mut shot, segment, pass, done?),
+                    Err(mpsc::RecvTimeoutError::Timeout) => {
+                        if interrupted() {
+                            stop.store(true, Ordering::Relaxed);
+                        }
+                    }
+                    Err(mpsc::RecvTimeoutError::Disconnected) => return Ok(()),
+                }
+            }
+        })?;
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted { t: self.asked.sample_times[0] });
+        }
+        Ok(shot)
+    }
+
+    /// The samples of a segment: its start and those before the next one's.
+    fn samples(&self, segment: usize) -> std::ops::Range<usize> {
+        let starts = &self.asked.starts;
+        starts[segment]..starts.get(segment + 1).copied().unwrap_or(self.asked.sample_times.len())
+    }
+
+    fn segment<P: Lane>(
+        &self,
+        drive: &Drive<P>,
+        segment: usize,
+        pass: usize,
+        stop: &AtomicBool,
+    ) -> Result<Done<P>, Error> {
+        let asked = self.asked;
+        let samples = self.samples(segment);
+        let last = asked.starts.get(segment + 1).copied().unwrap_or(samples.end - 1);
+        let (from, end) = (asked.sample_times[samples.start], asked.sample_times[last]);
+        let row = &asked.initial[segment * self.states..][..self.states];
+        let first = pass * P::DIRECTIONS;
+        let seed = |i: usize, direction: usize| {
+            f64::from(u8::from(asked.with_initial && direction == self.n_parameters + i))
+        };
+        let start: Vec<P> = (0..self.states)
+            .map(|i| P::from_parts(|part| if part == 0 { row[i] } else { seed(i, first + part - 1) }))
+            .collect();
+        let mut at = asked.times.partition_point(|&time| time <= from) - 1;
+        let (circuit, y) = drive.begin(&start, asked.commands[at]);
+        let mut net = circuit.work::<P>();
+        let mut tracker = Tracker {
+            drive,
+            columns: self.columns,
+            times: &asked.sample_times[samples],
+            next: 0,
+            net: net.clone(),
+            row: vec![P::zero(); drive.columns().len()],
+            rows: Vec::new(),
+            command: asked.commands[at],
+        };
+        let mut stepper = Stepper::new(circuit, from, &y, asked.options);
+        let failure = loop {
+            let until = asked.times.get(at + 1).map_or(end, |&time| time.min(end));
+            match advance(&mut stepper, until, &mut tracker, &mut || stop.load(Ordering::Relaxed)) {
+                Err(Error::Stopped(message)) => break Some(message),
+                other => other?,
+            }
+            if until >= end {
+                break None;
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Err(Error::Interrupted { t: until });
+            }
+            at += 1;
+            tracker.command = asked.commands[at];
+            drive.set_command(stepper.system_mut(), 0, asked.commands[at]);
+        };
+        let mut end = Vec::new();
+        if failure.is_none() {
+            tracker.finish(&stepper);
+            end = drive.outside(stepper.system(), stepper.state(), &mut net);
+        }
+        Ok(Done { rows: tracker.rows, end, failure })
+    }
+
+    /// Writes what one pass of one segment gave.
+    fn enter<P: Lane>(&self, shot: &mut Shot, segment: usize, pass: usize, done: Done<P>) {
+        let first = pass * P::DIRECTIONS;
+        let write = |values: &mut [f64], derivatives: &mut [f64], numbers: &[P]| {
+            for (i, number) in numbers.iter().enumerate() {
+                if pass == 0 {
+                    values[i] = number.get(0);
+                }
+                for direction in first..self.directions.min(first + P::DIRECTIONS) {
+                    derivatives[i * self.directions + direction] = number.part(1 + direction - first);
+                }
+            }
+        };
+        let row = self.samples(segment).start * self.columns.len();
+        write(&mut shot.values[row..], &mut shot.sensitivities[row * self.directions..], &done.rows);
+        let row = segment * self.states;
+        write(&mut shot.ends[row..], &mut shot.end_sensitivities[row * self.directions..], &done.end);
+        shot.failures[segment] = done.failure;
+    }
+}
+
+/// Keeps the outputs at the samples of one segment.
+struct Tracker<'a, P> {
+    drive: &'a Drive<P>,
+    columns: &'a [usize],
+    times: &'a [f64],
+    next: usize,
+    net: Net<P>,
+    row: Vec<P>,
+    rows: Vec<P>,
+    command: f64,
+}
+
+impl<P: Lane> Tracker<'_, P> {
+    /// The samples still due are those at the end.
+    fn finish(&mut self, stepper: &Stepper<P, Circuit<P>>) {
+        while self.next < self.times.len() {
+            self.sample(0, self.times[self.next], stepper.state(), stepper.system());
+        }
+    }
+}
+
+impl<P: Lane> Output<P, Circuit<P>> for Tracker<'_, P> {
+    fn due(&self, _lane: usize) -> f64 {
+        self.times.get(self.next).copied().unwrap_or(f64::INFINITY)
+    }
+
+    fn sample(&mut self, _lane: usize, t: f64, y: &[P], circuit: &Circuit<P>) {
+        self.drive.row(circuit, (t, self.command), y, &mut self.net, &mut self.row);
+        self.rows.extend(self.columns.iter().map(|&column| self.row[column]));
+        self.next += 1;
+    }
+}
