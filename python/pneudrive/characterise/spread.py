@@ -44,8 +44,10 @@ class Spread:
         return self.trend_p < TREND_LEVEL
 
 
-def student(dof: float) -> float:
-    """Two-sided 95 % quantile of Student's t; the normal one where nothing is left to estimate the scale from.
+def student(dof: float, confidence: float = CONFIDENCE) -> float:
+    """Two-sided quantile of Student's t, 95 % if nothing else is said.
+
+    The normal one where nothing is left to estimate the scale from.
 
     Examples
     --------
@@ -54,7 +56,7 @@ def student(dof: float) -> float:
     """
     from scipy.special import ndtri, stdtrit
 
-    upper = 0.5 * (1.0 + CONFIDENCE)
+    upper = 0.5 * (1.0 + confidence)
     return float(stdtrit(dof, upper)) if dof > 0 else float(ndtri(upper))
 
 

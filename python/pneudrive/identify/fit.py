@@ -11,9 +11,9 @@ from pneudrive.characterise.pressure_line import CONFOUNDED
 from pneudrive.errors import FitError, nearest
 from pneudrive.identify.assemble import assembled
 from pneudrive.identify.diagnose import choose_model, diagnose
+from pneudrive.identify.losses import LOSSES
 from pneudrive.identify.model import PRESSURE_FORMS, STRIBECK_SHAPES, FrictionModel, Observations
 from pneudrive.identify.observations import observations
-from pneudrive.identify.losses import LOSSES
 from pneudrive.identify.support import Support, shrunk_to_the_data, with_knee
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def fit_friction(
     """
     exponent, lorentzian = _shape(law, stribeck_shape, stribeck_exponent)
     _check(law, exponent, direction, pressure, loss)
-    ambient = _ambient(friction_map, ambient_pressure_pa, pressure_dependence)
+    ambient = ambient_of(friction_map, ambient_pressure_pa, pressure_dependence)
     data, notes = observations(
         friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
     )
@@ -214,7 +214,8 @@ def _check(law: str, exponent: float | None, direction: int | None, pressure: st
         raise FitError("direction must be None, +1 or -1", value=f"direction = {direction!r}")
 
 
-def _ambient(friction_map: xr.Dataset, given: float | None, needed: bool) -> float:
+def ambient_of(friction_map: xr.Dataset, given: float | None, needed: bool) -> float:
+    """Ambient pressure from which gauge pressures count, Pa; 0 where it is neither known nor needed."""
     value = given if given is not None else friction_map.attrs.get("ambient_pressure_pa")
     if value is None:
         if needed:

@@ -11,7 +11,7 @@ Only the derivative by the Stribeck velocity and exponent is written out (a test
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,6 +82,18 @@ class Observations:
 
     def __len__(self) -> int:
         return int(self.speed_m_s.size)
+
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Observations:
+        """Return some of the rows."""
+        return Observations(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+def at_conditions(speed_m_s: Array, gauge_a_pa: Array, gauge_b_pa: Array) -> Observations:
+    """Give conditions, shape (n,) each, as rows without values: at which a law is evaluated."""
+    one = np.ones(speed_m_s.size)
+    return Observations(
+        speed_m_s, one, one, np.array(gauge_a_pa), np.array(gauge_b_pa), 0.0 * one, np.zeros(one.size, np.int64)
+    )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
-from pneudrive.identify.model import UNITS, FrictionModel, Observations, unit_of
+from pneudrive.identify.model import UNITS, FrictionModel, Observations, at_conditions, unit_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -114,9 +114,10 @@ class FrictionFit:
         gauge_a_pa: ArrayLike = 0.0,
         gauge_b_pa: ArrayLike = 0.0,
         *,
-        stderr_n: float | None = None,
+        stderr_n: ArrayLike | None = None,
+        probability: float = 0.95,
     ) -> Prediction:
-        """Friction at given speeds with a 95 % interval.
+        """Friction at given speeds with an interval.
 
         Parameters
         ----------
@@ -124,9 +125,11 @@ class FrictionFit:
             Speeds in m/s; the sign is ignored, friction is that which opposes the motion.
         gauge_a_pa, gauge_b_pa : array_like
             Gauge pressures, broadcast with the speeds; without effect where the fit does not depend on pressure.
-        stderr_n : float, optional
-            None: interval of the law itself. A value: interval of a new mean with this standard error, to which the
+        stderr_n : array_like, optional
+            None: interval of the law itself. Values: interval of a new mean with this standard error, to which the
             scatter between levels is added and which is scaled as the residuals of the fit were.
+        probability : float
+            Of the interval.
 
         Returns
         -------
@@ -140,19 +143,18 @@ class FrictionFit:
                 value=f"speed_m_s = {np.asarray(speed_m_s)}",
                 rule="the laws describe steady sliding only",
             )
-        one = np.ones_like(flat)
-        data = Observations(flat, one, one, a.ravel(), b.ravel(), 0.0 * one, np.zeros(flat.size, np.int64))
-        theta = np.array([self._free_values()[n] for n in self.free])
+        data = at_conditions(flat, a.ravel(), b.ravel())
+        theta = np.array([self.free_values()[n] for n in self.free])
         q = self.model.internal(theta)
         value, jac = self.model.value_and_jacobian(q, data)
         # by the natural parameters, in which the covariance is stated
         natural = np.linalg.solve(self.model.natural_jacobian(q).T, jac.T).T
         variance = np.einsum("ij,jk,ik->i", natural, self.covariance, natural)
         if stderr_n is not None:
-            new = stderr_n**2 + self.statistics["scatter_n"] ** 2
+            new = np.broadcast_to(stderr_n, speed.shape).ravel() ** 2 + self.statistics["scatter_n"] ** 2
             variance = variance + self.statistics["variance"] * new
         stderr = np.sqrt(np.maximum(variance, 0.0))
-        reach = student(int(self.statistics["degrees_of_freedom"])) * stderr
+        reach = student(int(self.statistics["degrees_of_freedom"]), probability) * stderr
         value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
         return Prediction(value, value - reach, value + reach, stderr)
 
@@ -202,7 +204,8 @@ class FrictionFit:
 
         return read_fit(path)
 
-    def _free_values(self) -> dict[str, float]:
+    def free_values(self) -> dict[str, float]:
+        """Parameters by the names in `free` too: a coefficient that both chambers share is there under its own."""
         shared = {n: self.parameters[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
         return dict(self.parameters) | shared
 
@@ -219,7 +222,7 @@ class FrictionFit:
             f"residuals {s['scale']:.2g} times their standard errors)"
         ]
         lost = {u.parameter for u in self.undetermined}
-        for name, value in self._free_values().items():
+        for name, value in self.free_values().items():
             if name not in self.free and name in UNITS and UNITS[name].startswith("N/Pa"):
                 continue
             lines.append("  " + _line(self, name, value, name in lost))

@@ -38,10 +38,8 @@ def fit_characterisation(
         Group -> law -> fit, and what could not be fitted. Groups are ``all recordings`` and, where there are several,
         each seal. Friction may depend on pressure where the recordings have several pressures.
     """
-    seals = {r.name: r.labels.get("seal", ALL_RECORDINGS) for r in characterisation.recordings}
-    seals |= {point.recording: point.seal for point in characterisation.points}
     curves = characterisation.friction_map
-    of_row = np.array([seals[name] for name in curves["recording"].to_numpy()])
+    of_row = np.array(row_seals_and_runs(characterisation)[0])
     groups = {ALL_RECORDINGS: np.ones(of_row.size, dtype=bool)}
     if len(set(of_row)) > 1:
         groups |= {seal: of_row == seal for seal in dict.fromkeys(of_row)}
@@ -57,6 +55,14 @@ def fit_characterisation(
             else:
                 fits.setdefault(group, {})[law] = found
     return fits, problems
+
+
+def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], list[str]]:
+    """Seal and run of each row of the friction map of a characterisation, as :func:`survey` takes them."""
+    labels = {r.name: (r.labels.get("seal", ALL_RECORDINGS), "1") for r in characterisation.recordings}
+    labels |= {point.recording: (point.seal, point.run) for point in characterisation.points}
+    rows = [labels[name] for name in characterisation.friction_map["recording"].to_numpy()]
+    return [seal for seal, _ in rows], [run for _, run in rows]
 
 
 def _fit(part: xr.Dataset, law: str, *, pressure_dependence: bool) -> FrictionFit | str:

@@ -47,6 +47,14 @@ def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) ->
         model, lost = smaller, lost + statements
 
 
+def as_it_is(model: FrictionModel, data: Observations, loss: str) -> Support:
+    """Fit without leaving anything out and without profile intervals: for values that are predicted many times."""
+    dof = len(data) - len(model.names) - model.chosen
+    found = estimate(model, data, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
+    data, found, scatter = with_scatter(model, data, found, loss=loss)
+    return Support(model, data, found, scatter, {}, [])
+
+
 def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionModel:
     """Choose the knee of a saturating dependence on pressure: the most likely of a few."""
     if model.pressure != "saturating" or not model.chambers:

@@ -1,0 +1,328 @@
+"""Which law holds: laws and dependences on pressure compared by what they say of conditions that they have not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.closure import MINIMUM_RANGE_PA
+from pneudrive.errors import FitError, nearest
+from pneudrive.identify.assemble import assembled
+from pneudrive.identify.diagnose import choose_model
+from pneudrive.identify.fit import ambient_of, fit_values
+from pneudrive.identify.hierarchy import SPEED_SPAN
+from pneudrive.identify.levels import distinct_levels
+from pneudrive.identify.model import PRESSURE_FORMS, FrictionModel
+from pneudrive.identify.observations import observations
+from pneudrive.identify.support import as_it_is, with_knee
+from pneudrive.identify.survey import pressure_levels, row_labels
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Sequence
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.model import Observations
+    from pneudrive.identify.result import FrictionFit
+
+    Array = NDArray[np.float64]
+
+#: Laws by the name under which they are compared.
+CANDIDATES = {
+    "coulomb": FrictionModel("coulomb"),
+    "stribeck gaussian": FrictionModel("stribeck"),
+    "stribeck exponential": FrictionModel("stribeck", exponent=1.0),
+    "stribeck lorentzian": FrictionModel("stribeck", lorentzian=True),
+    "stribeck free": FrictionModel("stribeck", exponent=None),
+}
+#: A miss of a straight line that is said.
+MISSED = 0.2
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One law among those that are compared.
+
+    Attributes
+    ----------
+    name : str
+    pressure : str or None
+        Its dependence on pressure.
+    fit : FrictionFit
+        From all values.
+    free : int
+        Free parameters, with the knee.
+    aicc, bic : float
+    error_n, error : float
+        Root mean square of predicted minus measured values of held-out conditions, N, and over that of the friction.
+    coverage : float
+        Share of the held-out values inside their prediction interval.
+    squares : ndarray, shape (folds,)
+        Mean square of each held-out condition, N^2.
+    worst : float
+        Largest relative error of a held-out condition's mean.
+    worst_at : str
+        That condition, in words.
+    """
+
+    name: str
+    pressure: str | None
+    fit: FrictionFit
+    free: int
+    aicc: float
+    bic: float
+    error_n: float
+    error: float
+    coverage: float
+    squares: Array
+    worst: float
+    worst_at: str
+
+    @property
+    def title(self) -> str:
+        """Law and dependence on pressure."""
+        return self.name + (f", {self.pressure} in pressure" if self.pressure else "")
+
+
+@dataclass(frozen=True)
+class LawComparison:
+    """Laws compared on one friction map, the one with the smallest held-out error first.
+
+    Attributes
+    ----------
+    rows : tuple of Compared
+    held_out : str
+        What was left out and predicted.
+    folds : int
+        Conditions that were left out, one after the other.
+    probability : float
+        Of the prediction intervals.
+    recommended : Compared
+        The simplest law whose held-out error is not larger than the smallest by more than one standard error of their
+        difference.
+    statements : tuple of str
+        The recommendation in words, and what a straight line in pressure misses.
+    """
+
+    rows: tuple[Compared, ...]
+    held_out: str
+    folds: int
+    probability: float
+    recommended: Compared
+    statements: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return the table and the recommendation."""
+        width = max(len(row.title) for row in self.rows)
+        inside = f"in {100 * self.probability:.0f} %"
+        head = f"{'law':<{width}}  free     AICc      BIC  error N  error %  {inside}"
+        lines = [f"held out by {self.held_out}: {self.folds} conditions, one after the other", head]
+        lines += [
+            f"{row.title:<{width}} {row.free:5d} {row.aicc:8.1f} {row.bic:8.1f} {row.error_n:8.3g} "
+            f"{100 * row.error:8.1f} {100 * row.coverage:6.0f} %"
+            for row in self.rows
+        ]
+        return "\n".join(lines + [f"- {said}" for said in self.statements])
+
+
+def compare_laws(
+    friction_map: xr.Dataset,
+    laws: Sequence[str] = tuple(CANDIDATES),
+    *,
+    pressure: Sequence[str] | None = None,
+    hold_out: str | Sequence[str] | None = None,
+    direction: int | None = None,
+    ambient_pressure_pa: float | None = None,
+    exclude_flags: Collection[str] = (),
+    loss: str = "huber",
+    probability: float = 0.9,
+) -> LawComparison:
+    """Compare friction laws by AICc, BIC, and by prediction of conditions that were left out.
+
+    Parameters
+    ----------
+    friction_map : xarray.Dataset
+        As of :func:`fit_friction`.
+    laws : sequence of str
+        Of ``coulomb``, ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``, ``stribeck free``.
+    pressure : sequence of str, optional
+        Dependences on pressure, each tried with each law; by default all where the pressure was varied.
+    hold_out : str or sequence of str, optional
+        What is left out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
+        ``mounting``), or a label for each row. By default ``pressure`` where there are three or more, else ``speed``.
+        Never single values at random: neighbours of one condition would tell what is left out.
+    direction, ambient_pressure_pa, exclude_flags, loss
+        As of :func:`fit_friction`.
+    probability : float
+        Of the prediction intervals that are counted.
+
+    Returns
+    -------
+    LawComparison
+
+    Raises
+    ------
+    FitError
+        If a name is unknown, or there are fewer than three conditions to leave out.
+    """
+    for name in laws:
+        if name not in CANDIDATES:
+            raise FitError(f"there is no law {name!r} to compare", remedy=nearest(name, CANDIDATES))
+    ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
+    data, _ = observations(friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags)
+    forms = _forms(data, pressure)
+    held_out, folds = _folds(friction_map, data, hold_out)
+    tried = [_compared(name, form, data, folds, loss, probability) for name in laws for form in forms]
+    rows = [row for row in tried if isinstance(row, Compared)]
+    if not rows:
+        raise FitError("no law can be compared on this map", value="; ".join(str(row) for row in tried))
+    best = min(rows, key=lambda row: row.error_n)
+    recommended = min((row for row in rows if _as_good(row, best)), key=lambda row: (row.free, row.error_n))
+    said = (*_statements(rows, best, recommended, held_out), *(row for row in tried if isinstance(row, str)))
+    ordered = tuple(sorted(rows, key=lambda row: row.error_n))
+    return LawComparison(ordered, held_out, int(folds.max()) + 1, probability, recommended, said)
+
+
+def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:
+    if wanted is not None:
+        for form in wanted:
+            if form not in PRESSURE_FORMS:
+                raise FitError(
+                    f"there is no dependence on pressure called {form!r}", remedy=nearest(form, PRESSURE_FORMS)
+                )
+        return tuple(wanted)
+    varied = [np.ptp(g) > MINIMUM_RANGE_PA for g in (data.gauge_a_pa, data.gauge_b_pa)]
+    if not any(varied):
+        return (None,)
+    return PRESSURE_FORMS if all(varied) else PRESSURE_FORMS[:3]
+
+
+def _folds(
+    friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None
+) -> tuple[str, NDArray[np.int64]]:
+    """Name of what is left out, and the number of the fold of each value."""
+    if wanted is None:
+        wanted = "pressure" if pressure_levels(data).max() >= 2 else "speed"
+    name = wanted if isinstance(wanted, str) else "label"
+    if wanted == "pressure":
+        folds = pressure_levels(data)
+    elif wanted == "speed":
+        tops = np.array([high for _, high in distinct_levels(data.speed_m_s)])
+        folds = np.searchsorted(tops, data.speed_m_s)
+    elif wanted == "recording":
+        folds = np.unique(data.group, return_inverse=True)[1]
+    else:
+        labels = row_labels(friction_map, wanted)
+        recordings = friction_map["recording"].to_numpy().astype(str)
+        of_recording = dict(zip(recordings.tolist(), labels.tolist(), strict=True))
+        names = np.unique(recordings)
+        folds = np.unique([of_recording[names[g]] for g in data.group], return_inverse=True)[1]
+    if folds.max() < 2:
+        raise FitError(
+            f"there are fewer than three conditions to leave out by {name}",
+            value=f"{int(folds.max()) + 1}",
+            remedy="measure more of them, or hold out by speed or by recording",
+        )
+    return name, np.asarray(folds, dtype=np.int64)
+
+
+def _compared(
+    name: str, form: str | None, data: Observations, folds: NDArray[np.int64], loss: str, probability: float
+) -> Compared | str:
+    """Fit and predict, or say why that cannot be done."""
+    wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
+    try:
+        fit = fit_values(replace(CANDIDATES[name], viscous=wide), data, pressure=form, loss=loss)
+    except FitError as problem:
+        return f"{name} is not compared: {problem.what}"
+    error, inside = np.empty(len(data)), np.empty(len(data), dtype=bool)
+    for fold in range(int(folds.max()) + 1):
+        left = folds == fold
+        at = data.take(left)
+        try:
+            without = _without(fit.model, form, data.take(~left), loss)
+        except FitError as problem:
+            raise FitError(
+                f"{name} cannot be fitted without one of the held-out conditions",
+                value=_condition(at),
+                remedy=problem.what,
+            ) from problem
+        band = without.predict(
+            at.speed_m_s, at.gauge_a_pa, at.gauge_b_pa, stderr_n=at.stderr_n, probability=probability
+        )
+        error[left] = band.friction_n - at.friction_n
+        inside[left] = (band.lower_n <= at.friction_n) & (at.friction_n <= band.upper_n)
+    means = list(_fold_means(error, data, folds))
+    worst = int(np.argmax(np.abs(means)))
+    rms = float(np.sqrt(np.mean(error**2)))
+    return Compared(
+        name=name,
+        pressure=form,
+        fit=fit,
+        free=len(fit.model.names) + fit.model.chosen,
+        aicc=fit.statistics["aicc"],
+        bic=fit.statistics["bic"],
+        error_n=rms,
+        error=rms / float(np.sqrt(np.mean(data.friction_n**2))),
+        coverage=float(np.mean(inside)),
+        squares=np.array([np.mean(error[folds == fold] ** 2) for fold in range(int(folds.max()) + 1)], dtype=float),
+        worst=float(means[worst]),
+        worst_at=_condition(data.take(folds == worst)),
+    )
+
+
+def _without(model: FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
+    """Fit what all values carry of the law to some of them."""
+    plain = FrictionModel(model.law, model.exponent, viscous=model.viscous, lorentzian=model.lorentzian)
+    chosen, lost = choose_model(plain, rest, pressure=form)
+    support = as_it_is(with_knee(chosen, rest, loss), rest, loss)
+    return assembled(model.law, support, lost, [], {"direction": "both"})
+
+
+def _fold_means(error: Array, data: Observations, folds: NDArray[np.int64]) -> Iterator[float]:
+    for fold in range(int(folds.max()) + 1):
+        left = folds == fold
+        yield float(np.mean(error[left]) / np.mean(np.abs(data.friction_n[left])))
+
+
+def _condition(at: Observations) -> str:
+    def span(values: Array, factor: float, unit: str) -> str:
+        low, high = factor * float(values.min()), factor * float(values.max())
+        return f"{low:.3g} {unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g} {unit}"
+
+    a, b = span(at.gauge_a_pa, 1e-5, "bar"), span(at.gauge_b_pa, 1e-5, "bar")
+    return f"{span(at.speed_m_s, 1e3, 'mm/s')}, chamber a {a}, b {b} gauge"
+
+
+def _as_good(row: Compared, best: Compared) -> bool:
+    difference = row.squares - best.squares
+    return bool(difference.mean() <= difference.std(ddof=1) / np.sqrt(difference.size))
+
+
+def _statements(rows: list[Compared], best: Compared, recommended: Compared, held_out: str) -> Iterator[str]:
+    yield (
+        f"recommended: {recommended.title}; it predicts a {held_out} that was left out with an error of "
+        f"{100 * recommended.error:.2g} %, and {100 * recommended.coverage:.0f} % of the values lie in their interval"
+    )
+    if recommended is not best:
+        yield f"{best.title} predicts no better beyond chance ({100 * best.error:.2g} %) and has more parameters"
+    smallest = min(rows, key=lambda row: row.aicc)
+    if smallest is not recommended:
+        yield (
+            f"AICc would choose {smallest.title}: it describes these values best, "
+            f"and predicts what was left out with {100 * smallest.error:.2g} %"
+        )
+    lines = [row for row in rows if row.pressure == "linear" and row.name == recommended.name]
+    if lines and recommended.pressure != "linear" and not _as_good(lines[0], best):
+        yield (
+            f"a straight line in pressure does not hold: it misses a {held_out} that was left out by up to "
+            f"{100 * abs(lines[0].worst):.0f} % ({lines[0].worst_at})"
+        )
+    elif abs(recommended.worst) > MISSED:
+        yield (
+            f"no law tried holds everywhere: {recommended.title} misses a {held_out} that was left out by up to "
+            f"{100 * abs(recommended.worst):.0f} % ({recommended.worst_at}); do not extrapolate, measure there"
+        )
