@@ -235,8 +235,13 @@ class FrictionFit:
 _SHOWN = {"m/s": (1e3, "mm/s"), "N/Pa": (1e5, "N/bar"), "N/Pa2": (1e10, "N/bar2"), "1": (1.0, "")}
 
 
+def shown(unit: str) -> tuple[float, str]:
+    """Factor and name of the unit in which people read what is stored in `unit`."""
+    return _SHOWN.get(unit, (1.0, unit))
+
+
 def _line(fit: FrictionFit, name: str, value: float, lost: bool) -> str:
-    factor, unit = _SHOWN.get(unit_of(name), (1.0, unit_of(name)))
+    factor, unit = shown(unit_of(name))
     if not np.isfinite(value):
         return f"{name:<18} not determined"
     text = f"{name:<18} {factor * value:10.4g} {unit:<6}"

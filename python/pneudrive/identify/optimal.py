@@ -1,0 +1,150 @@
+"""Optimal designs over a list of candidate points: algorithms that know nothing of friction.
+
+A candidate is a gradient g of its expected value by the parameters, divided by its standard deviation: measured once it
+adds g g' to the information. A nonlinear law has other gradients at other parameters, so there is one set for each
+draw d of a prior, and criteria are means over the draws:
+
+    D   mean of ln det M_d                the volume of the confidence region
+    I   mean of trace(M_d^-1 W_d)         the variance of the prediction, averaged over a range
+
+A weighting of the candidates is D-optimal just where mean g' M^-1 g <= p at every candidate, p parameters, with
+equality at its support [fedorov1972].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: Information added along each parameter so that a first point can be chosen, relative to that of all candidates.
+RIDGE = 1e-9
+#: Passes of exchanges; each improves the criterion, and three to six reach the end.
+MOST_PASSES = 40
+#: Gains below this are rounding.
+LEAST_GAIN = 1e-10
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Points that could be measured.
+
+    Attributes
+    ----------
+    gradients : ndarray, shape (d, c, p)
+        Of each draw and candidate, over the standard deviation of the measured value.
+    known : ndarray, shape (d, p, p)
+        Information that is there already.
+    region : ndarray, shape (d, p, p) or None
+        Mean of g g' over the range of prediction, in units of the value squared; needed for I.
+    """
+
+    gradients: Array
+    known: Array
+    region: Array | None = None
+
+    @property
+    def scale(self) -> Array:
+        """Size of each parameter's column, shape (p,): the algorithms work on columns of size one."""
+        size = np.sqrt(np.mean(self.gradients**2, axis=(0, 1)))
+        return np.where(size > 0.0, size, 1.0)
+
+    def scaled(self) -> Candidates:
+        """Return the same candidates with columns of size one, and a ridge that makes every matrix regular."""
+        s = self.scale
+        known = self.known / np.outer(s, s) + RIDGE * self.gradients.shape[1] * np.eye(s.size)
+        region = None if self.region is None else self.region / np.outer(s, s)
+        return Candidates(self.gradients / s, known, region)
+
+
+def information(candidates: Candidates, counts: Array) -> Array:
+    """Information of each draw with `counts` (c,) measurements of each candidate, shape (d, p, p)."""
+    g = candidates.gradients
+    return candidates.known + np.einsum("c,dci,dcj->dij", counts, g, g)
+
+
+def prediction_variance(candidates: Candidates, matrix: Array) -> Array:
+    """Mean over the draws of g' M^-1 g at each candidate, shape (c,)."""
+    g = candidates.gradients
+    solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))
+    return np.mean(np.einsum("dci,dic->dc", g, solved), axis=0)
+
+
+def d_optimal_weights(candidates: Candidates, tolerance: float = 1e-3, most: int = 50_000) -> Array:
+    """Weights (c,), of sum one, that are D-optimal for the candidates alone (nothing known).
+
+    The multiplicative algorithm: each weight times its variance over p, which raises the criterion at every step. It
+    ends where no candidate has a variance above p (1 + tolerance).
+    """
+    scaled = Candidates(candidates.scaled().gradients, np.zeros_like(candidates.known))
+    size = scaled.gradients.shape[2]
+    weight = np.full(scaled.gradients.shape[1], 1.0 / scaled.gradients.shape[1])
+    for _ in range(most):
+        variance = prediction_variance(scaled, information(scaled, weight))
+        if variance.max() <= size * (1.0 + tolerance):
+            break
+        weight = weight * variance / size
+        weight /= weight.sum()
+    return weight
+
+
+def exchange(candidates: Candidates, count: int, criterion: str = "D") -> NDArray[np.int64]:
+    """Choose `count` measurements, repeats allowed: the best one each time, then exchanges as long as they improve.
+
+    Returns
+    -------
+    ndarray of int, shape (count,)
+        Indices of candidates, sorted.
+    """
+    scaled = candidates.scaled()
+    matrix, chosen = scaled.known.copy(), []
+    for _ in range(count):
+        best = int(np.argmax(_gain(scaled, matrix, criterion)))
+        chosen.append(best)
+        matrix = matrix + _outer(scaled, best)
+    for _ in range(MOST_PASSES):
+        changed = False
+        for i, old in enumerate(chosen):
+            rest = matrix - _outer(scaled, old)
+            gain = _gain(scaled, rest, criterion)
+            best = int(np.argmax(gain))
+            if gain[best] > gain[old] + LEAST_GAIN * abs(gain[old]):
+                chosen[i], matrix, changed = best, rest + _outer(scaled, best), True
+        if not changed:
+            break
+    return np.sort(np.array(chosen, dtype=np.int64))
+
+
+def within_budget(candidates: Candidates, cost: Array, budget: float, criterion: str = "D") -> NDArray[np.int64]:
+    """Choose measurements one after the other by gain for their cost (c,), as long as the budget lasts."""
+    scaled = candidates.scaled()
+    matrix, chosen, left = scaled.known.copy(), [], budget
+    while (cost <= left).any():
+        gain = np.where(cost <= left, _gain(scaled, matrix, criterion) / cost, -np.inf)
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        left -= float(cost[best])
+        matrix = matrix + _outer(scaled, best)
+    return np.sort(np.array(chosen, dtype=np.int64))
+
+
+def _outer(candidates: Candidates, index: int) -> Array:
+    g = candidates.gradients[:, index]
+    return g[:, :, None] * g[:, None, :]
+
+
+def _gain(candidates: Candidates, matrix: Array, criterion: str) -> Array:
+    """Give what measuring each candidate once more adds to the criterion, shape (c,)."""
+    g = candidates.gradients
+    solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))  # (d, p, c)
+    leverage = np.einsum("dci,dic->dc", g, solved)
+    if criterion == "D":
+        return np.mean(np.log1p(leverage), axis=0)
+    assert candidates.region is not None
+    return np.mean(np.einsum("dic,dij,djc->dc", solved, candidates.region, solved) / (1.0 + leverage), axis=0)

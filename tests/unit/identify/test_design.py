@@ -1,0 +1,153 @@
+"""Optimal designs: the known support, the equivalence theorem, and intervals that come true."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneudrive import _core
+from pneudrive.errors import FitError
+from pneudrive.identify import fit_friction
+from pneudrive.identify.design import Limits, Prior, design, expected_half_widths
+from pneudrive.identify.model import at_conditions
+from pneudrive.identify.optimal import Candidates, d_optimal_weights, exchange, information, prediction_variance
+
+RANGE = (1e-3, 0.45)
+
+
+def candidates(truth, law, speeds):
+    prior = Prior.of_law(law, truth)
+    gradients = prior.model.value_and_jacobian(prior.draws[0], at_conditions(speeds, 0 * speeds, 0 * speeds))[1]
+    size = gradients.shape[1]
+    return Candidates(gradients[None] / 0.5, np.zeros((1, size, size)))
+
+
+@pytest.mark.parametrize(
+    ("law", "support"),
+    [
+        ("stribeck gaussian", [0.001, 0.012, 0.0335, 0.45]),
+        ("stribeck free", [0.001, 0.0073, 0.0155, 0.036, 0.45]),
+    ],
+)
+def test_d_optimal_weights_have_the_known_support_and_satisfy_the_equivalence_theorem(truth, law, support):
+    speeds = np.geomspace(*RANGE, 300)
+    tried = candidates(truth, law, speeds)
+    weight = d_optimal_weights(tried)
+    size = len(support)
+    variance = prediction_variance(tried, information(tried, weight))
+    assert variance.max() <= size * 1.001, "no point would tell more (Kiefer and Wolfowitz)"
+    for speed in support:
+        near = np.abs(np.log(speeds / speed)) < 0.12
+        assert weight[near].sum() == pytest.approx(1.0 / size, rel=0.05), speed
+    fine = candidates(truth, law, np.geomspace(*RANGE, 5000))
+    assert prediction_variance(fine, information(tried, weight)).max() <= size * 1.002
+
+
+def test_exchange_finds_the_support_and_repeats_it(truth):
+    speeds = np.geomspace(*RANGE, 300)
+    chosen = speeds[exchange(candidates(truth, "stribeck gaussian", speeds), 8)]
+    np.testing.assert_allclose(
+        np.log(chosen.reshape(4, 2) / np.array([[0.001], [0.012], [0.0335], [0.45]])), 0.0, atol=0.05
+    )
+
+
+def test_expected_intervals_come_true(make_map, truth, friction_of):
+    speeds = np.repeat(np.geomspace(*RANGE, 10), 2)
+    expected = expected_half_widths(Prior.of_law("stribeck gaussian", truth), speeds, 0.0, 0.0, 0.5)
+    found = {name: [] for name in expected}
+    for seed in range(40):
+        noise = 0.5 * np.random.default_rng([5, seed]).standard_normal(20)
+        fit = fit_friction(make_map(speeds, friction_of(speeds) + noise, 0.5))
+        for name in found:
+            found[name].append(np.diff(fit.intervals[name])[0] / 2.0)
+    for name, value in expected.items():
+        assert np.median(found[name]) == pytest.approx(value, rel=0.15), name
+
+
+def test_next_points_of_a_fit_narrow_what_is_open(make_map, truth, friction_of):
+    speeds = np.geomspace(0.015, 0.45, 14)  # nothing below vs: Fs and vs are not separable
+    noise = 0.3 * np.random.default_rng(1).standard_normal(14)
+    fit = fit_friction(make_map(speeds, friction_of(speeds) + noise, 0.3))
+    proposed = design(fit, Limits(RANGE), points=6)
+    slow = sum(p.repeats for p in proposed.points if p.speed_m_s < 0.012)
+    assert slow >= 3, "the remedy that the fit states in words, in numbers"
+    assert proposed.half_widths_then["breakaway"] < 0.3 * proposed.half_widths_now["breakaway"]
+    # what is expected comes true when these points are measured
+    added = np.repeat([p.speed_m_s for p in proposed.points], [p.repeats for p in proposed.points])
+    both = np.r_[speeds, added]
+    values = []
+    for seed in range(20):
+        noise = 0.3 * np.random.default_rng([2, seed]).standard_normal(both.size)
+        again = fit_friction(make_map(both, friction_of(both) + noise, 0.3))
+        values.append(np.diff(again.intervals["stribeck_velocity"])[0] / 2.0)
+    assert np.median(values) == pytest.approx(proposed.half_widths_then["stribeck_velocity"], rel=0.5)
+
+
+def test_a_prior_spreads_the_points(truth):
+    sure = design(Prior.of_law("stribeck gaussian", truth), Limits(RANGE), points=12, noise_n=0.5)
+    unsure = design(
+        Prior.of_law("stribeck gaussian", truth, {"stribeck_velocity": 0.7}), Limits(RANGE), points=12, noise_n=0.5
+    )
+    assert len(unsure.points) > len(sure.points)
+
+
+def test_i_optimal_predicts_its_range_better(truth):
+    prior = Prior.of_law("stribeck gaussian", truth)
+    range_of_use = Limits((0.1, 0.45))
+    plans = {c: design(prior, Limits(RANGE), points=8, criterion=c, over=range_of_use, noise_n=0.5) for c in "DI"}
+    at = np.geomspace(0.1, 0.45, 50)
+    g = prior.model.value_and_jacobian(prior.draws[0], at_conditions(at, 0 * at, 0 * at))[1]
+
+    def variance(plan):
+        v = np.repeat([p.speed_m_s for p in plan.points], [p.repeats for p in plan.points])
+        j = prior.model.value_and_jacobian(prior.draws[0], at_conditions(v, 0 * v, 0 * v))[1] / 0.5
+        return np.mean(np.einsum("ij,jk,ik->i", g, np.linalg.pinv(j.T @ j), g))
+
+    assert variance(plans["I"]) < 0.8 * variance(plans["D"])
+
+
+def test_pressures_are_taken_at_the_corners(truth):
+    slopes = {f"{f}_{c}": 1e-5 for f in ("coulomb", "breakaway") for c in "ab"}
+    gauges = tuple((a, b) for a in (0.0, 2e5, 4e5, 6e5) for b in (0.0, 2e5, 4e5, 6e5))
+    plan = design(
+        Prior.of_law("stribeck gaussian", truth | slopes, chambers=("a", "b")),
+        Limits(RANGE, gauges),
+        points=24,
+        noise_n=0.5,
+    )
+    assert {p.gauge_a_pa for p in plan.points} | {p.gauge_b_pa for p in plan.points} == {0.0, 6e5}
+
+
+def test_time_counts(truth):
+    prior, limits = Prior.of_law("stribeck gaussian", truth), Limits(RANGE, stroke_m=0.1, strokes=2)
+    plan = design(prior, limits, seconds=1800.0, noise_n=0.5)
+    assert 900.0 < plan.seconds <= 1800.0
+    free = design(prior, limits, points=sum(p.repeats for p in plan.points), noise_n=0.5)
+    assert free.seconds > plan.seconds, "a slow point takes 400 s and is taken less often where time counts"
+
+
+def test_the_core_gives_the_gradients(truth):
+    prior = Prior.of_law("stribeck gaussian", truth)
+    at = at_conditions(np.array([0.01]), np.zeros(1), np.zeros(1))
+    value = prior.model.value(prior.draws[0], at)[0]
+    assert value == pytest.approx(_core.steady_friction("stribeck", truth, np.array([0.01]))[0], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"criterion": "A"}, "no criterion 'A'"),
+        ({"noise_n": None}, "pass noise_n"),
+        ({"seconds": 0.1}, "no point fits into the time"),
+        ({"points": 0}, "1 or more"),
+    ],
+)
+def test_messages(truth, change, said):
+    with pytest.raises(FitError, match=said):
+        design(Prior.of_law("stribeck gaussian", truth), Limits(RANGE), **({"noise_n": 0.5} | change))
+
+
+def test_a_prior_needs_all_guesses(truth):
+    del truth["viscous"]
+    with pytest.raises(FitError, match="lacks viscous"):
+        Prior.of_law("stribeck gaussian", truth)
