@@ -123,7 +123,9 @@ fn a_drive_with_exact_sticking() {
 
 #[test]
 fn drives_with_friction_that_remembers() {
-    for (law, least_events) in [("elasto-plastic", 0), ("stribeck", 15)] {
+    for (law, least_events) in
+        [("elasto-plastic", 0), ("stribeck", 15), ("karnopp", 15), ("armstrong", 10), ("bouc-wen", 0)]
+    {
         lanes_equal_scalars(&specification::Drive { friction: everything(law), ..reference() }, least_events);
     }
 }

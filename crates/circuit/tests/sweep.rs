@@ -34,18 +34,35 @@ impl Draw {
 }
 
 /// A law with forces that suit a piston pushed by up to `push` N.
-fn friction(draw: &mut Draw, push: f64, supply: f64) -> Value {
-    let law = draw.one(&["coulomb", "stribeck", "lugre", "elasto-plastic"]);
+fn friction(draw: &mut Draw, laws: &[&str], push: f64, supply: f64) -> Value {
+    let law = draw.one(laws);
     let coulomb = push * draw.log(0.01, 0.15);
     let mut p = json!({ "coulomb": coulomb, "viscous": draw.one(&[0.0, 1.0]) * push * draw.log(0.02, 0.5) });
-    if law != "coulomb" {
+    let names: Vec<&str> = registered(law).parameters.iter().map(|p| p.key).collect();
+    if names.contains(&"breakaway") {
         p["breakaway"] = json!(coulomb * draw.linear(1.0, 2.0));
         p["stribeck_velocity"] = json!(draw.log(1e-3, 0.1));
-        p["stribeck_exponent"] = json!(draw.one(&[2.0, 2.0, 1.0, 0.5, 1.4]));
+        let exponent = json!(draw.one(&[2.0, 2.0, 1.0, 0.5, 1.4]));
+        if names.contains(&"stribeck_exponent") {
+            p["stribeck_exponent"] = exponent;
+        }
     }
-    let bristles = law == "lugre" || law == "elasto-plastic";
-    if bristles {
+    let bristles = registered(law).bristles;
+    if names.contains(&"bristle_stiffness") {
         p["bristle_stiffness"] = json!(draw.log(1e4, 1e6));
+    }
+    let own = [
+        ("dead_zone", 1e-5, 1e-3),
+        ("dahl_exponent", 1.0, 2.0),
+        ("bouc_wen_exponent", 1.0, 5.0),
+        ("loop_shape", 0.5, 1.5),
+        ("memory_time", 1e-3, 0.1),
+        ("recovery_time", 0.01, 100.0),
+    ];
+    for (name, low, high) in own.into_iter().filter(|(name, ..)| names.contains(name)) {
+        p[name] = json!(draw.log(low, high));
+    }
+    if names.contains(&"bristle_damping") {
         p["bristle_damping"] = json!(draw.log(10.0, 1000.0));
         if draw.chance(0.3) {
             p["damping_fade_velocity"] = json!(draw.log(0.01, 1.0));
@@ -82,7 +99,7 @@ fn friction(draw: &mut Draw, push: f64, supply: f64) -> Value {
     friction
 }
 
-fn drive(draw: &mut Draw) -> Value {
+fn drive(draw: &mut Draw, laws: &[&str]) -> Value {
     let bore: f64 = draw.one(&[0.012, 0.016, 0.02, 0.025, 0.032, 0.04, 0.05, 0.063]);
     let area = 0.25 * std::f64::consts::PI * bore * bore;
     let stroke = draw.log(0.05, 1.0);
@@ -125,7 +142,7 @@ fn drive(draw: &mut Draw) -> Value {
             "subsonic_index": draw.one(&[0.5, 0.5, 0.45, 0.6]),
             "linear_above": draw.one(&[0.99, 0.999, 0.9999]),
         },
-        "friction": friction(draw, push, supply),
+        "friction": friction(draw, laws, push, supply),
         "load": {
             "mass_kg": load,
             "force_n": draw.one(&[0.0, 1.0]) * push * draw.linear(-0.3, 0.3),
@@ -164,12 +181,12 @@ struct Member {
 }
 
 impl Member {
-    fn new(seed: u64) -> Self {
+    fn new(seed: u64, laws: &[&str]) -> Self {
         let mut draw = Draw(seed.wrapping_mul(0x2545_F491_4F6C_DD1D) ^ 0x5EED);
         for _ in 0..4 {
             draw.unit();
         }
-        let description = drive(&mut draw);
+        let description = drive(&mut draw, laws);
         let drive: spec::Drive = serde_json::from_value(description.clone()).expect("a description");
         let plan = plan(&mut draw);
         let x = drive.cylinder.stroke_m * draw.unit();
@@ -185,9 +202,12 @@ impl Member {
     }
 }
 
+const USUAL: &[&str] = &["coulomb", "stribeck", "lugre", "elasto-plastic"];
+const OTHERS: &[&str] = &["karnopp", "dahl", "bouc-wen", "armstrong"];
+
 /// Simulates member `seed`; the attempts it took, or what went wrong with what reproduces it.
-fn member(seed: u64) -> Result<u64, String> {
-    let member = Member::new(seed);
+fn member(seed: u64, laws: &[&str]) -> Result<u64, String> {
+    let member = Member::new(seed, laws);
     let complain = |what: String| {
         let Member { description, plan, initial, .. } = &member;
         Err(format!("member {seed}: {what}\n{description}\ntimes and commands {plan:?}\n{initial:?}"))
@@ -215,8 +235,8 @@ fn member(seed: u64) -> Result<u64, String> {
     }
 }
 
-fn sweep(seeds: std::ops::Range<u64>) {
-    let results: Vec<_> = seeds.clone().map(member).collect();
+fn sweep(seeds: std::ops::Range<u64>, laws: &[&str]) {
+    let results: Vec<_> = seeds.clone().map(|seed| member(seed, laws)).collect();
     let done = seeds.zip(&results).filter_map(|(seed, result)| Some((*result.as_ref().ok()?, seed)));
     let mut attempts: Vec<(u64, u64)> = done.collect();
     attempts.sort_unstable();
@@ -236,19 +256,25 @@ fn sweep(seeds: std::ops::Range<u64>) {
 
 #[test]
 fn two_hundred_drives() {
-    sweep(0..200);
+    sweep(0..200, USUAL);
+}
+
+#[test]
+fn a_hundred_drives_with_other_laws() {
+    sweep(0..100, OTHERS);
 }
 
 #[test]
 #[ignore = "minutes; by hand"]
 fn five_thousand_drives() {
-    sweep(1000..6000);
+    sweep(1000..6000, USUAL);
+    sweep(1000..3000, OTHERS);
 }
 
 /// Largest errors of position, m, and of a pressure, relative, at the default tolerance, against a run at
 /// 1e-10, outside the first instants of a contact.
 fn errors(seed: u64) -> (f64, f64) {
-    let member = Member::new(seed);
+    let member = Member::new(seed, USUAL);
     let drive = Drive::assemble(&member.drive, false).expect("assembles");
     let run = |rtol: f64| member.run(&drive, rtol, 500.0).unwrap_or_else(|e| panic!("{seed}: {e}")).columns;
     let (coarse, fine) = (run(1e-6), run(1e-10));

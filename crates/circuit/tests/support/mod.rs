@@ -5,7 +5,7 @@
 use circuit::{Circuit, Net, specification};
 use ode::{NoOutput, Options, Output, Paused, Stepper, System};
 use physics::flow::Iso6358;
-use physics::friction::{AnyLaw, Choices, LAWS};
+use physics::friction::{AnyLaw, Choices, LAWS, Meta};
 use physics::mechanics::EndStop;
 use physics::{IdealGas, Parameter};
 
@@ -32,9 +32,14 @@ pub fn stop() -> EndStop<f64> {
     EndStop { stiffness: 1e6, damping: 2000.0, damping_depth: 1e-4 }
 }
 
+/// A law's entry in the registry.
+pub fn registered(key: &str) -> &'static Meta {
+    LAWS.iter().find(|meta| meta.key == key).expect("registered")
+}
+
 /// A law of the registry with the values given and the defaults.
 pub fn law(key: &str, values: &[(&str, f64)]) -> AnyLaw<f64> {
-    let meta = LAWS.iter().find(|meta| meta.key == key).expect("registered");
+    let meta = registered(key);
     for (name, _) in values {
         assert!(meta.parameters.iter().any(|p| p.key == *name), "{key} has no {name}");
     }
@@ -140,15 +145,14 @@ pub fn reference_stribeck() -> specification::Drive {
 
 /// Friction with all that can act on a law; relaxation where it has bristles.
 pub fn everything(law: &str) -> specification::Friction {
-    let sticks = law == "stribeck";
+    let meta = registered(law);
     let mut parameters = serde_json::json!({
         "coulomb": 30.0, "breakaway": 45.0, "stribeck_velocity": 0.02, "viscous": 40.0,
+        "bristle_stiffness": 1e5, "bristle_damping": 300.0, "damping_fade_velocity": 0.5,
+        "dead_zone": 1e-4, "memory_time": 0.02, "recovery_time": 1.0,
     });
-    if !sticks {
-        parameters["bristle_stiffness"] = 1e5.into();
-        parameters["bristle_damping"] = 300.0.into();
-        parameters["damping_fade_velocity"] = 0.5.into();
-    }
+    let known = |key: &String| meta.parameters.iter().any(|p| p.key == key);
+    parameters.as_object_mut().expect("a table").retain(|key, _| known(key));
     let relaxation = serde_json::json!({ "share": 0.3, "time_s": 0.3, "distance_m": 2e-4 });
     let table = serde_json::json!({
         "law": law,
@@ -158,7 +162,7 @@ pub fn everything(law: &str) -> specification::Friction {
             "growth": "log", "increment_n": 2.0, "time_s": 0.05, "distance_m": 5e-5,
             "pressure_a": 1e-6, "pressure_b": 2e-6,
         },
-        "relaxation": if sticks { serde_json::Value::Null } else { relaxation },
+        "relaxation": if meta.bristles { relaxation } else { serde_json::Value::Null },
         "position": {
             "harmonics": [{ "period_m": 0.1, "amplitude": 0.05, "phase_rad": 0.4 }],
             "slope_per_m": 0.2, "reference_m": 0.25,
