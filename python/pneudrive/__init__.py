@@ -39,9 +39,12 @@ if TYPE_CHECKING:
     from pneudrive.describe import Valve as Valve
     from pneudrive.errors import PneudriveError as PneudriveError
     from pneudrive.identify import fit_friction as fit_friction
+    from pneudrive.identify.dynamic import Sensor as Sensor
+    from pneudrive.identify.dynamic import identify as identify
     from pneudrive.simulate import citations as citations
     from pneudrive.simulate import simulate as simulate
     from pneudrive.trajectory import save as save
+    from pneudrive.validate import validate as validate
 
 # Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
 _HOME = {
@@ -52,9 +55,12 @@ _HOME = {
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.characteristics"),
     "compare": "pneudrive.characteristics.compare.comparison",
     "fit_friction": "pneudrive.identify",
+    "identify": "pneudrive.identify.dynamic",
+    "Sensor": "pneudrive.identify.dynamic",
+    "validate": "pneudrive.validate",
     "PneudriveError": "pneudrive.errors",
 }
-_SUBMODULES = ("report", "rig", "identify", "errors", "units")
+_SUBMODULES = ("report", "rig", "errors", "units")
 
 __all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]
 

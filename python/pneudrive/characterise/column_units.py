@@ -10,10 +10,11 @@ from pneudrive.units import converter, parse, parse_pressure
 
 @dataclass(frozen=True)
 class ColumnUnit:
-    """SI value = number * factor; ``gauge`` is True or False for pressures, None otherwise."""
+    """SI value = number * factor + shift; ``gauge`` is True or False for pressures, None otherwise."""
 
     factor: float
     gauge: bool | None = None
+    shift: float = 0.0
 
 
 def column_unit(text: str, si_unit: str) -> ColumnUnit:
@@ -24,7 +25,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     text
         Such as ``"mm"`` or ``"bar gauge"``.
     si_unit
-        What the column must be: ``"s"``, ``"m"``, ``"N"``, ``"Pa"``.
+        What the column must be: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``, ``"Pa"``, ``"K"``.
 
     Raises
     ------
@@ -34,10 +35,11 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     Examples
     --------
     >>> column_unit("bar gauge", "Pa")
-    ColumnUnit(factor=100000.0, gauge=True)
+    ColumnUnit(factor=100000.0, gauge=True, shift=0.0)
     """
     if si_unit != "Pa":
-        return ColumnUnit(converter(text, si_unit)[0])
+        factor, shift = converter(text, si_unit)
+        return ColumnUnit(factor, shift=shift)
     words = text.split()
     if not words or words[-1] not in ("gauge", "abs"):
         converter(text, si_unit)  # another dimension is the greater mistake: say that first

@@ -15,9 +15,12 @@ from pneudrive.errors import LayoutError, nearest
 
 if TYPE_CHECKING:
     from pneudrive.characterise.column_units import ColumnUnit
+    from pneudrive.characterise.layout_values import LayoutValues
 
 # Channel -> SI unit.
 CHANNEL_UNITS = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
+# Channels that a recording of a drive has beside them; a layout that names the command is one of a drive.
+DRIVE_UNITS = {"command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"}
 COLUMN_KEYS = {"column", "unit", "positive", "scale", "offset", "delay", "accuracy", "range", "calibration", "format"}
 TOP_KEYS: dict[str, tuple[type, str]] = {
     "format": (str, "a text in quotes"),
@@ -30,7 +33,7 @@ TOP_KEYS: dict[str, tuple[type, str]] = {
     "skip_samples": (int, "a whole number"),
 }
 TABLES: dict[str, set[str] | None] = {
-    "columns": {*CHANNEL_UNITS, "cycle"},
+    "columns": {*CHANNEL_UNITS, *DRIVE_UNITS, "cycle"},
     "geometry": {"kind", "bore", "rod_diameter", "area_a", "area_b", "bore_accuracy", "area_accuracy"},
     "chamber_a": {"open_to_ambient", "pressure"},
     "chamber_b": {"open_to_ambient", "pressure"},
@@ -79,6 +82,23 @@ class FileLayout:
     stiffness_n_m: float | None
     geometry_accuracy: dict[str, float]
     window_m: tuple[float, float] | None
+    labels: dict[str, str]
+
+    @property
+    def dates(self) -> dict[int | str, str]:
+        """Columns that hold dates and times, with the form in which they are written."""
+        return {column.column: column.date_form for column in self.columns.values() if column.date_form is not None}
+
+
+@dataclass(frozen=True)
+class DriveLayout:
+    """What a layout says of a file that recorded a drive: no geometry, which the drive has."""
+
+    format: str
+    text: TextForm
+    skip_samples: int
+    columns: dict[str, Column]
+    ambient_pressure_pa: float
     labels: dict[str, str]
 
     @property
@@ -138,13 +158,31 @@ class Layout:
         LayoutError
             A value that is wrong for this file.
         """
+        return self._with_overrides(self._matching(path), path).file_layout(path)
+
+    def _matching(self, path: Path) -> list[int]:
         names = (path.name, stem(path))
-        chosen = [
+        return [
             index
             for index, override in enumerate(self.tree.get("for", []))
             if any(fnmatchcase(name, override["match"]) for name in names)
         ]
-        return self._with_overrides(chosen, path)
+
+    @property
+    def is_of_drive(self) -> bool:
+        """Whether it reads recordings of a drive: it says where the command is."""
+        columns = self.tree.get("columns")
+        return isinstance(columns, dict) and "command" in columns
+
+    def for_drive_file(self, path: Path) -> DriveLayout:
+        """Apply the overrides that match the file's name, for a recording of a drive.
+
+        Raises
+        ------
+        LayoutError
+            A value that is wrong for this file, or no command.
+        """
+        return self._with_overrides(self._matching(path), path).drive_layout(path)
 
     def fail(self, what: str, *keys: str, rule: str | None = None, remedy: str | None = None) -> LayoutError:
         """Build an error that points at a key's line."""
@@ -153,7 +191,7 @@ class Layout:
         where = f"{self.origin}:{line}" if line else self.origin
         return LayoutError(what, where=where, value=shown, rule=rule, remedy=remedy)
 
-    def _with_overrides(self, chosen: list[int], path: Path) -> FileLayout:
+    def _with_overrides(self, chosen: list[int], path: Path) -> LayoutValues:
         from pneudrive.characterise.layout_values import LayoutValues
 
         tree = copy.deepcopy({key: value for key, value in self.tree.items() if key != "for"})
@@ -161,7 +199,7 @@ class Layout:
         for index in chosen:
             rest = {key: value for key, value in self.tree["for"][index].items() if key != "match"}
             _merge(tree, rest, (), ("for", str(index)), sources)
-        return LayoutValues(self, tree, sources).file_layout(path)
+        return LayoutValues(self, tree, sources)
 
     def _checked(self) -> Layout:
         """Refuse unknown keys and wrong values before the first recording is opened."""
@@ -175,9 +213,12 @@ class Layout:
                     "[[for]] does not say which files it is for", "for", str(index), remedy='match = "*257*"'
                 )
             self._check_tree({k: v for k, v in override.items() if k != "match"}, ("for", str(index)))
-        self._with_overrides([], Path("any"))
-        for index in range(len(overrides)):
-            self._with_overrides([index], Path("any"))
+        for chosen in ([], *([index] for index in range(len(overrides)))):
+            values = self._with_overrides(chosen, Path("any"))
+            if self.is_of_drive:
+                values.drive_layout(Path("any"))
+            else:
+                values.file_layout(Path("any"))
         return self
 
     def _check_tree(self, tree: dict[str, Any], prefix: tuple[str, ...]) -> None:

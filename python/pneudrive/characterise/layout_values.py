@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.characterise import date_times
 from pneudrive.characterise.column_units import ColumnUnit, column_unit, pressure_range, share, uncertainty
 from pneudrive.characterise.formats import FORMATS
-from pneudrive.characterise.layout import CHANNEL_UNITS, Column, FileLayout, Layout, labels_from_name, stem
+from pneudrive.characterise.layout import (
+    CHANNEL_UNITS,
+    DRIVE_UNITS,
+    Column,
+    DriveLayout,
+    FileLayout,
+    Layout,
+    labels_from_name,
+    stem,
+)
 from pneudrive.characterise.recording import STANDARD_ATMOSPHERE_PA
 from pneudrive.characterise.text_table import TextForm
 from pneudrive.describe.geometry import KINDS, piston_areas
@@ -22,6 +31,8 @@ if TYPE_CHECKING:
 
 DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
 SIGNS = {"+x": 1, "-x": -1}
+#: SI unit -> a unit that a column may have.
+EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K": "degC"}
 
 
 class LayoutValues:
@@ -55,19 +66,8 @@ class LayoutValues:
 
     def file_layout(self, path: Path) -> FileLayout:
         """Put everything together for one file."""
-        tree = self.tree
-        form = tree.get("format", "csv")
-        if form != "csv" and form not in FORMATS:
-            raise self.fail(f"format = '{form}' is not known", "format", remedy=nearest(form, ["csv", *FORMATS]))
-        for key in ("skip_samples", "skip_lines"):
-            if tree.get(key, 0) < 0:
-                raise self.fail(f"{key} must not be negative", key)
-        ambient = self.ambient()
-        columns = {n: self.column(n, ambient) for n in CHANNEL_UNITS if n in tree.get("columns", {})}
-        for needed in ("time", "position", "force"):
-            if needed not in columns:
-                example = f'{needed} = {{ column = 0, unit = "{CHANNEL_UNITS[needed]}" }}'
-                raise self.fail(f"[columns] does not say where the {needed} is", "columns", remedy=example)
+        tree, form, ambient = self.tree, self.form(), self.ambient()
+        columns = self.columns(CHANNEL_UNITS, ("time", "position", "force"), ambient)
         area_a, area_b, accuracy = self.areas()
         incline, mass = self.posture()
         alignment = self.read("rig", "alignment", lambda text: uncertainty(text, "rad"))
@@ -88,6 +88,39 @@ class LayoutValues:
             window_m=self.read("window", "position", lambda text: parse_range(text, "m")),
             labels=self.labels(path),
         )
+
+    def drive_layout(self, path: Path) -> DriveLayout:
+        """Put together what a recording of a drive needs."""
+        form, ambient = self.form(), self.ambient()
+        needed = ("time", "command", "position", "pressure_a", "pressure_b")
+        return DriveLayout(
+            format=form,
+            text=self.text_form(),
+            skip_samples=self.tree.get("skip_samples", 0),
+            columns=self.columns({**CHANNEL_UNITS, **DRIVE_UNITS}, needed, ambient),
+            ambient_pressure_pa=ambient,
+            labels=self.labels(path),
+        )
+
+    def form(self) -> str:
+        """Give the format of the file, with what goes before its samples checked."""
+        form = self.tree.get("format", "csv")
+        if form != "csv" and form not in FORMATS:
+            raise self.fail(f"format = '{form}' is not known", "format", remedy=nearest(form, ["csv", *FORMATS]))
+        for key in ("skip_samples", "skip_lines"):
+            if self.tree.get(key, 0) < 0:
+                raise self.fail(f"{key} must not be negative", key)
+        return form
+
+    def columns(self, units: dict[str, str], needed: tuple[str, ...], ambient: float) -> dict[str, Column]:
+        """Give the channels that the layout names; those that are needed must be among them."""
+        columns = {n: self.column(n, ambient) for n in units if n in self.tree.get("columns", {})}
+        for channel in needed:
+            if channel not in columns:
+                unit = f', unit = "{EXAMPLES[units[channel]]}"' if units[channel] else ""
+                example = f"{channel} = {{ column = 0{unit} }}"
+                raise self.fail(f"[columns] does not say where the {channel} is", "columns", remedy=example)
+        return columns
 
     def posture(self) -> tuple[float, float]:
         """Incline in rad and mass beyond the sensor in kg."""
@@ -125,26 +158,30 @@ class LayoutValues:
 
     def column(self, name: str, ambient: float) -> Column:
         """One channel."""
-        table, path, si_unit = self.tree["columns"][name], ("columns", name), CHANNEL_UNITS[name]
+        table, path = self.tree["columns"][name], ("columns", name)
+        si_unit = {**CHANNEL_UNITS, **DRIVE_UNITS}[name]
         place = table.get("column")
         if isinstance(place, bool) or not isinstance(place, int | str):
             remedy = 'column = 0, or a name of the header in quotes: column = "Force"'
             raise self.fail(f"columns.{name} does not say its column", *path, remedy=remedy)
-        if not isinstance(table.get("unit"), str):
-            example = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N"}[si_unit]
-            raise self.fail(f"columns.{name} has no unit", *path, remedy=f'unit = "{example}"')
+        if name == "command" and "unit" in table:
+            rule = "a command is the share of full opening, -1 to 1: scale and offset bring it there"
+            raise self.fail("columns.command has a unit", *path, rule=rule)
+        if name != "command" and not isinstance(table.get("unit"), str):
+            raise self.fail(f"columns.{name} has no unit", *path, remedy=f'unit = "{EXAMPLES[si_unit]}"')
         limits: Callable[[Any], Any] = lambda text: parse_range(text, si_unit)  # noqa: E731
         if si_unit == "Pa":
             limits = lambda text: pressure_range(text, ambient)  # noqa: E731
         direction = table.get("positive", "+x")
-        if direction not in SIGNS or ("positive" in table and name not in ("force", "position")):
-            rule = 'positive is "+x" or "-x", for force and position only'
+        if direction not in SIGNS or ("positive" in table and name not in ("force", "position", "velocity", "command")):
+            rule = 'positive is "+x" or "-x", for force, position, velocity and command only'
             raise self.fail(f"columns.{name}.positive = {direction!r}", *path, rule=rule)
 
         def optional(key: str, how: Callable[[Any], Any]) -> Any:  # noqa: ANN401
             return self.said(how, table[key], *path, key) if key in table else None
 
         is_date = name == "time" and table["unit"] == date_times.UNIT
+        is_plain = is_date or name == "command"
         form = table.get("format", date_times.ISO)
         if not isinstance(form, str) or ("format" in table and not is_date):
             rule = f'a format is a text, for a time with unit = "{date_times.UNIT}" only'
@@ -152,7 +189,7 @@ class LayoutValues:
         return Column(
             column=place,
             unit=ColumnUnit(1.0)
-            if is_date
+            if is_plain
             else self.said(lambda text: column_unit(text, si_unit), table["unit"], *path, "unit"),
             sign=SIGNS[direction],
             scale=self.number(name, "scale", 1.0),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.formats import read_columns
-from pneudrive.characterise.layout import CHANNEL_UNITS, FileLayout, Layout, stem
+from pneudrive.characterise.layout import CHANNEL_UNITS, DriveLayout, FileLayout, Layout, stem
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.text_table import read_bytes, read_text
 from pneudrive.characterise.trajectories import is_trajectory, read_trajectory
@@ -101,6 +101,18 @@ def _layout_beside(file: Path) -> Layout:
 def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recording:
     """Read one file through a layout."""
     said = layout.for_file(path)
+    raw, flags, digest = read_raw(path, said)
+    return to_recording(name or stem(path), path, said, raw, flags, digest)
+
+
+def read_raw(path: Path, said: FileLayout | DriveLayout) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
+    """Read the raw columns that a layout names, by channel; what reading found; the hash of the file.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read in this way, or no sample is left.
+    """
     data = read_bytes(path)
     wanted = {channel: column.column for channel, column in said.columns.items()}
     if said.format == "csv":
@@ -115,7 +127,7 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
             value=f"{table.columns[0].size} rows, skip_samples = {said.skip_samples}",
             remedy="lower skip_samples in the layout",
         )
-    return to_recording(name or stem(path), path, said, raw, table.flags, hashlib.sha256(data).hexdigest())
+    return raw, table.flags, hashlib.sha256(data).hexdigest()
 
 
 def to_recording(
@@ -144,7 +156,7 @@ def to_recording(
         aligned = values[channel]
         delay = column.delay_s - said.columns["time"].delay_s
         if delay:
-            aligned = _shift(time, aligned, delay)
+            aligned = shifted(time, aligned, delay)
         channels[suffix] = aligned
         if column.accuracy_si is not None:
             accuracy[suffix] = column.accuracy_si
@@ -176,14 +188,14 @@ def to_recording(
     )
 
 
-def convert(said: FileLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+def convert(said: FileLayout | DriveLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
     """Raw values of one channel in SI, pressures absolute."""
     column = said.columns[channel]
-    value = column.sign * (raw * column.scale + column.offset) * column.unit.factor
+    value = column.sign * (raw * column.scale + column.offset) * column.unit.factor + column.unit.shift
     return value + said.ambient_pressure_pa if column.unit.gauge else value
 
 
-def _shift(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
+def shifted(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
     """Values of a channel that is read ``delay_s`` late, on the common time base."""
     order = np.isfinite(time_s)
     if not order.any() or (np.diff(time_s[order]) < 0).any():

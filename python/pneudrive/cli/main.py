@@ -19,7 +19,11 @@ if TYPE_CHECKING:
 COMMANDS = {
     "simulate": "pneudrive.cli.simulate",
     "characterise": "pneudrive.cli.characterise",
+    "identify": "pneudrive.cli.identify",
+    "fit": "pneudrive.cli.fit",
+    "design": "pneudrive.cli.design",
     "compare": "pneudrive.cli.compare",
+    "validate": "pneudrive.cli.validate",
     "campaign": "pneudrive.cli.campaign",
     "rig": "pneudrive.cli.rig",
     "layout": "pneudrive.cli.layout",

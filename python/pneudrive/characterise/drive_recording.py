@@ -1,0 +1,282 @@
+"""Recordings of a drive: command, position, chamber pressures and whatever else was measured over time."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.characterise.layout import Layout, stem
+from pneudrive.characterise.load import convert, read_raw, shifted
+from pneudrive.characterise.trajectories import is_run
+from pneudrive.errors import RecordingError
+from pneudrive.trajectory import meaning
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Given = str | Path | xr.Dataset | Mapping[str, Any]
+
+NEEDED = ("time_s", "command", "position_m", "pressure_a_pa", "pressure_b_pa")
+OPTIONAL = ("velocity_m_s", "temperature_a_k", "temperature_b_k", "force_n", "friction_force_n")
+LEAST_SAMPLES = 50
+#: Columns that only a simulation has all of.
+_SIMULATED = {"acceleration_m_s2", "mass_flow_a_kg_s", "mass_flow_b_kg_s"}
+_LAYOUT_COLUMNS = {
+    "time": "time_s",
+    "command": "command",
+    "position": "position_m",
+    "velocity": "velocity_m_s",
+    "force": "force_n",
+    **{f"pressure_{c}": f"pressure_{c}_pa" for c in "ab"},
+    **{f"temperature_{c}": f"temperature_{c}_k" for c in "ab"},
+}
+
+
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
+class DriveRecording:
+    """What was measured of a drive, in SI with absolute pressures.
+
+    Attributes
+    ----------
+    name : str
+    columns : dict
+        ``time_s`` (rising, from 0), ``command`` (held from each sample to the next), ``position_m``,
+        ``pressure_a_pa``, ``pressure_b_pa``, and of velocity, temperatures and forces what there is: arrays of one
+        length.
+    labels : dict
+        Free text by which records are told apart: pressure, mounting, day.
+    source : Path or None
+    sha256 : str
+        Of the columns.
+    synthetic : bool
+        It comes from a simulation.
+    """
+
+    name: str
+    columns: dict[str, Array]
+    labels: dict[str, str] = field(default_factory=dict)
+    source: Path | None = None
+    sha256: str = ""
+    synthetic: bool = False
+
+    def __len__(self) -> int:
+        """Give the number of samples."""
+        return self.time_s.size
+
+    def __getitem__(self, column: str) -> Array:
+        return self.columns[column]
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.columns
+
+    @property
+    def time_s(self) -> Array:
+        """Times, s, from 0."""
+        return self.columns["time_s"]
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample, s."""
+        return float(self.time_s[-1])
+
+    @property
+    def steps(self) -> tuple[Array, Array]:
+        """Times at which the command changes, and what it changes to."""
+        command = self.columns["command"]
+        change = np.r_[True, np.diff(command) != 0.0]
+        return self.time_s[change], command[change]
+
+
+def drive_recording(
+    columns: Mapping[str, Any],
+    name: str = "recording",
+    labels: Mapping[str, str] | None = None,
+    source: Path | None = None,
+) -> DriveRecording:
+    """Make a recording of SI columns.
+
+    Raises
+    ------
+    RecordingError
+        A column is missing or not finite, lengths differ, times do not rise, or a command is beyond -1 .. 1.
+    """
+    missing = [c for c in NEEDED if c not in columns]
+    if missing:
+        raise RecordingError(
+            f"the recording lacks {', '.join(missing)}",
+            where=str(source or name),
+            value=f"columns: {', '.join(map(str, columns))}",
+            rule=f"a recording of a drive has {', '.join(NEEDED)}",
+            remedy="name the columns as `pneudrive simulate --out` does, or say in a layout where they are",
+        )
+    used = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in (*NEEDED, *OPTIONAL) if c in columns}
+    where = str(source or name)
+    _check(used, where)
+    time = used["time_s"]
+    digest = hashlib.sha256(b"".join(values.tobytes() for values in used.values())).hexdigest()
+    kept = {**used, "time_s": time - time[0]}
+    return DriveRecording(name, kept, dict(labels or {}), source, digest, set(columns) >= _SIMULATED)
+
+
+def _check(columns: dict[str, Array], where: str) -> None:
+    sizes = {c: v.shape for c, v in columns.items()}
+    n = columns["time_s"].size
+    if any(shape != (n,) for shape in sizes.values()):
+        shown = ", ".join(f"{c}: {shape}" for c, shape in sizes.items())
+        raise RecordingError("the columns differ in length", where=where, value=shown)
+    if n < LEAST_SAMPLES:
+        raise RecordingError(f"the recording has {n} samples", where=where, rule=f"at least {LEAST_SAMPLES}")
+    for column, values in columns.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            remedy = "cut the file there, or fill short gaps"
+            raise RecordingError(f"{column} is not finite", where=f"{where}, sample {bad[0]}", remedy=remedy)
+    time, command = columns["time_s"], columns["command"]
+    falls = np.flatnonzero(np.diff(time) <= 0.0)
+    if falls.size:
+        shown = f"{time[falls[0]]:g} s, then {time[falls[0] + 1]:g} s"
+        raise RecordingError("time_s does not rise", where=f"{where}, sample {falls[0] + 1}", value=shown)
+    beyond = np.flatnonzero(np.abs(command) > 1.0)
+    if beyond.size:
+        raise RecordingError(
+            f"command = {command[beyond[0]]:g}",
+            where=f"{where}, sample {beyond[0]}",
+            rule="-1 <= command <= 1: the share of the valve's full opening, with sign",
+            remedy="scale it in the layout: command = { column = ..., scale = ..., offset = ... }",
+        )
+    for side in "ab":
+        low = float(columns[f"pressure_{side}_pa"].min())
+        if not low > 0.0:
+            rule = "pressures are absolute, Pa"
+            raise RecordingError(f"pressure_{side}_pa = {low:g} Pa", where=where, rule=rule, remedy="say gauge or abs")
+
+
+def read_drive_recordings(
+    recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
+    layout: Layout | str | Path | None = None,
+) -> list[DriveRecording]:
+    """Read recordings of a drive.
+
+    Parameters
+    ----------
+    recordings
+        One or several of: a file (.parquet, .csv, .nc as ``pneudrive simulate --out`` writes, or any that a layout
+        reads), what ``pn.simulate`` returns, a mapping of SI columns, a `DriveRecording`.
+    layout
+        How foreign files are read; None: ``layout.toml`` beside a file that is not as ``simulate`` writes.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        With file, value, rule and remedy.
+    """
+    single = isinstance(recordings, str | Path | Mapping | DriveRecording) or is_run(recordings)
+    given = [recordings] if single else list(recordings)  # type: ignore[arg-type]
+    if not given:
+        raise RecordingError("no recording is named", remedy="give at least one file")
+    said = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
+    out: list[DriveRecording] = []
+    for number, item in enumerate(given, start=1):
+        read = _read(item, f"recording {number}", said)  # type: ignore[arg-type]
+        taken = {r.name for r in out}
+        if read.name in taken:
+            folder = read.source.parent.name if read.source is not None else f"{number}"
+            read = DriveRecording(
+                f"{folder}/{read.name}", read.columns, read.labels, read.source, read.sha256, read.synthetic
+            )
+        out.append(read)
+    return out
+
+
+def _read(item: Given | DriveRecording, name: str, layout: Layout | None) -> DriveRecording:
+    if isinstance(item, DriveRecording):
+        return item
+    if is_run(item):
+        known = {variable: column for column in (*NEEDED, *OPTIONAL, *_SIMULATED) for variable in [meaning(column)[0]]}
+        columns = {known[str(v)]: item[v].to_numpy() for v in item.variables if str(v) in known}
+        labels = item.attrs.get("labels")
+        return drive_recording(columns, name, labels if isinstance(labels, dict) else None)
+    if isinstance(item, Mapping):
+        return drive_recording({str(column): values for column, values in item.items()}, name)
+    path = Path(str(item))
+    if layout is None and (columns := _own_columns(path)) is not None:
+        return drive_recording(columns, stem(path), _own_labels(path), path)
+    return _through(path, layout or _beside(path))
+
+
+def _own_columns(path: Path) -> dict[str, Array] | None:
+    """Columns of a file that is as ``simulate`` writes; None where it is not."""
+    import polars as pl
+
+    try:
+        if path.suffix == ".nc":
+            import xarray as xr
+
+            with xr.open_dataset(path, engine="h5netcdf") as run:
+                return None if not is_run(run) else dict(_read(run.load(), "", None).columns)
+        if path.suffix == ".parquet":
+            names = list(pl.read_parquet_schema(path))
+            reader = pl.read_parquet
+        elif path.suffix == ".csv":
+            with path.open(encoding="utf-8") as file:
+                names = file.readline().strip().split(",")
+            reader = pl.read_csv
+        else:
+            return None
+        if not set(NEEDED) <= set(names):
+            return None
+        wanted = [c for c in (*NEEDED, *OPTIONAL, *_SIMULATED) if c in names]
+        frame = reader(path, columns=wanted)
+        return {c: frame[c].to_numpy() for c in wanted}
+    except (OSError, UnicodeDecodeError, ValueError, pl.exceptions.PolarsError):
+        return None  # the reader with a layout says what is wrong
+
+
+def _own_labels(path: Path) -> dict[str, str]:
+    """Labels of the drive that was simulated, where the file keeps them."""
+    import polars as pl
+
+    if path.suffix != ".parquet":
+        return {}
+    try:
+        kept = json.loads(pl.read_parquet_metadata(path).get("pneudrive", "{}")).get("labels", {})
+    except (ValueError, AttributeError):
+        return {}
+    return {str(k): str(v) for k, v in kept.items()} if isinstance(kept, dict) else {}
+
+
+def _beside(path: Path) -> Layout:
+    if not path.is_file():
+        raise RecordingError("there is no such file", where=str(path))
+    for folder in (path.parent, path.parent.parent):
+        if (folder / "layout.toml").is_file():
+            return Layout.load(folder / "layout.toml")
+    raise RecordingError(
+        "the file is no recording of a drive, and no layout says how it is read",
+        where=str(path),
+        rule=f"a recording of a drive has {', '.join(NEEDED)}",
+        remedy="say with --layout LAYOUT.toml where time, command, position and both pressures are",
+    )
+
+
+def _through(path: Path, layout: Layout) -> DriveRecording:
+    said = layout.for_drive_file(path)
+    raw, _, _ = read_raw(path, said)
+    values = {channel: convert(said, channel, column) for channel, column in raw.items()}
+    time = values["time"]
+    for channel, column in said.columns.items():
+        delay = column.delay_s - said.columns["time"].delay_s
+        if channel != "time" and delay:
+            values[channel] = shifted(time, values[channel], delay)
+    columns = {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
+    return drive_recording(columns, stem(path), said.labels, path)

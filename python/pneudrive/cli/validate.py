@@ -1,0 +1,95 @@
+"""``pneudrive validate``: a drive against recordings of it, or its friction law against a friction map."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pneudrive.cli.output import console, writable_folder
+
+if TYPE_CHECKING:
+    from pneudrive.describe import Drive
+    from pneudrive.validate import Validation
+
+
+def validate(
+    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Recordings of the drive (time, command, position, both pressures); or one friction map or campaign.",
+            metavar="RECORDING...|MAP|CAMPAIGN",
+        ),
+    ],
+    layout: Annotated[
+        Path | None, typer.Option(help="How foreign files are read; default: layout.toml beside them.")
+    ] = None,
+    window: Annotated[str, typer.Option(help="Length of the runs that start from measured states.")] = "0.5 s",
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("validation"),
+) -> None:
+    """Simulate what was recorded and compare: report.html, validation.toml; and why the model is off.
+
+    A friction map (map.parquet, map.csv) or the folder of a campaign is compared with the drive's friction law.
+    """
+    from pneudrive.describe import Drive
+    from pneudrive.errors import CommandError, DescriptionError
+    from pneudrive.report.validation import write_validation_report
+    from pneudrive.units import parse
+    from pneudrive.validate import validate as validated
+    from pneudrive.validate.static import is_friction
+
+    try:
+        seconds = parse(window, "s")
+    except DescriptionError as error:
+        raise CommandError(f"--window: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    described = Drive.load(drive)
+    if any(is_friction(path) for path in recordings):
+        if len(recordings) > 1:
+            raise CommandError("a friction map or a campaign is validated by itself", remedy="Name one of them.")
+        _friction(described, recordings[0], out)
+        return
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        found = validated(described, list(recordings), layout=layout, window_s=seconds)
+    for note in dict.fromkeys(str(note.message) for note in notes):
+        sys.stderr.write(f"Note: {note}\n")
+    folder = writable_folder(out)
+    written = [*found.write(folder), write_validation_report(found, folder)]
+    _say(found)
+    for path in written:
+        typer.echo(str(path))
+
+
+def _friction(drive: Drive, path: Path, out: Path) -> None:
+    from pneudrive.report.validation_static import write_friction_report
+    from pneudrive.validate.static import validate_friction
+
+    found = validate_friction(drive, path)
+    folder = writable_folder(out)
+    written = [*found.write(folder), write_friction_report(found, folder)]
+    console().print(str(found))
+    for file in written:
+        typer.echo(str(file))
+
+
+def _say(found: Validation) -> None:
+    """Print one line per recording, the verdicts and what the residuals point to."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("recording", no_wrap=True)
+    for heading in ("position fit %", f"from states, {found.window_s:g} s %", "pressure NRMSE %", "off from s"):
+        table.add_column(heading, justify="right")
+    for record in found.records[:60]:
+        position = record.channels["position_m"]
+        pressure = max(record.channels[c].free.nrmse for c in ("pressure_a_pa", "pressure_b_pa"))
+        off = "-" if position.off_s is None else f"{position.off_s:.2f}"
+        fits = (f"{position.free.fit_percent:.1f}", f"{position.restarted.fit_percent:.1f}")
+        table.add_row(record.recording.name, *fits, f"{100 * pressure:.2g}", off)
+    shown = console()
+    shown.print(table)
+    shown.print(str(found))

@@ -1,0 +1,96 @@
+"""Figures of a validation: channels, residuals, balances."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.report import style
+from pneudrive.validate.breakaway import moving_mass
+from pneudrive.validate.residuals import BALANCES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from pneudrive.describe import Drive
+    from pneudrive.validate import RecordResult
+    from pneudrive.validate.residuals import Residuals
+    from pneudrive.validate.signals import Signals
+
+#: Column -> unit and factor from SI.
+UNITS = {"position_m": ("mm", 1e3), "pressure_a_pa": ("bar", 1e-5), "pressure_b_pa": ("bar", 1e-5)}
+NAMES = {"position_m": "position / mm", "pressure_a_pa": "pressure a / bar", "pressure_b_pa": "pressure b / bar"}
+
+
+def channels(r: RecordResult) -> Figure:
+    """Measured and modelled channels, each over its residual."""
+    figure = style.new_figure(7.2)
+    axes = figure.subplots(6, 1, sharex=True, height_ratios=(2, 1, 2, 1, 2, 1))
+    s, part = r.signals, style.thin(r.signals.time_s)
+    t = s.time_s[part]
+    for (column, (unit, factor)), axis, below in zip(UNITS.items(), axes[::2], axes[1::2], strict=True):
+        measured = getattr(s, column)
+        free, again = r.free[column], r.restarted[column]
+        axis.plot(t, factor * measured[part], color=style.BLACK, label="measured")
+        axis.plot(t, factor * free[part], "--", color=style.ORANGE, label="free run")
+        axis.set_ylabel(NAMES[column])
+        below.plot(t, factor * (measured - again)[part], "-", color=style.BLUE, lw=0.7, label="from measured states")
+        below.plot(t, factor * (measured - free)[part], "--", color=style.ORANGE, label="free run")
+        below.set_ylabel(f"left / {unit}")
+    handles = [*axes[0].get_lines(), axes[1].get_lines()[0]]
+    axes[0].legend(handles=handles, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    axes[-1].set_xlabel("time / s")
+    axes[-1].set_xlim(0.0, float(t[-1]))
+    figure.align_ylabels()
+    return figure
+
+
+def correlation(r: RecordResult, window_s: float) -> Figure:
+    """Autocorrelation of the free run's residuals, and residual of each run from a measured state."""
+    figure = style.new_figure(3.6)
+    for (column, channel), pair in zip(r.channels.items(), figure.subplots(2, 3).T, strict=True):
+        above, below = pair
+        unit, factor = UNITS[column]
+        values, bound = channel.whiteness.autocorrelation, channel.whiteness.bound
+        above.vlines(np.arange(1, values.size + 1), 0.0, values, color=style.BLACK)
+        above.axhspan(-bound, bound, color=style.BAND)
+        above.set_ylim(-1.05, 1.05)
+        above.set_title(NAMES[column].partition(" /")[0])
+        above.set_xlabel("lag / samples")
+        below.bar((np.arange(channel.window_rms.size) + 0.5) * window_s, factor * channel.window_rms, 0.8 * window_s,
+                  color=style.BLUE)  # fmt: skip
+        below.set_ylabel(f"rms / {unit}")
+        below.set_xlabel("start at / s")
+    figure.axes[0].set_ylabel("autocorrelation")
+    return figure
+
+
+def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
+    """Terms of the force balance, and residuals of all three balances."""
+    figure = style.new_figure(5.2)
+    axes = figure.subplots(4, 1, sharex=True, height_ratios=(2, 1, 1, 1))
+    part = style.thin(signals.time_s)
+    t, terms = signals.time_s[part], found.terms
+    lines = (
+        ("forces but friction", terms.force_n, "-", style.BLACK),
+        ("m a", moving_mass(drive) * signals.acceleration_m_s2, "--", style.BLUE),
+        ("friction of the model", np.where(signals.moving, terms.friction_n, np.nan), "-.", style.ORANGE),
+    )
+    for label, values, line, color in lines:
+        axes[0].plot(t, values[part], line, color=color, lw=0.9, label=label)
+    axes[0].set_ylabel("force / N")
+    axes[0].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    units = (("N", 1.0), ("bar/s", 1e-5), ("bar/s", 1e-5))
+    some = style.thin(found.time_s)
+    for axis, name, values, used, scale, (unit, factor) in zip(
+        axes[1:], BALANCES, found.values, found.used, found.scale, units, strict=True
+    ):
+        shown = np.where(used, factor * values, np.nan)
+        axis.axhspan(-2.0 * factor * scale, 2.0 * factor * scale, color=style.BAND)
+        axis.plot(found.time_s[some], shown[some], color=style.BLACK, lw=0.8)
+        axis.set_ylabel(f"{name}\nlacks / {unit}")
+    axes[-1].set_xlabel("time / s")
+    axes[-1].set_xlim(0.0, float(t[-1]))
+    figure.align_ylabels()
+    return figure

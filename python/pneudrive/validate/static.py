@@ -1,0 +1,217 @@
+"""A drive's friction law against measured sliding friction: a friction map or the curves of a campaign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.validate.metrics import Metrics, metrics
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.describe import Drive
+
+    Array = NDArray[np.float64]
+
+#: Target (assumed, as those of free runs).
+STATIC_FIT_PERCENT = 98.0
+NORMAL_95 = 1.959963984540054
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionCurve:
+    """Measured friction of one condition against the law.
+
+    Attributes
+    ----------
+    condition : str
+    direction : int
+        +1, -1, or 0 for the mean of both.
+    speed_m_s, friction_n, low_n, high_n : ndarray, shape (m,)
+        Measured, with the 95 % band.
+    model_n : ndarray, shape (m,)
+        The law at these speeds and pressures.
+    """
+
+    condition: str
+    direction: int
+    speed_m_s: Array
+    friction_n: Array
+    low_n: Array
+    high_n: Array
+    model_n: Array
+
+    @property
+    def inside(self) -> float:
+        """Share of the points whose band holds the law."""
+        return float(np.mean((self.model_n >= self.low_n) & (self.model_n <= self.high_n)))
+
+    @property
+    def metrics(self) -> Metrics:
+        """Of this condition alone."""
+        return metrics(self.friction_n, self.model_n)
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionValidation:
+    """A friction law against measured sliding friction."""
+
+    drive: Drive
+    source: Path
+    curves: tuple[FrictionCurve, ...]
+    synthetic: bool
+
+    @cached_property
+    def metrics(self) -> Metrics:
+        """Over all points."""
+        measured = np.concatenate([c.friction_n for c in self.curves])
+        return metrics(measured, np.concatenate([c.model_n for c in self.curves]))
+
+    @property
+    def inside(self) -> float:
+        """Share of all points whose 95 % band holds the law."""
+        sizes = np.array([c.speed_m_s.size for c in self.curves])
+        return float(np.average([c.inside for c in self.curves], weights=sizes))
+
+    @property
+    def met(self) -> bool:
+        """Whether the target is reached."""
+        return self.metrics.fit_percent > STATIC_FIT_PERCENT
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write friction.csv, a row for each measured point, into a folder that is there."""
+        import polars as pl
+
+        from pneudrive.trajectory import check_target, write_frame
+
+        target = check_target(Path(folder) / "friction.csv", (".csv",))
+        rows = {
+            "condition": [c.condition for c in self.curves for _ in c.speed_m_s],
+            "direction": [c.direction for c in self.curves for _ in c.speed_m_s],
+        }
+        for name in ("speed_m_s", "friction_n", "low_n", "high_n", "model_n"):
+            rows[name] = np.concatenate([getattr(c, name) for c in self.curves]).tolist()
+        write_frame(pl.DataFrame(rows), target)
+        return [target]
+
+    def __str__(self) -> str:
+        """Return the verdict and one line for each condition."""
+        mark = "+" if self.met else "!"
+        m = self.metrics
+        lines = [
+            f"friction of {self.drive.name} against {self.source.name}",
+            f"  {mark} fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %), NRMSE {100 * m.nrmse:.2g} %, "
+            f"largest difference {m.largest:.2g} N; {100 * self.inside:.0f} % of the points hold the law in their band",
+        ]
+        words = {0: "both directions", 1: "towards +x", -1: "towards -x"}
+        for c in self.curves:
+            bias = float(np.mean(c.model_n - c.friction_n))
+            lines.append(
+                f"    {c.condition}, {words[c.direction]}: law {bias:+.2g} N on the mean, at most "
+                f"{c.metrics.largest:.2g} N off, {100 * c.inside:.0f} % inside"
+            )
+        return "\n".join(lines)
+
+
+def is_friction(path: str | Path) -> bool:
+    """Whether this is a friction map or the folder of a campaign rather than a recording of a drive."""
+    import polars as pl
+
+    path = Path(path)
+    if path.is_dir():
+        return True
+    try:
+        if path.suffix == ".parquet":
+            names = set(pl.read_parquet_schema(path))
+        elif path.suffix == ".csv":
+            with path.open(encoding="utf-8") as file:
+                names = set(file.readline().strip().split(","))
+        else:
+            return False
+    except (OSError, UnicodeDecodeError, pl.exceptions.PolarsError):
+        return False
+    return {"friction_n", "velocity_m_s", "balance_n"} <= names
+
+
+def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
+    """Compare the steady curve of a drive's friction law with measured friction.
+
+    Parameters
+    ----------
+    drive : Drive
+    path : path-like
+        A friction map (map.parquet, map.csv) or the folder of a campaign.
+
+    Raises
+    ------
+    RecordingError, CampaignError
+        It cannot be read, or holds no sliding friction.
+    """
+    path = Path(path)
+    curves = _of_campaign(drive, path) if path.is_dir() else _of_map(drive, path)
+    if not curves:
+        raise RecordingError("no sliding friction was measured", where=str(path))
+    return FrictionValidation(drive, path, tuple(curves), False)
+
+
+def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
+    """Steady friction of the drive's law against the motion, N, at signed velocities and gauge pressures."""
+    from pneudrive import _core
+
+    core = drive.friction.core()
+    law, parameters = core.pop("law"), core.pop("parameters")
+    pressure = core.pop("pressure", None)
+    v = np.ascontiguousarray(velocity_m_s, dtype=np.float64)
+    middle = 0.5 * drive.cylinder.stroke_m
+    force = _core.steady_friction(law, parameters, v, gauge_a_pa, gauge_b_pa, pressure, core or None, middle)
+    return np.asarray(force) * np.sign(v)
+
+
+def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
+    from pneudrive.characterise.friction_map import read_map
+
+    rows = read_map(path)
+    velocity, friction = rows["velocity_m_s"].to_numpy(), rows["friction_n"].to_numpy()
+    band = NORMAL_95 * np.hypot(rows["stderr_n"].to_numpy(), rows["u_systematic_n"].to_numpy())
+    stuck = np.array(["stick_slip" in flags for flags in rows["flags"].to_numpy()])
+    good = np.isfinite(friction) & (velocity != 0.0) & ~stuck
+    gauges = [rows[f"pressure_{c}_pa"].to_numpy() - drive.ambient.pressure_pa for c in "ab"]
+    rounded = np.round(np.column_stack(gauges) / 1e4).astype(int)  # one condition: the same to 0.1 bar
+    out = []
+    for a, b in np.unique(rounded[good], axis=0):
+        for direction in (1, -1):
+            mine = good & (rounded == (a, b)).all(axis=1) & (np.sign(velocity) == direction)
+            if not mine.any():
+                continue
+            order = np.flatnonzero(mine)[np.argsort(np.abs(velocity[mine]))]
+            gauge_a, gauge_b = (float(g[order].mean()) for g in gauges)
+            model = law_n(drive, velocity[order], gauge_a, gauge_b)
+            low, high = friction[order] - band[order], friction[order] + band[order]
+            name = f"a {a / 10:g} bar, b {b / 10:g} bar gauge"
+            out.append(FrictionCurve(name, direction, np.abs(velocity[order]), friction[order], low, high, model))
+    return out
+
+
+def _of_campaign(drive: Drive, path: Path) -> list[FrictionCurve]:
+    from pneudrive.characteristics import characteristics
+
+    found = characteristics(path)
+    ambient = found.identity.ambient_pressure_pa
+    out = []
+    for curve in found.curves:
+        at = curve.measured
+        speed = curve.speed_m_s[at]
+        if not speed.size:
+            continue
+        gauges = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
+        signs = (1, -1) if curve.direction == 0 else (curve.direction,)
+        model = np.mean([law_n(drive, sign * speed, *gauges) for sign in signs], axis=0)
+        values = (curve.friction_n[at], curve.low_n[at], curve.high_n[at])
+        out.append(FrictionCurve(curve.condition.label(ambient), curve.direction, speed, *values, model))
+    return out

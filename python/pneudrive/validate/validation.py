@@ -1,0 +1,318 @@
+"""A drive against recordings of it: free runs, runs from measured states, stops, conditions, verdicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.drive_recording import read_drive_recordings
+from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.validate.breakaway import Breakaway, breakaways
+from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
+from pneudrive.validate.signals import Signals
+from pneudrive.validate.simulation import ModelRun, run_model
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from pneudrive.characterise.drive_recording import DriveRecording, Given
+    from pneudrive.characterise.layout import Layout
+    from pneudrive.describe import Drive
+    from pneudrive.validate.diagnosis import Diagnosis
+
+    Array = NDArray[np.float64]
+
+#: Channels that are compared, with what reports call them.
+CHANNELS = {"position_m": "position", "pressure_a_pa": "pressure a", "pressure_b_pa": "pressure b"}
+#: Length of the runs from measured states.
+WINDOW_S = 0.5
+#: Targets (assumed; what a good model of a servo drive should reach).
+POSITION_FIT_PERCENT, PRESSURE_NRMSE, BREAKAWAY_ERROR = 90.0, 0.03, 0.05
+#: The free run is off where its error first stays beyond this share of the measured span.
+OFF_SHARE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelResult:
+    """One channel of one recording.
+
+    Attributes
+    ----------
+    channel : str
+        Column, ``position_m``.
+    free, restarted : Metrics
+        Of the free run and of the runs from measured states.
+    whiteness : Whiteness
+    cross : tuple of CrossCorrelation
+        Both of the free run's residual.
+    window_rms : ndarray
+        Root mean square residual of each run from a measured state, SI.
+    off_s : float or None
+        Time from which the free run is off, None where it never is.
+    """
+
+    channel: str
+    free: Metrics
+    restarted: Metrics
+    whiteness: Whiteness
+    cross: tuple[CrossCorrelation, ...]
+    window_rms: Array
+    off_s: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class RecordResult:
+    """One recording against the model."""
+
+    signals: Signals
+    free: ModelRun
+    restarted: ModelRun
+    channels: dict[str, ChannelResult]
+    breakaways: tuple[Breakaway, ...]
+
+    @property
+    def recording(self) -> DriveRecording:
+        """The recording."""
+        return self.signals.recording
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One target: its value, whether lower or higher is better, and whether it is met; None where nothing was measured.
+
+    Attributes
+    ----------
+    what : str
+    value, target : float
+    met : bool or None
+    text : str
+        In words, with numbers.
+    """
+
+    what: str
+    value: float
+    target: float
+    met: bool | None
+    text: str
+
+
+@dataclass(frozen=True)
+class ConditionRow:
+    """Metrics of the recordings that share a label, free run and runs from measured states."""
+
+    label: str
+    value: str
+    recordings: int
+    position_fit_percent: float
+    pressure_nrmse: float
+    restarted_fit_percent: float
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """A drive against recordings.
+
+    Attributes
+    ----------
+    drive : Drive
+    records : tuple of RecordResult
+    window_s : float
+        Length of the runs from measured states.
+    """
+
+    drive: Drive
+    records: tuple[RecordResult, ...]
+    window_s: float = WINDOW_S
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether all recordings come from simulations."""
+        return all(r.recording.synthetic for r in self.records)
+
+    def pooled(self, channels: Sequence[str], *, restarted: bool = False) -> Metrics:
+        """Metrics over all recordings, those of several channels by the worst of them."""
+        found = [_pooled(self.records, c, restarted) for c in channels]
+        return max(found, key=lambda m: np.inf if np.isnan(m.nrmse) else m.nrmse)
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Targets and what was reached."""
+        position = self.pooled(["position_m"])
+        pressure = self.pooled(["pressure_a_pa", "pressure_b_pa"])
+        fit, nrmse = position.fit_percent, pressure.nrmse
+        out = [
+            Verdict(
+                "position",
+                fit,
+                POSITION_FIT_PERCENT,
+                fit > POSITION_FIT_PERCENT,
+                f"position in the free run: fit {fit:.1f} % (target above {POSITION_FIT_PERCENT:g} %)",
+            ),
+            Verdict(
+                "pressure",
+                nrmse,
+                PRESSURE_NRMSE,
+                nrmse < PRESSURE_NRMSE,
+                f"pressures in the free run: NRMSE {100 * nrmse:.2g} % in the worse chamber "
+                f"(target below {100 * PRESSURE_NRMSE:g} %)",
+            ),
+        ]
+        errors = [abs(b.error) for r in self.records for b in r.breakaways]
+        if errors:
+            error = float(np.mean(errors))
+            text = (
+                f"breakaway after {len(errors)} stops: mean error {100 * error:.2g} % "
+                f"(target below {100 * BREAKAWAY_ERROR:g} %)"
+            )
+            out.append(Verdict("breakaway", error, BREAKAWAY_ERROR, error < BREAKAWAY_ERROR, text))
+        else:
+            text = "breakaway: no stop that ends in motion was recorded, so nothing is said of it"
+            out.append(Verdict("breakaway", np.nan, BREAKAWAY_ERROR, None, text))
+        return tuple(out)
+
+    @cached_property
+    def conditions(self) -> tuple[ConditionRow, ...]:
+        """Metrics by label, for labels of which there is more than one value among the recordings."""
+        keys = dict.fromkeys(key for r in self.records for key in r.recording.labels)
+        rows = []
+        for key in keys:
+            groups: dict[str, list[RecordResult]] = {}
+            for r in self.records:
+                groups.setdefault(r.recording.labels.get(key, "-"), []).append(r)
+            if len(groups) > 1:
+                rows += [_condition(key, value, group) for value, group in sorted(groups.items())]
+        return tuple(rows)
+
+    def diagnosis(self) -> Diagnosis:
+        """Say which terms of the balances the residual points to; see `pneudrive.validate.diagnosis`."""
+        return self._diagnosis
+
+    @cached_property
+    def _diagnosis(self) -> Diagnosis:
+        from pneudrive.validate.diagnosis import diagnose
+
+        return diagnose(self.drive, [r.signals for r in self.records])
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write validation.toml (metrics, verdicts, diagnosis) into a folder that is there."""
+        from pneudrive.validate.files import write_validation
+
+        return [write_validation(self, folder)]
+
+    def __str__(self) -> str:
+        """Return the verdicts and the diagnosis in words."""
+        marks = {True: "+", False: "!", None: "-"}
+        lines = [f"{self.drive.name} against {len(self.records)} recordings"]
+        lines += [f"  {marks[v.met]} {v.text}" for v in self.verdicts]
+        return "\n".join([*lines, *(f"  {line}" for line in str(self.diagnosis()).splitlines())])
+
+
+def validate(
+    drive: Drive,
+    recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
+    *,
+    layout: Layout | str | Path | None = None,
+    window_s: float = WINDOW_S,
+) -> Validation:
+    """Compare a drive with recordings of it.
+
+    Parameters
+    ----------
+    drive : Drive
+        The model.
+    recordings
+        One or several of: a file as ``pneudrive simulate --out`` writes, a foreign one that a layout reads, what
+        ``pn.simulate`` returns, a mapping of SI columns (time_s, command, position_m, pressure_a_pa, pressure_b_pa).
+    layout
+        How foreign files are read; None: ``layout.toml`` beside the file.
+    window_s : float
+        Length of the runs that start from measured states, s.
+
+    Returns
+    -------
+    Validation
+        Free runs from the first measured state, runs put back to measured states every `window_s`, metrics, verdicts;
+        ``diagnosis()`` names the terms that the residual points to.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        A recording cannot be used.
+    CommandError
+        The window is not positive.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> drive = pn.Drive.load("catalogue:reference")
+    >>> run = pn.simulate(drive, "0 s: 0.1, 0.3 s: -0.1, 0.6 s: 0", "1 s")
+    >>> pn.validate(drive, run).verdicts[0].met
+    True
+    """
+    if not hasattr(drive, "core_json"):
+        raise DescriptionError(f"drive is a {type(drive).__name__}", remedy='Write pn.Drive.load("drive.toml").')
+    if not (np.isfinite(window_s) and window_s > 0.0):
+        raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
+    read = read_drive_recordings(recordings, layout)
+    return Validation(drive, tuple(_record(drive, Signals.of(r), window_s) for r in read), window_s)
+
+
+def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
+    free = run_model(drive, signals)
+    every = max(round(window_s / signals.step_s), 2)
+    restarted = run_model(drive, signals, np.arange(0, max(signals.time_s.size - every // 2, 1), every))
+    stimuli = {
+        "command": signals.command,
+        "direction": np.where(signals.moving, np.sign(signals.velocity_m_s), 0.0),
+        "position": signals.position_m,
+        "pressure a": signals.pressure_a_pa,
+        "pressure b": signals.pressure_b_pa,
+    }
+    channels = {}
+    for channel in CHANNELS:
+        measured = getattr(signals, channel)
+        residual = measured - free[channel]
+        windows = np.split(measured - restarted[channel], restarted.restarts[1:])
+        channels[channel] = ChannelResult(
+            channel,
+            metrics(measured, free[channel]),
+            metrics(measured, restarted[channel]),
+            whiteness(residual),
+            cross_correlations(residual, stimuli, signals.step_s),
+            np.array([float(np.sqrt(np.mean(w * w))) for w in windows]),
+            _off(signals.time_s, residual, float(np.ptp(measured))),
+        )
+    return RecordResult(signals, free, restarted, channels, breakaways(drive, signals))
+
+
+def _off(time: Array, residual: Array, span: float) -> float | None:
+    """Time from which the error is beyond a share of the span for a tenth of all samples in a row or to the end."""
+    beyond = ~(np.abs(residual) <= OFF_SHARE * span)
+    if not beyond.any():
+        return None
+    return float(time[int(np.argmax(beyond))])
+
+
+def _pooled(records: Sequence[RecordResult], channel: str, restarted: bool) -> Metrics:
+    measured = np.concatenate([getattr(r.signals, channel) for r in records])
+    model = np.concatenate([(r.restarted if restarted else r.free)[channel] for r in records])
+    return metrics(measured, model)
+
+
+def _condition(key: str, value: str, group: list[RecordResult]) -> ConditionRow:
+    pressures = [_pooled(group, c, restarted=False).nrmse for c in ("pressure_a_pa", "pressure_b_pa")]
+    return ConditionRow(
+        key,
+        value,
+        len(group),
+        _pooled(group, "position_m", restarted=False).fit_percent,
+        float(np.max(pressures)),
+        _pooled(group, "position_m", restarted=True).fit_percent,
+    )
