@@ -188,6 +188,7 @@ def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str
         "citations": result["citations"],
         "assumed": drive.assumed(),
         "labels": dict(drive.labels),
+        **({"identified": drive.to_dict()["provenance"]} if drive.provenance else {}),
         **ledger,
     }
 

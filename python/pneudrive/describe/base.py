@@ -287,6 +287,9 @@ class Described(BaseModel):
             if isinstance(value, Described):
                 out[key] = value.to_dict()
                 continue
+            if isinstance(value, dict):
+                out[key] = {name: one.to_dict() if isinstance(one, Described) else one for name, one in value.items()}
+                continue
             mark = next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
             out[key] = mark.show(value) if mark is not None else value
         return out

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from pneudrive.describe import catalogue, toml
+from pneudrive.describe import catalogue, provenance, toml
 from pneudrive.describe.base import Described, wrong
 from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction, has_bristles
 from pneudrive.describe.parts import Ambient, Cylinder, Gas, Initial, Load, Supply, Valve
+from pneudrive.describe.provenance import Origin
 from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class Drive(Described):
     friction: Friction
     carried: Load = Field(default=Load(), alias="load")  # `load` reads a file
     labels: dict[str, str] = Field(default_factory=dict)
+    provenance: dict[str, Origin] = Field(default_factory=dict)
 
     schema_keys: ClassVar[tuple[str, ...]] = ("gas", "ambient", "supply", "cylinder", "valve", "friction", "load")
 
@@ -64,6 +66,11 @@ class Drive(Described):
     def _supply_is_absolute(self) -> Drive:
         if not self.supply_pressure_pa > 0.0:
             raise wrong("supply.pressure", "supply.pressure is below vacuum", rule="gauge + ambient > 0")
+        return self
+
+    @model_validator(mode="after")
+    def _origins_fit(self) -> Drive:
+        provenance.check(self)
         return self
 
     @classmethod
@@ -105,7 +112,8 @@ class Drive(Described):
         Parameters
         ----------
         changes : dict
-            Dotted keys of the drive file, each with a quantity or a table: ``{"friction.coulomb": "31 N"}``.
+            Dotted keys of the drive file, each with a quantity or a table: ``{"friction.coulomb": "31 N"}``. The
+            provenance of a value that changes goes; ``"provenance"`` with a table adds new ones.
 
         Examples
         --------
@@ -113,13 +121,20 @@ class Drive(Described):
         601300.0
         """
         nested: dict[str, Any] = {}
+        origins = changes.get("provenance", {})
         for key, value in changes.items():
+            if key == "provenance":
+                continue
             *tables, last = key.split(".")
             at = nested
             for table in tables:
                 at = at.setdefault(table, {})
             at[last] = value.to_dict() if isinstance(value, Described) else value
-        return type(self).model_validate(merge(self.to_dict(), nested))
+        tables = merge(self.to_dict(), nested)
+        tables.pop("provenance", None)
+        after = type(self).model_validate(tables)
+        known = provenance.kept(self, after) | origins if self.provenance or origins else {}
+        return type(self).model_validate(tables | {"provenance": known}) if known else after
 
     @property
     def supply_pressure_pa(self) -> float:

@@ -72,6 +72,11 @@ def _parameter_quantity(parameter: dict[str, Any]) -> Quantity:
     return Quantity(si_unit, written, Bounds(at_least=low, at_most=high))
 
 
+def parameter_quantities(law: str) -> dict[str, Quantity]:
+    """Return the checked quantity of each parameter of a law, by its key."""
+    return {p["key"]: _parameter_quantity(p) for p in friction_laws()[law]["parameters"]}
+
+
 @dataclass(frozen=True)
 class Parameters(Mapping[str, float]):
     """Name -> SI value, frozen as the description that holds it."""

@@ -152,12 +152,12 @@ def write(tables: dict[str, Any]) -> str:
     dead_volume = { a = "1 cm3", b = "1 cm3" }
     <BLANKLINE>
     """
-    plain = [f"{_bare(key)} = {value_text(value)}" for key, value in tables.items() if not isinstance(value, dict)]
+    plain = [f"{key_text(key)} = {value_text(value)}" for key, value in tables.items() if not isinstance(value, dict)]
     blocks = ["\n".join(plain)] if plain else []
     for key, value in tables.items():
         if isinstance(value, dict):
-            body = [f"{_bare(k)} = {value_text(v)}" for k, v in value.items()]
-            blocks.append("\n".join([f"[{_bare(key)}]", *body]))
+            body = [f"{key_text(k)} = {value_text(v)}" for k, v in value.items()]
+            blocks.append("\n".join([f"[{key_text(key)}]", *body]))
     return "\n\n".join(blocks) + "\n"
 
 
@@ -174,14 +174,15 @@ def value_text(value: object) -> str:
         escaped = re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped)
         return f'"{escaped}"'
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_bare(k)} = {value_text(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{key_text(k)} = {value_text(v)}" for k, v in value.items()) + " }"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(value_text(v) for v in value) + "]"
     msg = f"{type(value).__name__} has no form in TOML"
     raise TypeError(msg)
 
 
-def _bare(key: str) -> str:
+def key_text(key: str) -> str:
+    """Write a key, in quotes where it needs them."""
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else value_text(key)
 
 

@@ -1,12 +1,16 @@
-"""Put a fit into a drive."""
+"""Put a fit into a drive, each value with its interval and its recordings."""
 
 from __future__ import annotations
 
+import hashlib
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pneudrive.errors import FitError
-from pneudrive.identify.model import PRESSURE_NAMES, UNITS
-from pneudrive.units import write
+from pneudrive.identify.files import fit_toml
+from pneudrive.identify.identified import Identified, apply_identified
+from pneudrive.identify.model import PRESSURE_NAMES
 
 if TYPE_CHECKING:
     from pneudrive.describe import Drive
@@ -26,14 +30,44 @@ def apply_to_drive(fit: FrictionFit, drive: Drive) -> Drive:
         changes |= _curve(fit, forces)
     _check_pressure(fit, drive)
     _check_order(fit, drive, forces)
-    for name, value in forces.items():
-        changes[f"friction.{name}"] = _quantity(name, value)
-    changes |= _pressure(fit, drive)
-    return drive.replace(changes)
+    return apply_identified(identified(fit, forces), drive, changes)
 
 
-def _quantity(name: str, value: float) -> str | float:
-    return value if UNITS[name] == "1" else write(value, UNITS[name])
+def identified(fit: FrictionFit, forces: dict[str, float] | None = None) -> Identified:
+    """Return the determined parameters of a fit under their names in the drive file.
+
+    The intervals hold what chance leaves (profile likelihood) and, in quadrature, what all rows share.
+    """
+    own = {n: fit.parameters[n] for n in fit.determined if n not in PRESSURE_NAMES} if forces is None else forces
+    values = {f"friction.{name}": value for name, value in own.items()}
+    values |= {_slope_key(n): fit.parameters[n] for n in PRESSURE_NAMES if n in fit.determined or _shared(fit, n)}
+    intervals = {}
+    for name in (*own, *PRESSURE_NAMES):
+        source = f"{name}b" if f"{name}b" in fit.free else name
+        key = _slope_key(name) if name in PRESSURE_NAMES else f"friction.{name}"
+        if key in values and source in fit.intervals:
+            intervals[key] = _whole_interval(values[key], fit.intervals[source], fit.systematic.get(source, 0.0))
+    said = fit.provenance.get("recordings", ())
+    recordings = tuple(str(name) for name in said) if isinstance(said, list | tuple) else ()
+    digest = hashlib.sha256(fit_toml(fit).encode()).hexdigest()[:HASH_DIGITS]
+    return Identified(values, intervals, dict.fromkeys(values, recordings), digest)
+
+
+#: Digits of the hash of a fit: those with which `sha256sum fit.toml` begins.
+HASH_DIGITS = 16
+NORMAL_95 = 1.959963984540054
+
+
+def _whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
+    """Statistical interval, widened by a standard uncertainty that is independent of it."""
+    reach = NORMAL_95 * systematic
+    low, high = interval
+    return value - float(np.hypot(value - low, reach)), value + float(np.hypot(high - value, reach))
+
+
+def _slope_key(name: str) -> str:
+    force, _, chamber = name.rpartition("_")
+    return f"friction.pressure.{force}.{chamber}"
 
 
 def _other_law(fit: FrictionFit, drive: Drive, forces: dict[str, float]) -> dict[str, object]:
@@ -90,19 +124,6 @@ def _check_order(fit: FrictionFit, drive: Drive, forces: dict[str, float]) -> No
             remedy="; ".join(str(s.remedy) for s in fit.undetermined if s.parameter in kept_names)
             or "fit law='stribeck' or change the drive's breakaway first",
         )
-
-
-def _pressure(fit: FrictionFit, drive: Drive) -> dict[str, object]:
-    slopes = {n: fit.parameters[n] for n in PRESSURE_NAMES if n in fit.determined or _shared(fit, n)}
-    if not slopes:
-        return {}
-    seals = drive.friction.pressure
-    out: dict[str, object] = {}
-    for force in ("coulomb", "breakaway"):
-        old = getattr(seals, force) if seals is not None else None
-        both = {c: slopes.get(f"{force}_{c}", getattr(old, c) if old is not None else 0.0) for c in "ab"}
-        out[f"friction.pressure.{force}"] = {c: write(v, "N/Pa") for c, v in both.items()}
-    return out
 
 
 def _shared(fit: FrictionFit, name: str) -> bool:

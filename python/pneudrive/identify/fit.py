@@ -106,6 +106,7 @@ def fit_friction(
         "pressure_dependence": pressure_dependence,
         "ambient_pressure_pa": ambient,
         "exclude_flags": sorted(exclude_flags),
+        "recordings": _recordings(friction_map),
     }
     return fit_values(wanted, data, pressure=form, loss=loss if robust else "linear", notes=notes, options=options)
 
@@ -138,8 +139,27 @@ def fit_values(
     support = shrunk_to_the_data(with_knee(model, data, loss), data, loss)
     lost += support.lost + diagnose(support.model, support.data, support.found, support.intervals)
     said += _remarks(support)
-    provenance = {"version": __version__, "map_sha256": fingerprint(data), "loss": loss, **(options or {})}
+    provenance = {"version": __version__, "map_sha256": fingerprint(data), "loss": loss, **_ranges(data)}
+    provenance |= options or {}
     return assembled(wanted.law, support, lost, said, provenance)
+
+
+#: More recordings than these are told by their number, with the first and the last one.
+MOST_RECORDINGS = 50
+
+
+def _recordings(friction_map: xr.Dataset) -> list[str]:
+    """Names of the recordings behind a map."""
+    if "recording" not in friction_map:
+        return []
+    names = list(dict.fromkeys(str(name) for name in friction_map["recording"].to_numpy()))
+    return names if len(names) <= MOST_RECORDINGS else [f"{len(names)} recordings from {names[0]} to {names[-1]}"]
+
+
+def _ranges(data: Observations) -> dict[str, object]:
+    """Lowest and highest speed and gauge pressures: outside of them everything is extrapolation."""
+    columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
+    return {name: [float(values.min()), float(values.max())] for name, values in columns.items() if values.size}
 
 
 def _remarks(support: Support) -> list[str]:

@@ -42,6 +42,8 @@ def validation_toml(found: Validation) -> str:
         "provenance",
         {"drive": found.drive.name, "description_hash": found.drive.description_hash, "version": __version__},
     )
+    if found.drive.provenance:
+        out += _table("provenance.identified", found.drive.to_dict()["provenance"])
     for verdict in found.verdicts:
         entry = {"what": verdict.what, "value": verdict.value, "target": verdict.target, "text": verdict.text}
         met = {} if verdict.met is None else {"met": bool(verdict.met)}
@@ -97,4 +99,6 @@ def _metrics(found: Metrics) -> dict[str, object]:
 
 def _table(name: str, entries: Mapping[str, object], *, array: bool = False) -> list[str]:
     head = [] if not name else ["", f"[[{name}]]" if array else f"[{name}]"]
-    return head + [f"{key} = {toml.value_text(value)}" for key, value in entries.items() if value is not None]
+    return head + [
+        f"{toml.key_text(key)} = {toml.value_text(value)}" for key, value in entries.items() if value is not None
+    ]
