@@ -39,8 +39,11 @@ if TYPE_CHECKING:
     from pneudrive.describe import Valve as Valve
     from pneudrive.errors import PneudriveError as PneudriveError
     from pneudrive.identify import fit_friction as fit_friction
+    from pneudrive.identify.design import design as design
     from pneudrive.identify.dynamic import Sensor as Sensor
     from pneudrive.identify.dynamic import identify as identify
+    from pneudrive.identify.laws import compare_laws as compare_laws
+    from pneudrive.identify.survey import survey as survey
     from pneudrive.simulate import citations as citations
     from pneudrive.simulate import simulate as simulate
     from pneudrive.trajectory import save as save
@@ -55,6 +58,9 @@ _HOME = {
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.characteristics"),
     "compare": "pneudrive.characteristics.compare.comparison",
     "fit_friction": "pneudrive.identify",
+    "compare_laws": "pneudrive.identify.laws",
+    "survey": "pneudrive.identify.survey",
+    "design": "pneudrive.identify.design",
     "identify": "pneudrive.identify.dynamic",
     "Sensor": "pneudrive.identify.dynamic",
     "validate": "pneudrive.validate",

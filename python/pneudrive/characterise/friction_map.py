@@ -98,7 +98,7 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
 
 
 def read_map(path: str | Path) -> xr.Dataset:
-    """Read a friction map from map.parquet or map.csv.
+    """Read a friction map from map.parquet or map.csv; further columns, such as a seal or a day, are kept.
 
     Raises
     ------
@@ -117,8 +117,12 @@ def read_map(path: str | Path) -> xr.Dataset:
     if missing:
         remedy = "take the map that pneudrive characterise writes"
         raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path), remedy=remedy)
-    return columns_to_dataset(
+    found = columns_to_dataset(
         {name: [v or "" for v in frame[name]] if name in _TEXT else frame[name].to_list() for name in COLUMNS}
+    )
+    own = {n: frame[n].to_numpy() for n in frame.columns if n not in COLUMNS}  # labels that a user added, such as seal
+    return found.assign(
+        {n: ("row", values.astype(object) if values.dtype.kind == "U" else values) for n, values in own.items()}
     )
 
 

@@ -57,8 +57,9 @@ class Prior:
         centre = fit.model.internal(np.array([fit.free_values()[n] for n in fit.free]))
         to_internal = np.linalg.pinv(fit.model.natural_jacobian(centre))
         covariance = to_internal @ fit.covariance @ to_internal.T
-        known = np.asarray(np.linalg.pinv(covariance, rcond=1e-12, hermitian=True), dtype=np.float64)
         deviation = np.sqrt(np.diag(covariance))
+        size = np.outer(deviation, deviation)
+        known = np.asarray(np.linalg.pinv(covariance / size, rcond=1e-12, hermitian=True) / size, dtype=np.float64)
         share = np.ones(deviation.size)
         for k, name in enumerate(fit.free):
             if name.startswith("stribeck_") or name == "breakaway":  # logarithms

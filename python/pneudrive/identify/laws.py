@@ -66,6 +66,8 @@ class Compared:
         Largest relative error of a held-out condition's mean.
     worst_at : str
         That condition, in words.
+    viscous : bool
+        Whether a viscous part was looked for: not where all speeds lie within a factor of three.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Compared:
     squares: Array
     worst: float
     worst_at: str
+    viscous: bool
 
     @property
     def title(self) -> str:
@@ -149,7 +152,7 @@ def compare_laws(
     laws : sequence of str
         Of ``coulomb``, ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``, ``stribeck free``.
     pressure : sequence of str, optional
-        Dependences on pressure, each tried with each law; by default all where the pressure was varied.
+        Dependences on pressure, each tried with each law; by default all where the pressure was varied. Empty: none.
     hold_out : str or sequence of str, optional
         What is left out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
         ``mounting``), or a label for each row. By default ``pressure`` where there are three or more, else ``speed``.
@@ -187,6 +190,8 @@ def compare_laws(
 
 
 def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:
+    if wanted is not None and not wanted:
+        return (None,)
     if wanted is not None:
         for form in wanted:
             if form not in PRESSURE_FORMS:
@@ -271,6 +276,7 @@ def _compared(
         squares=np.array([np.mean(error[folds == fold] ** 2) for fold in range(int(folds.max()) + 1)], dtype=float),
         worst=float(means[worst]),
         worst_at=_condition(data.take(folds == worst)),
+        viscous=wide,
     )
 
 
@@ -310,13 +316,13 @@ def _statements(rows: list[Compared], best: Compared, recommended: Compared, hel
     if recommended is not best:
         yield f"{best.title} predicts no better beyond chance ({100 * best.error:.2g} %) and has more parameters"
     smallest = min(rows, key=lambda row: row.aicc)
-    if smallest is not recommended:
+    if smallest is not recommended and all(np.isfinite(row.aicc) for row in rows):
         yield (
             f"AICc would choose {smallest.title}: it describes these values best, "
             f"and predicts what was left out with {100 * smallest.error:.2g} %"
         )
     lines = [row for row in rows if row.pressure == "linear" and row.name == recommended.name]
-    if lines and recommended.pressure != "linear" and not _as_good(lines[0], best):
+    if lines and recommended.pressure != "linear" and abs(lines[0].worst) > MISSED:
         yield (
             f"a straight line in pressure does not hold: it misses a {held_out} that was left out by up to "
             f"{100 * abs(lines[0].worst):.0f} % ({lines[0].worst_at})"

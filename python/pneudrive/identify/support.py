@@ -60,8 +60,14 @@ def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionMo
     if model.pressure != "saturating" or not model.chambers:
         return model
     top = float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
-    tried = [replace(model, knee_pa=share * top) for share in KNEES]
-    return min(tried, key=lambda m: deviance(data, estimate(m, data, loss=loss)))
+    start, best, least = None, model, np.inf
+    for share in KNEES[::-1]:  # from the nearest to a straight line on, each from the estimate before
+        tried = replace(model, knee_pa=share * top)
+        found = estimate(tried, data, loss=loss, start=start)
+        start, size = found.q, deviance(data, found)
+        if size < least:
+            best, least = tried, size
+    return best
 
 
 def _excess_p_value(model: FrictionModel, data: Observations, found: Estimate, dof: int) -> float | None:

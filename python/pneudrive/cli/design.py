@@ -1,0 +1,116 @@
+"""``pneudrive design``: where to measure next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from pneudrive.identify import FrictionFit
+    from pneudrive.identify.design import Limits
+    from pneudrive.rig.interface import Envelope, Identity
+
+#: Lowest speed that is proposed where nothing is said, m/s.
+SLOWEST_M_S = 1e-3
+#: Highest gauge pressure that is proposed where nothing is said, Pa, if the rig goes as far; and how many levels.
+HIGHEST_PA, LEVELS = 6e5, 4
+#: Share of the force range that the difference of the pressure forces may take; the rest is for friction and inertia.
+FORCE_SHARE = 0.5
+
+
+def design(
+    fit: Annotated[Path, typer.Argument(help="A fit that `pneudrive fit` or `characterise` wrote.", metavar="FIT")],
+    rig: Annotated[str, typer.Option(help="Ready rig, rig file, or own code as own_rig.py:make_rig.")] = "default",
+    points: Annotated[int, typer.Option(help="Number of points, repeats counted; 0: twice the parameters.", min=0)] = 0,
+    time: Annotated[str, typer.Option(help="Time on the rig instead of a number of points, such as '1 h'.")] = "",
+    criterion: Annotated[str, typer.Option(help="D: all parameters; I: prediction over the range.")] = "D",
+    speeds: Annotated[str, typer.Option(help="Range of speeds; default: 1 mm/s to what the rig reaches.")] = "",
+    noise: Annotated[str, typer.Option(help="Standard deviation of one point; default: that of the fit.")] = "",
+    strokes: Annotated[int, typer.Option(help="Strokes each way for one point.", min=1)] = 1,
+    stops: Annotated[str, typer.Option(help="Stops instead of speeds: the dwell law, such as log or hyperbolic.")] = "",
+    scale: Annotated[str, typer.Option(help="With --stops: guess of the law's time constant.")] = "1 s",
+    out: Annotated[Path | None, typer.Option(help="Write the protocol there.")] = None,
+) -> None:
+    """Propose the next points of a fit, with the intervals to expect, as a protocol for `pneudrive campaign plan`."""
+    from pneudrive.campaign.live import duration
+    from pneudrive.campaign.plan import lay_out
+    from pneudrive.campaign.protocol import parse_protocol
+    from pneudrive.errors import CommandError
+    from pneudrive.identify import FrictionFit
+    from pneudrive.identify.design import design as designed
+    from pneudrive.rig import load_rig
+    from pneudrive.units import parse
+
+    if out is not None and (out.exists() or out.suffix != ".toml" or not out.parent.is_dir()):
+        raise CommandError(f"--out {out}: no place for a protocol", rule="a new FILE.toml in a folder that exists")
+    if points and time:
+        raise CommandError("--points and --time exclude each other")
+    found = FrictionFit.from_toml(fit)
+    machine = load_rig(rig)
+    identity, envelope = machine.identity(), machine.limits()
+    if stops:
+        text, said = _stops(stops, parse(scale, "s"), points, found)
+    else:
+        plan = designed(
+            found,
+            _limits(found, identity, envelope, speeds, strokes),
+            points=points or None,
+            seconds=parse(time, "s") if time else None,
+            criterion=criterion,
+            noise_n=parse(noise, "N") if noise else None,
+        )
+        text, said = plan.protocol(), str(plan)
+    typer.echo(said)
+    whole = lay_out(parse_protocol(text), identity, envelope)
+    typer.echo(f'on "{identity.name}" the protocol takes {duration(whole.time_s)}')
+    if out is None:
+        typer.echo("\n" + text.rstrip())
+    else:
+        out.write_text(text, encoding="utf-8")
+        typer.echo(str(out))
+
+
+def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
+    """Give what the rig can do: speeds that it reaches and holds, and pressures on a grid."""
+    from pneudrive.errors import CommandError
+    from pneudrive.identify.design import Limits
+    from pneudrive.units import parse_range
+
+    low_m, high_m = envelope.position_m
+    stroke, acceleration = high_m - low_m, envelope.acceleration_m_s2
+    # starting and stopping take at most half of the stroke
+    fastest = min(envelope.speed_m_s, (0.5 * stroke * acceleration) ** 0.5)
+    slowest = min(SLOWEST_M_S, fastest / 10.0)
+    if speeds:
+        slowest, wanted = parse_range(speeds, "m/s")
+        if wanted > fastest:
+            raise CommandError(
+                f"--speeds {speeds!r} goes beyond what the rig reaches and holds over half of its stroke",
+                rule=f"at most {1e3 * fastest:.3g} mm/s",
+            )
+        fastest = wanted
+    return Limits((slowest, fastest), _gauges(fit, identity, envelope), stroke, acceleration, strokes)
+
+
+def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:
+    """Pairs of pressures that the rig can hold without more than half of its force going into them."""
+    top = min(HIGHEST_PA, 1e4 * ((envelope.pressure_pa[1] - identity.ambient_pressure_pa) // 1e4))
+    if not fit.model.chambers or top <= 0.0:
+        return ((0.0, 0.0),)
+    levels = [top * k / (LEVELS - 1) for k in range(LEVELS)]
+    pairs = [(a, a) for a in levels]
+    if envelope.separate_pressures and fit.model.chambers != ("ab",):
+        both = len(fit.model.chambers) > 1
+        pairs = [(a, b) for a in levels for b in levels if both or (b if "a" in fit.model.chambers else a) == 0.0]
+    areas = (identity.area_a_m2, identity.area_b_m2)
+    kept = [(a, b) for a, b in pairs if abs(a * areas[0] - b * areas[1]) <= FORCE_SHARE * envelope.force_n]
+    return tuple(kept) or ((0.0, 0.0),)
+
+
+def _stops(form: str, scale_s: float, points: int, fit: FrictionFit) -> tuple[str, str]:
+    from pneudrive.characteristics.stops.dwell_design import design_stops
+
+    plan = design_stops(form, scale_s, stops=points or 12, noise_n=fit.statistics["rms_n"])
+    return plan.protocol(), str(plan)

@@ -1,0 +1,165 @@
+"""``pneudrive fit``: a friction law from a finished map, recordings, or the folder of a campaign."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from pneudrive.identify import FrictionFit
+    from pneudrive.identify.laws import LawComparison
+
+MAP_SUFFIXES = (".parquet", ".csv")
+#: Standard atmosphere: taken where a map does not say the ambient pressure.
+STANDARD_PA = 101325.0
+
+
+def fit(
+    source: Annotated[
+        list[Path],
+        typer.Argument(
+            help="A friction map (map.parquet, map.csv), recordings, or a campaign.", metavar="MAP|RECORDING..."
+        ),
+    ],
+    laws: Annotated[
+        str, typer.Option(help="Laws to compare, with commas; one alone is fitted. Default: all.", metavar="LAW,...")
+    ] = "",
+    pressure: Annotated[
+        str,
+        typer.Option(help="Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all."),
+    ] = "",
+    hold_out: Annotated[
+        str, typer.Option(help="What is left out and predicted: pressure, speed, recording, or a column of the map.")
+    ] = "",
+    direction: Annotated[str, typer.Option(help="both, +x or -x.")] = "both",
+    by: Annotated[str, typer.Option(help="Column of the map, each value of which is fitted by itself: seal, ...")] = "",
+    loss: Annotated[str, typer.Option(help="huber, soft-l1, tukey, or linear (not robust).")] = "huber",
+    ambient: Annotated[str, typer.Option(help="Ambient pressure, where the map does not say it.")] = "",
+    layout: Annotated[
+        Path | None, typer.Option(help="How recordings are read; default: layout.toml beside them.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Where the fit goes; with --by one file for each.")] = Path("fit.toml"),
+) -> None:
+    """Fit friction laws to a finished map and say which one holds: fit.toml.
+
+    Laws are compared by AICc, BIC and, what counts, by prediction of conditions that were left out.
+    """
+    from pneudrive.errors import CommandError, nearest
+    from pneudrive.identify.laws import CANDIDATES
+    from pneudrive.identify.model import PRESSURE_FORMS
+
+    names = [name.strip() for name in laws.split(",") if name.strip()] or list(CANDIDATES)
+    for name in names:
+        if name not in CANDIDATES:
+            raise CommandError(f"--laws {name!r} is not known", remedy=nearest(name, CANDIDATES))
+    if pressure not in ("", "none", *PRESSURE_FORMS):
+        raise CommandError(f"--pressure {pressure} is not known", remedy=nearest(pressure, ("none", *PRESSURE_FORMS)))
+    turn = {"both": None, "+x": 1, "-x": -1}
+    if direction not in turn:
+        raise CommandError(f"--direction {direction} is not known", rule="both, +x or -x")
+    if out.suffix != ".toml" or not out.parent.is_dir():
+        raise CommandError(f"--out {out}: no place for a fit", rule="FILE.toml in a folder that exists")
+    curves = _map_of(source, layout)
+    options = {"direction": turn[direction], "loss": loss, "ambient_pressure_pa": _ambient(curves, ambient)}
+    for group, part in _groups(curves, by):
+        if group:
+            typer.echo(f"{by} {group}")
+        found, comparison = _fitted(part, names, pressure, hold_out, options)
+        if comparison is not None:
+            typer.echo(str(comparison))
+        typer.echo(str(found))
+        slug = re.sub(r"[^A-Za-z0-9._-]+", "-", group)
+        target = out.with_stem(f"{out.stem}-{slug}") if group else out
+        found.to_toml(target)
+        typer.echo(str(target))
+
+
+def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
+    """Read a map, or make one."""
+    from pneudrive.characterise import characterise_recordings, read_map
+    from pneudrive.characteristics import characteristics
+    from pneudrive.errors import CommandError, PneudriveError
+
+    missing = next((path for path in source if not path.exists()), None)
+    if missing is not None:
+        raise CommandError(f"there is no {missing}", rule="a friction map, recordings, or the folder of a campaign")
+    if len(source) == 1 and source[0].is_dir():
+        return characteristics(source[0]).friction_map
+    if any(path.is_dir() for path in source):
+        raise CommandError("a campaign is fitted by itself", value=" ".join(map(str, source)))
+    if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
+        try:
+            return read_map(source[0])
+        except PneudriveError:
+            if source[0].suffix == ".parquet":
+                raise
+    return characterise_recordings(list(source), layout).friction_map
+
+
+def _ambient(curves: xr.Dataset, said: str) -> float:
+    """Ambient pressure from the option, from the map, or standard: that is then said."""
+    from pneudrive.units import parse_pressure
+
+    if said:
+        return parse_pressure(said if "abs" in said else f"{said} abs").value_pa
+    if "ambient_pressure_pa" in curves.attrs:
+        return float(curves.attrs["ambient_pressure_pa"])
+    typer.echo(
+        "- the map does not say the ambient pressure: 1.01325 bar is assumed; --ambient states another", err=True
+    )
+    return STANDARD_PA
+
+
+def _groups(curves: xr.Dataset, by: str) -> list[tuple[str, xr.Dataset]]:
+    import numpy as np
+
+    from pneudrive.identify.survey import row_labels
+
+    if not by:
+        return [("", curves)]
+    labels = row_labels(curves, by)
+    return [(name, curves.isel(row=np.flatnonzero(labels == name))) for name in dict.fromkeys(labels.tolist())]
+
+
+def _fitted(
+    curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, options: dict
+) -> tuple[FrictionFit, LawComparison | None]:
+    """Compare where there is a choice; fit the recommended law, or the only one."""
+    from pneudrive.errors import FitError
+    from pneudrive.identify.fit import fit_friction
+    from pneudrive.identify.laws import CANDIDATES, compare_laws
+
+    forms = None if not pressure else () if pressure == "none" else (pressure,)
+    comparison: LawComparison | None = None
+    chosen, form, loss = names[0], pressure or "linear", options["loss"]
+    options = {key: value for key, value in options.items() if key != "loss"}
+    if len(names) > 1 or forms is None or hold_out:
+        try:
+            comparison = compare_laws(curves, names, pressure=forms, hold_out=hold_out or None, loss=loss, **options)
+        except FitError as problem:
+            if hold_out:
+                raise
+            typer.echo(f"- laws are not compared: {problem.what}; {chosen} is fitted", err=True)
+        else:
+            chosen, form = comparison.recommended.name, comparison.recommended.pressure or "none"
+    elif pressure == "none":
+        form = "none"
+    law = CANDIDATES[chosen]
+    fitted = fit_friction(
+        curves,
+        law.law,
+        stribeck_exponent=law.exponent,
+        stribeck_shape="lorentzian" if law.lorentzian else None,
+        pressure_dependence=form != "none",
+        pressure=form if form != "none" else "linear",
+        viscous=comparison is None or comparison.recommended.viscous,
+        robust=loss != "linear",
+        loss=loss if loss != "linear" else "huber",
+        **options,
+    )
+    return fitted, comparison

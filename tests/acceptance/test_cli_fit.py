@@ -1,0 +1,118 @@
+"""`pneudrive fit` and `pneudrive design` from end to end: a law with its reasons, then the next points to measure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from oracle.campaigns import World, write_campaign
+from pneudrive import _core
+from pneudrive.characterise import write_map
+from pneudrive.characterise.friction_map import COLUMNS, columns_to_dataset
+from pneudrive.cli.main import run
+from pneudrive.identify import FrictionFit
+
+DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston" / "friction"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Folder with the map of a seal whose friction grows with the pressure in chamber a, and its fit."""
+    where = tmp_path_factory.mktemp("fit")
+    rng = np.random.default_rng(3)
+    columns = {name: [] for name in COLUMNS}
+    for gauge in (0.0, 2e5, 4e5, 6e5):
+        law = {
+            "coulomb": 20 + 1e-5 * gauge,
+            "breakaway": 30 + 2e-5 * gauge,
+            "stribeck_velocity": 0.012,
+            "viscous": 60.0,
+        }
+        for speed in np.geomspace(2e-3, 0.4, 9):
+            friction = _core.steady_friction("stribeck", law, np.array([speed]))[0] + 0.2 * rng.standard_normal()
+            for direction in (1, -1):
+                row = dict.fromkeys(COLUMNS, 0.0) | {
+                    "recording": f"{speed:.4g} at {gauge:g}", "direction": direction, "velocity_m_s": direction * speed,
+                    "pressure_a_pa": 101325.0 + gauge, "pressure_b_pa": 101325.0, "balance_n": direction * friction,
+                    "friction_n": friction, "stderr_n": 0.2, "samples": 500, "strokes": 10, "flags": "",
+                }  # fmt: skip
+                for name in COLUMNS:
+                    columns[name].append(row[name])
+    write_map(columns_to_dataset(columns), where / "map.parquet")
+    assert run(["fit", str(where / "map.parquet"), "--laws", "stribeck gaussian", "--pressure", "linear",
+                "--out", str(where / "fit.toml")]) == 0  # fmt: skip
+    return where
+
+
+def test_a_map_is_fitted_and_laws_are_compared(folder, tmp_path, capsys):
+    target = tmp_path / "best.toml"
+    laws = "coulomb,stribeck gaussian,stribeck lorentzian"
+    assert run(["fit", str(folder / "map.parquet"), "--laws", laws, "--out", str(target)]) == 0
+    said, aside = capsys.readouterr()
+    assert "1.01325 bar is assumed" in aside
+    assert "held out by pressure: 4 conditions" in said
+    assert "recommended: stribeck" in said
+    assert FrictionFit.from_toml(target).law == "stribeck"
+
+
+def test_real_recordings_that_a_straight_line_misses(tmp_path, capsys):
+    files = [str(DATA / f"NAPN_{bar}bar.csv.xz") for bar in (1, 3, 5, 7)]
+    assert run(["fit", *files, "--laws", "coulomb", "--out", str(tmp_path / "fit.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "recommended: coulomb, quadratic in pressure" in said
+    assert "a straight line in pressure does not hold: it misses a pressure that was left out by up to 31 %" in said
+    assert FrictionFit.from_toml(tmp_path / "fit.toml").model.pressure == "quadratic"
+
+
+def test_a_campaign_is_fitted_seal_by_seal(tmp_path, capsys):
+    campaign = write_campaign(tmp_path / "campaign", World(samples=200, repeats=1), 1)
+    assert run(["fit", str(campaign), "--laws", "coulomb", "--by", "seal", "--out", str(tmp_path / "fit.toml")]) == 0
+    assert "coulomb friction from" in capsys.readouterr().out
+    assert list(tmp_path.glob("fit*.toml"))
+
+
+def test_next_points_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
+    target = tmp_path / "next.toml"
+    assert run(["design", str(folder / "fit.toml"), "--points", "8", "--out", str(target)]) == 0
+    said = capsys.readouterr().out
+    assert "D-optimal: 8 points" in said
+    assert "stribeck_velocity" in said
+    assert run(["campaign", "plan", str(target)]) == 0
+    assert "pre-flight: passed" in capsys.readouterr().out
+
+
+def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
+    target = tmp_path / "stops.toml"
+    assert run(["design", str(folder / "fit.toml"), "--stops", "log", "--out", str(target)]) == 0
+    assert "stops for the log law: 0.1 s" in capsys.readouterr().out
+    assert run(["campaign", "plan", str(target)]) == 0
+    assert "pre-flight: passed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fit", "nothing.csv"], "there is no nothing.csv"),
+        (["fit", "{map}", "--laws", "stribek gaussian"], "Did you mean 'stribeck gaussian'"),
+        (["fit", "{map}", "--pressure", "cubic"], "--pressure cubic is not known"),
+        (["fit", "{map}", "--hold-out", "day"], "the friction map has no column 'day'"),
+        (["fit", "{map}", "--direction", "up"], "both, +x or -x"),
+        (["fit", "{map}", "--out", "fit.txt"], "no place for a fit"),
+        (["fit", "{map}", "--by", "seals"], "no column 'seals'"),
+        (["design", "nothing.toml"], "the fit cannot be read"),
+        (["design", "{fit}", "--points", "5", "--time", "1 h"], "exclude each other"),
+        (["design", "{fit}", "--criterion", "A"], "there is no criterion 'A'"),
+        (["design", "{fit}", "--speeds", "1 mm/s .. 90 m/s"], "beyond what the rig reaches"),
+        (["design", "{fit}", "--stops", "logarithm"], "there is no dwell law 'logarithm'"),
+        (["design", "{fit}", "--out", "next.txt"], "no place for a protocol"),
+    ],
+)
+def test_wrong_input_is_one_message_and_status_2(folder, tmp_path, monkeypatch, capsys, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    names = {"map": folder / "map.parquet", "fit": folder / "fit.toml"}
+    assert run([word.format(**names) for word in arguments]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert "Traceback" not in said
