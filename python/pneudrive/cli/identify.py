@@ -1,0 +1,85 @@
+"""``pneudrive identify``: numbers of a drive from recordings of its motion."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from pneudrive.identify.dynamic import Progress
+
+
+def identify(
+    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME: the start.", metavar="DRIVE")],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings: time, command, position, pressures.", metavar="RECORDING..."),
+    ],
+    free: Annotated[str, typer.Option(help="What is sought: friction.coulomb,valve.conductance,...", metavar="NAMES")],
+    sensor: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='A sensor: "position: noise = 2 um, offset = free". Keys: noise, offset, offset_uncertainty, gain, '
+            "lag, resolution.",
+            metavar="CHANNEL: KEY = VALUE, ...",
+        ),
+    ] = None,
+    segment: Annotated[str, typer.Option(help='Length of the segments; "whole" is single shooting.')] = "0.4 s",
+    robust: Annotated[bool, typer.Option(help="Let outlying samples count less.")] = False,
+    profile: Annotated[bool, typer.Option(help="Intervals by profile likelihood, too.")] = False,
+    layout: Annotated[Path | None, typer.Option(help="How foreign files are read.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File for the fit (TOML).", metavar="FIT.toml")] = None,
+) -> None:
+    """Identify numbers of a drive from recordings by output error, with intervals and what cannot be determined.
+
+    Ctrl-C ends the search with the best values so far.
+    """
+    from pneudrive.describe import Drive
+    from pneudrive.identify.dynamic import identify as identified
+    from pneudrive.trajectory import check_target
+
+    if out is not None:
+        check_target(out, (".toml",))
+    names = [name.strip() for name in free.split(",") if name.strip()]
+    sensors = dict(_sensor(text) for text in sensor or ())
+    fit = identified(
+        Drive.load(drive),
+        list(recordings),
+        names,
+        sensors=sensors,
+        segment=None if segment == "whole" else segment,
+        robust=robust,
+        layout=layout,
+        progress=_show,
+    )
+    typer.echo(str(fit))
+    if profile:
+        for name, (lower, upper) in fit.profile().items():
+            typer.echo(f"  profile of {name}: {lower:.5g} .. {upper:.5g} {fit.units[name]}")
+    if out is not None:
+        fit.to_toml(out)
+        typer.echo(str(out))
+
+
+def _show(progress: Progress) -> None:
+    rms = ", ".join(f"{name} {value:.3g}" for name, value in progress.rms.items())
+    sys.stderr.write(f"step {progress.step} ({progress.phase}): cost {progress.cost:.5g}; rms {rms}\n")
+
+
+def _sensor(text: str) -> tuple[str, dict[str, str]]:
+    """Read ``position: noise = 2 um, offset = free``."""
+    from pneudrive.errors import CommandError
+
+    channel, colon, rest = text.partition(":")
+    entries: dict[str, str] = {}
+    for entry in filter(None, map(str.strip, rest.split(","))):
+        key, equals, value = (part.strip() for part in entry.partition("="))
+        if not equals or not value:
+            raise CommandError(f'"{entry}" in --sensor is not key = value', remedy='For instance "noise = 2 um".')
+        entries[key] = value
+    if not colon or not entries:
+        raise CommandError(f'--sensor "{text}" says nothing', remedy='For instance "position: noise = 2 um".')
+    return channel.strip(), entries

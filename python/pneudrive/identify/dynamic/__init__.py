@@ -1,0 +1,10 @@
+"""From recordings of a moving drive to numbers of its description, with uncertainty."""
+
+from __future__ import annotations
+
+from pneudrive.identify.dynamic.fit import identify
+from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.dynamic.search import Progress
+from pneudrive.identify.dynamic.sensors import Sensor
+
+__all__ = ["DriveFit", "Progress", "Sensor", "identify"]

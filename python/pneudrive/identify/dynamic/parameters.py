@@ -1,0 +1,252 @@
+"""Which numbers of a drive can be free, under which names, and the coordinates in which they are estimated.
+
+A name is that of the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``); the value
+is in SI, a pressure absolute. Any number of the description can be free.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.describe.friction import friction_laws
+from pneudrive.errors import FitError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe import Drive
+
+    Array = NDArray[np.float64]
+
+# Endings of the names in the core's form, longest first, and their units.
+_ENDINGS = {
+    "_m3_s_pa": "m^3/(s Pa)",
+    "_w_m2_k": "W/(m^2 K)",
+    "_j_kg_k": "J/(kg K)",
+    "_n_s_m": "N s/m",
+    "_per_m": "1/m",
+    "_n_m": "N/m",
+    "_m_s": "m/s",
+    "_rad": "rad",
+    "_m3": "m^3",
+    "_kg": "kg",
+    "_pa": "Pa",
+    "_k": "K",
+    "_m": "m",
+    "_n": "N",
+    "_s": "s",
+}
+# Numbers that may be negative, with the size of a usual change; all others are positive.
+_SIGNED = {
+    "load.force": 10.0,
+    "cylinder.incline": 0.1,
+    "load.spring.rest_position": 0.1,
+    "friction.position.slope": 1.0,
+}
+_SEAL_SLOPE = 1e-5  # N/Pa: 1 N/bar
+_AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
+#: The excess Fs - Fc from which a search starts where the drive has none, as a share of Fc.
+_LEAST_EXCESS = 0.02
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the description.
+
+    Attributes
+    ----------
+    name : str
+        As in the drive file.
+    core : str
+        Its path in the core's form.
+    unit : str
+        SI.
+    value : float
+        At the start.
+    lower, upper : float
+        Open bounds.
+    size : float
+        Of a usual change, where it may be negative.
+    """
+
+    name: str
+    core: str
+    unit: str
+    value: float
+    lower: float
+    upper: float
+    size: float
+
+
+def numbers_of(drive: Drive) -> dict[str, Parameter]:
+    """Return every number of a drive that can be free, by its name in the drive file."""
+    form = json.loads(drive.core_json())
+    laws = {p["key"]: p for p in friction_laws()[drive.friction.law]["parameters"]}
+    found = (_parameter(path, value, laws) for path, value in _leaves(form, ""))
+    return {p.name: p for p in found}
+
+
+def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
+    """Look the free names up.
+
+    Raises
+    ------
+    FitError
+        Unknown or repeated names, or a start at a bound.
+    """
+    known = numbers_of(drive)
+    if not free:
+        raise FitError("nothing is free", remedy='Name what is sought, e.g. free=["friction.coulomb"].')
+    for name in free:
+        if name not in known:
+            raise FitError(
+                f"{name} is no number of this drive",
+                remedy=nearest(name, known) + " What a drive does not describe yet gets a start value there first.",
+            )
+    if len(set(free)) < len(free):
+        raise FitError("a parameter is named twice", value=", ".join(free))
+    for p in (known[name] for name in free):
+        if not p.lower < p.value < p.upper:
+            raise FitError(
+                f"the search for {p.name} cannot start at {p.value:g} {p.unit}",
+                rule=f"between {p.lower:g} and {p.upper:g}, the ends excluded",
+                remedy=f'Give the drive another start: drive.replace({{"{p.name}": ...}}).',
+            )
+    return [known[name] for name in free]
+
+
+def _leaves(table: Any, path: str) -> Iterator[tuple[str, float]]:  # noqa: ANN401 - a tree of JSON
+    if isinstance(table, dict):
+        for key, value in table.items():
+            yield from _leaves(value, f"{path}.{key}" if path else key)
+    elif isinstance(table, (int, float)) and not isinstance(table, bool):
+        yield path, float(table)
+
+
+def _parameter(path: str, value: float, laws: dict[str, dict[str, Any]]) -> Parameter:
+    head, _, key = path.rpartition(".")
+    if head == "friction.parameters":
+        about = laws[key]
+        lower = 0.0 if about["lower"] is None else max(about["lower"], -np.inf)
+        upper = np.inf if about["upper"] is None else about["upper"]
+        unit = "1" if about["unit"] == "-" else about["unit"]
+        return Parameter(f"friction.{key}", path, unit, value, lower, upper, abs(value) or 1.0)
+    stem, unit = _without_unit(key)
+    if stem.endswith(("_a", "_b")):
+        stem = f"{stem[:-2]}.{stem[-1]}"
+    name = f"{head}.{stem}" if head else stem
+    if head == "friction.pressure":
+        return Parameter(name, path, "N/Pa", value, -np.inf, np.inf, _SEAL_SLOPE)
+    if name.startswith("friction.dwell.pressure"):
+        return Parameter(name, path, "1/Pa", value, -np.inf, np.inf, _AGEING_SLOPE)
+    if name in _SIGNED:
+        return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED[name])
+    upper = 1.0 if name in {"valve.critical_pressure_ratio", "valve.linear_above"} else np.inf
+    return Parameter(name, path, unit, value, 0.0, upper, abs(value))
+
+
+@lru_cache(maxsize=256)
+def _without_unit(key: str) -> tuple[str, str]:
+    for ending, unit in _ENDINGS.items():
+        if key.endswith(ending):
+            return key.removesuffix(ending), unit
+    return key, "1"
+
+
+class Coordinates:
+    """Between the free values and coordinates without bounds.
+
+    A positive value is estimated as its logarithm, one between two bounds as the logarithm of the odds, one that may
+    be negative as a multiple of a usual change. The breakaway force is the Coulomb force and an excess, so that it
+    never falls below.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter], drive: Drive) -> None:
+        self.parameters = list(parameters)
+        self.names = [p.name for p in parameters]
+        self._levels = dict(drive.friction.parameters)
+        self._coulomb = self._index("friction.coulomb")
+        self._breakaway = self._index("friction.breakaway")
+        self._upper = [p.upper for p in parameters]
+        if self._coulomb is not None and self._breakaway is None and "breakaway" in self._levels:
+            self._upper[self._coulomb] = self._levels["breakaway"]
+        if (linear := self._index("valve.critical_pressure_ratio")) is not None:
+            self._upper[linear] = drive.valve.linear_above
+
+    def _index(self, name: str) -> int | None:
+        return self.names.index(name) if name in self.names else None
+
+    def _is_excess(self, i: int) -> bool:
+        return i == self._breakaway and "coulomb" in self._levels
+
+    def _coulomb_of(self, values: Array) -> float:
+        return float(values[self._coulomb]) if self._coulomb is not None else self._levels["coulomb"]
+
+    def internal(self, values: Array) -> Array:
+        """Return coordinates of values in SI."""
+        q = np.empty(len(values))
+        for i, (p, value) in enumerate(zip(self.parameters, values, strict=True)):
+            if self._is_excess(i):
+                coulomb = self._coulomb_of(values)
+                q[i] = np.log(max(value - coulomb, _LEAST_EXCESS * coulomb))
+            elif np.isinf(p.lower):
+                q[i] = value / p.size
+            elif np.isfinite(upper := self._upper[i]):
+                inside = np.clip(value, p.lower + 1e-6 * (upper - p.lower), upper - 1e-6 * (upper - p.lower))
+                q[i] = np.log((inside - p.lower) / (upper - inside))
+            else:
+                q[i] = np.log(value - p.lower)
+        return q
+
+    def natural(self, q: Array) -> Array:
+        """Return values in SI."""
+        return self.natural_and_jacobian(q)[0]
+
+    def natural_and_jacobian(self, q: Array) -> tuple[Array, Array]:
+        """Return values in SI, shape (p,), and their derivatives by the coordinates, shape (p, p)."""
+        values, jacobian = np.empty(q.size), np.zeros((q.size, q.size))
+        for i, p in enumerate(self.parameters):
+            if np.isinf(p.lower):
+                values[i], jacobian[i, i] = p.size * q[i], p.size
+            elif np.isfinite(upper := self._upper[i]) and not self._is_excess(i):
+                share = 1.0 / (1.0 + np.exp(-q[i]))
+                values[i] = p.lower + (upper - p.lower) * share
+                jacobian[i, i] = (upper - p.lower) * share * (1.0 - share)
+            else:
+                lower = 0.0 if self._is_excess(i) else p.lower
+                jacobian[i, i] = np.exp(q[i])
+                values[i] = lower + jacobian[i, i]
+        if self._breakaway is not None and self._is_excess(self._breakaway):
+            values[self._breakaway] += self._coulomb_of(values)
+            if self._coulomb is not None:
+                jacobian[self._breakaway, self._coulomb] = jacobian[self._coulomb, self._coulomb]
+        return values, jacobian
+
+
+class Candidates:
+    """The core's drive for any values of the free parameters."""
+
+    def __init__(self, drive: Drive, parameters: Sequence[Parameter]) -> None:
+        self._form = json.loads(drive.core_json())
+        self._places = [self._place(p.core) for p in parameters]
+        self.paths = [p.core for p in parameters]
+
+    def _place(self, path: str) -> tuple[dict[str, Any], str]:
+        *tables, key = path.split(".")
+        at = self._form
+        for table in tables:
+            at = at[table]
+        return at, key
+
+    def json(self, values: Array) -> str:
+        """Return the core's form with these values."""
+        for (table, key), value in zip(self._places, values, strict=True):
+            table[key] = float(value)
+        return json.dumps(self._form, sort_keys=True)

@@ -1,0 +1,240 @@
+"""The problem: free values of the drive and its sensors, recordings, and the residuals at a point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.identify.dynamic.sensors import OFFSET_SIZE, lagged
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.dynamic.parameters import Coordinates
+    from pneudrive.identify.dynamic.sensors import Channel
+    from pneudrive.identify.dynamic.shooting import Shooter, Shot
+    from pneudrive.identify.dynamic.states import Starts
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SensorParameter:
+    """A free number of a sensor: an offset of one recording, or a gain or a lag of all.
+
+    The coordinate of an offset is the offset over `size`, that of a gain the gain, that of a lag its logarithm.
+    """
+
+    kind: str
+    channel: str
+    recording: int | None
+    name: str
+    unit: str
+    size: float
+    uncertainty: float
+
+
+@dataclass
+class Experiment:
+    """One recording in the fit; `noise` are the standard deviations that weigh its channels."""
+
+    shooter: Shooter
+    channels: list[Channel]
+    starts: Starts
+    noise: Array
+    measured: Array = field(init=False)
+    weight: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        recording = self.shooter.recording
+        self.measured = np.stack([recording[c.column] for c in self.channels], axis=1)
+        self.weight = np.isfinite(self.measured).astype(float)
+
+    @property
+    def segments(self) -> list[slice]:
+        """Samples of each segment."""
+        edges = [*self.shooter.starts.tolist(), self.measured.shape[0]]
+        return [slice(a, b) for a, b in pairwise(edges)]
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of the search: global coordinates (drive, then sensors) and the starts of all segments."""
+
+    eta: Array
+    states: list[Array]
+
+
+class Problem:
+    """Everything that does not change during a fit but the noise and the weights of the samples.
+
+    Parameters
+    ----------
+    coordinates : Coordinates
+        Of the drive's free values.
+    sensors : list of SensorParameter
+    experiments : list of Experiment
+    """
+
+    def __init__(self, coordinates: Coordinates, sensors: list[SensorParameter], experiments: list[Experiment]) -> None:
+        self.coordinates, self.sensors, self.experiments = coordinates, sensors, experiments
+        self.drive_size = len(coordinates.names)
+        self.size = self.drive_size + len(sensors)
+        #: Coordinates that are known before the fit, and how precisely: 0 where nothing is known.
+        self.prior_mean = np.zeros(self.size)
+        self.prior = np.zeros(self.size)
+        for i, s in enumerate(sensors, start=self.drive_size):
+            if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
+                self.prior[i] = (s.size / s.uncertainty) ** 2
+        self.huber_k = np.inf
+
+    @property
+    def names(self) -> list[str]:
+        """Of the global coordinates."""
+        return [*self.coordinates.names, *(s.name for s in self.sensors)]
+
+    def values(self, eta: Array) -> Array:
+        """Free values of the drive and the sensors, SI."""
+        return np.r_[self.coordinates.natural(eta[: self.drive_size]), self._sensor_values(eta)]
+
+    def natural_jacobian(self, eta: Array) -> Array:
+        """Return the derivatives of the values by the coordinates, shape (size, size)."""
+        out = np.zeros((self.size, self.size))
+        p = self.drive_size
+        out[:p, :p] = self.coordinates.natural_and_jacobian(eta[:p])[1]
+        for i, s in enumerate(self.sensors, start=p):
+            out[i, i] = {"offset": s.size, "gain": 1.0, "lag": np.exp(eta[i])}[s.kind]
+        return out
+
+    def prior_cost(self, eta: Array) -> float:
+        """Cost of being away from what is known before the fit."""
+        return float(self.prior @ (eta - self.prior_mean) ** 2)
+
+    def robust_weight(self, residual: Array) -> Array:
+        """Square roots of Huber's weights; 1 where the fit is plain least squares."""
+        if not np.isfinite(self.huber_k):
+            return np.ones_like(residual)
+        return np.sqrt(np.minimum(1.0, self.huber_k / np.maximum(np.abs(residual), 1e-300)))
+
+    def loss(self, residual: Array) -> float:
+        """Sum of squares, or twice Huber's rho [huber2009]."""
+        size, k = np.abs(residual), self.huber_k
+        return float(np.sum(np.where(size <= k, size**2, 2.0 * k * size - k**2 if np.isfinite(k) else 0.0)))
+
+    def rms(self, residuals: list[Array]) -> dict[str, float]:
+        """Root mean square of each channel's residuals, SI."""
+        power: dict[str, float] = {}
+        count: dict[str, float] = {}
+        for experiment, residual in zip(self.experiments, residuals, strict=True):
+            for c, channel in enumerate(experiment.channels):
+                own = float(np.sum((residual[:, c] * experiment.noise[c]) ** 2))
+                power[channel.name] = power.get(channel.name, 0.0) + own
+                count[channel.name] = count.get(channel.name, 0.0) + float(experiment.weight[:, c].sum())
+        return {name: float(np.sqrt(power[name] / max(count[name], 1.0))) for name in power}
+
+    def _sensor_values(self, eta: Array) -> Array:
+        q = eta[self.drive_size :]
+        return np.array(
+            [
+                q[i] * s.size if s.kind == "offset" else np.exp(q[i]) if s.kind == "lag" else q[i]
+                for i, s in enumerate(self.sensors)
+            ]
+        )
+
+    def run(self, point: Point, *, derivatives: bool = True) -> list[Shot] | str:
+        """Run all recordings; a text says why a segment could not be run."""
+        values = self.coordinates.natural(point.eta[: self.drive_size])
+        shots = []
+        for experiment, states in zip(self.experiments, point.states, strict=True):
+            shot = experiment.shooter.run(values, states, derivatives=derivatives)
+            if shot.failures:
+                j, why = next(iter(shot.failures.items()))
+                record = experiment.shooter.recording
+                return f"{record.name}, segment from {record.time_s[experiment.shooter.starts[j]]:g} s: {why}"
+            shots.append(shot)
+        return shots
+
+    def possible(self, point: Point) -> Point:
+        """Keep what nothing measures within what is possible."""
+        states = [np.clip(s, *e.starts.limits) for s, e in zip(point.states, self.experiments, strict=True)]
+        return Point(point.eta, states)
+
+    def by_coordinates(self, shot_by_parameter: Array, eta: Array) -> Array:
+        """Turn derivatives by the drive's values (last axis) into such by the global coordinates."""
+        p = self.drive_size
+        jacobian = self.coordinates.natural_and_jacobian(eta[:p])[1]
+        out = np.zeros((*shot_by_parameter.shape[:-1], self.size))
+        out[..., :p] = shot_by_parameter @ jacobian
+        return out
+
+    def measure(self, index: int, eta: Array, where: slice, outputs: Array, derivatives: Array) -> tuple[Array, Array]:
+        """Pass outputs through the sensors and compare them with what was measured, in units of the noise.
+
+        Parameters
+        ----------
+        index : int
+            Recording.
+        eta : ndarray, shape (P,)
+        where : slice
+            Samples.
+        outputs : ndarray, shape (n, c)
+        derivatives : ndarray, shape (n, c, P + more)
+            By the global coordinates (of the sensors: zeros), then by whatever else.
+
+        Returns
+        -------
+        residual : ndarray, shape (n, c)
+            (measured - model) / noise; 0 where nothing was measured.
+        derivatives : ndarray, shape (n, c, P + more)
+            Of the model, over the noise.
+        """
+        experiment = self.experiments[index]
+        time = experiment.shooter.recording.time_s[where]
+        model, slopes = np.empty_like(outputs), np.empty_like(derivatives)
+        for c, channel in enumerate(experiment.channels):
+            number = {s.kind: i for i, s in enumerate(self.sensors) if self._is_of(s, channel.name, index)}
+            gain, lag, offset = (self._sensor(eta, number, k, getattr(channel, k)) for k in ("gain", "lag", "offset"))
+            h = lagged(time, outputs[:, c], lag)
+            model[:, c] = gain * h + offset
+            slopes[:, c] = gain * lagged(time, derivatives[:, c], lag)
+            if "offset" in number:
+                i = self.drive_size + number["offset"]
+                slopes[:, c, i] += self.sensors[number["offset"]].size
+            if "gain" in number:
+                slopes[:, c, self.drive_size + number["gain"]] += h
+            if "lag" in number:  # differentiate lag h' + h = u by the lag
+                rate = (outputs[:, c] - h) / lag
+                slopes[:, c, self.drive_size + number["lag"]] -= gain * lag * lagged(time, rate, lag)
+        weight = experiment.weight[where] / experiment.noise
+        residual = np.where(weight > 0.0, experiment.measured[where] - model, 0.0) * weight
+        return residual, slopes * weight[:, :, None]
+
+    @staticmethod
+    def _is_of(s: SensorParameter, channel: str, index: int) -> bool:
+        return s.channel == channel and s.recording in (None, index)
+
+    def _sensor(self, eta: Array, number: dict[str, int], kind: str, fixed: float) -> float:
+        if kind not in number:
+            return fixed
+        s, q = self.sensors[number[kind]], eta[self.drive_size + number[kind]]
+        return float(q * s.size if kind == "offset" else np.exp(q) if kind == "lag" else q)
+
+
+def sensor_parameters(channels: list[Channel], recordings: list[str], present: list[set[str]]) -> list[SensorParameter]:
+    """List the free numbers of the sensors: an offset for each recording that has the channel; gain and lag once."""
+    out = []
+    for channel in channels:
+        for i, name in enumerate(recordings):
+            if "offset" in channel.free and channel.name in present[i]:
+                of = f"{channel.name}.offset" + (f" [{name}]" if len(recordings) > 1 else "")
+                size = OFFSET_SIZE[channel.unit]
+                out.append(
+                    SensorParameter("offset", channel.name, i, of, channel.unit, size, channel.offset_uncertainty)
+                )
+        for kind, unit in (("gain", "1"), ("lag", "s")):
+            if kind in channel.free:
+                out.append(SensorParameter(kind, channel.name, None, f"{channel.name}.{kind}", unit, 1.0, np.inf))
+    return out

@@ -1,0 +1,225 @@
+"""The result of a dynamic identification: values of a drive with what is known of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import FitError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe import Drive
+    from pneudrive.identify.diagnose import Undetermined
+    from pneudrive.identify.dynamic.fit import Solved
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Series:
+    """One channel of one recording beside the model, its sensor included; SI, shape (n,)."""
+
+    time_s: Array
+    measured: Array
+    model: Array
+
+
+@dataclass(frozen=True)
+class DriveFit:
+    """Values of a drive's description with their uncertainty.
+
+    Attributes
+    ----------
+    values : dict
+        Name as in the drive file -> value in SI (pressures absolute), at the last point of the search.
+    units : dict
+        Name -> unit, of values and sensors.
+    sensors : dict
+        ``position.offset [recording]``, ``pressure_a.gain``, ... -> value in SI.
+    free : tuple of str
+        Order of `covariance`: values, then sensors.
+    covariance : ndarray, shape (p, p)
+        SI, first order, with the residuals' own variance and correlation in time; directions that the recordings do not
+        determine are left out of it.
+    intervals : dict
+        Value or sensor -> (lower, upper), 95 %.
+    sources : dict
+        Name -> names of the recordings that it comes from.
+    undetermined : tuple of Undetermined
+        What the recordings do not determine, why, and what to record.
+    notes : tuple of str
+        What was left out, held or assumed.
+    statistics : dict
+        samples, iterations, cost, gap; ``rms.CHANNEL``, ``noise.CHANNEL`` in SI, ``fit_percent.CHANNEL``.
+    converged : bool
+        False where the search was interrupted or stopped early: the values are the best so far.
+    provenance : dict
+        Version, hash of the drive, recordings with their hashes, options.
+    start : Drive
+        The drive that the search started from.
+    series : dict
+        Recording -> channel -> `Series`.
+    """
+
+    values: dict[str, float]
+    units: dict[str, str]
+    sensors: dict[str, float]
+    free: tuple[str, ...]
+    covariance: Array
+    intervals: dict[str, tuple[float, float]]
+    sources: dict[str, tuple[str, ...]]
+    undetermined: tuple[Undetermined, ...]
+    notes: tuple[str, ...]
+    statistics: dict[str, float]
+    converged: bool
+    provenance: dict[str, Any]
+    start: Drive = field(repr=False)
+    series: dict[str, dict[str, Series]] = field(repr=False, compare=False, default_factory=dict)
+    solved: Solved | None = field(repr=False, compare=False, default=None)
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each free value and sensor, SI."""
+        return dict(zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix in the order of `free`; 0 beside what is not determined at all."""
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        spread[spread == 0.0] = np.inf
+        out = self.covariance / np.outer(spread, spread)
+        np.fill_diagonal(out, 1.0)
+        return out
+
+    @property
+    def determined(self) -> tuple[str, ...]:
+        """Names of `values` that the recordings determine."""
+        lost = {u.parameter for u in self.undetermined}
+        return tuple(name for name in self.values if name not in lost)
+
+    def statements(self) -> list[str]:
+        """Return what cannot be determined, in sentences."""
+        return [str(u) for u in self.undetermined]
+
+    def profile(self, names: Sequence[str] | None = None) -> dict[str, tuple[float, float]]:
+        """95 % intervals by profile likelihood: each value is held, all others are fitted again.
+
+        Parameters
+        ----------
+        names : sequence of str, optional
+            Free values; all of them where nothing is said. Each takes a few fits.
+
+        Returns
+        -------
+        dict
+            Name -> (lower, upper), SI; infinite where the recordings set no bound.
+        """
+        from pneudrive.identify.dynamic.fit import profile_of
+
+        return profile_of(self._search(), self._asked(names))
+
+    def bootstrap(
+        self, count: int = 1000, *, seed: int = 0, names: Sequence[str] | None = None
+    ) -> dict[str, tuple[float, float]]:
+        """95 % intervals by block bootstrap: blocks of the recordings are drawn with replacement.
+
+        Each draw is answered by one Gauss-Newton step.
+
+        Parameters
+        ----------
+        count : int
+            Draws.
+        seed : int
+        names : sequence of str, optional
+            Free values; all of them where nothing is said.
+
+        Returns
+        -------
+        dict
+            Name -> (lower, upper), SI.
+        """
+        from pneudrive.identify.dynamic.fit import bootstrap_of
+
+        draws = bootstrap_of(self._search(), count, seed)
+        ends = np.quantile(draws, [0.025, 0.975], axis=0)
+        at = {name: i for i, name in enumerate(self.free)}
+        return {n: (float(ends[0, at[n]]), float(ends[1, at[n]])) for n in self._asked(names)}
+
+    def apply(self, drive: Drive | None = None) -> Drive:
+        """Return a drive with the determined values of this fit, each with its interval and its recordings.
+
+        What the recordings do not determine stays as it is.
+
+        Parameters
+        ----------
+        drive : Drive, optional
+            The drive from which the search started where nothing is said.
+
+        Raises
+        ------
+        FitError, DescriptionError
+            The drive lacks a value, or refuses the mixture of fitted and kept values.
+        """
+        from pneudrive.identify.identified import Identified, apply_identified
+
+        kept = self.determined
+        found = Identified(
+            values={n: self.values[n] for n in kept},
+            intervals={n: self.intervals[n] for n in kept},
+            sources={n: self.sources[n] for n in kept},
+            fit=str(self.provenance.get("fit_hash", "")),
+        )
+        return apply_identified(found, self.start if drive is None else drive)
+
+    def to_toml(self, path: str | Path) -> None:
+        """Write the fit with intervals, covariance, what is not determined and provenance."""
+        from pneudrive.identify.dynamic.files import write_fit
+
+        write_fit(self, path)
+
+    def without_search(self) -> DriveFit:
+        """Return the fit without the linearised problem, which takes memory: no profile and no bootstrap then."""
+        return replace(self, solved=None)
+
+    def _search(self) -> Solved:
+        if self.solved is None:
+            raise FitError("this fit was read from a file, or its problem was dropped", remedy="Fit again.")
+        return self.solved
+
+    def _asked(self, names: Sequence[str] | None) -> list[str]:
+        for name in names or ():
+            if name not in self.free:
+                raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
+        return list(self.values) if names is None else list(names)
+
+    def __str__(self) -> str:
+        """Return a table of values with intervals, then what is not determined and the notes."""
+        s = self.statistics
+        seconds = sum(float(next(iter(c.values())).time_s[-1]) for c in self.series.values())
+        state = "" if self.converged else ", not converged: the best so far"
+        lines = [f"{len(self.series)} recording(s), {seconds:.4g} s, {s['samples']:.0f} samples{state}"]
+        lost = {u.parameter for u in self.undetermined}
+        shown = {**self.values, **self.sensors}
+        width = max(map(len, shown))
+        lines += [f"  {name:<{width}} {self._line(name, value, name in lost)}" for name, value in shown.items()]
+        for key, rms in s.items():
+            if key.startswith("rms."):
+                channel = key.removeprefix("rms.")
+                unit = self.units[channel]
+                lines.append(f"  residuals of {channel}: {rms:.3g} {unit}, fit {s[f'fit_percent.{channel}']:.2f} %")
+        lines += [f"  ! {statement}" for statement in self.statements()]
+        lines += [f"  note: {note}" for note in self.notes]
+        return "\n".join(lines)
+
+    def _line(self, name: str, value: float, lost: bool) -> str:
+        unit = self.units[name]
+        text = f"{value:11.5g} {unit if unit != '1' else '':<12}"
+        lower, upper = self.intervals[name]
+        return text + f" 95 %: {lower:.5g} .. {upper:.5g}" + (" (not determined)" if lost else "")

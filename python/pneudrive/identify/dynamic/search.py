@@ -1,0 +1,393 @@
+"""The search: Gauss-Newton with Levenberg's and Marquardt's damping over segments whose starts are tied together.
+
+Two phases. First the segments are short and begin with what was measured, smoothed; only what nothing measures, the
+gas temperatures and the bristles, is carried over from the segment before. Such a prediction over a few hundredths of
+a second cannot be led astray by a wrong parameter. Then the starts are free and tied to the ends of the segments before
+(multiple shooting): the linearised continuity condenses them onto the first start of the recording, and gaps close as
+the search goes on. One segment in all is single shooting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.dynamic.problem import Point
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.dynamic.problem import Problem
+    from pneudrive.identify.dynamic.shooting import Shot
+
+    Array = NDArray[np.float64]
+
+#: Directions of the scaled Jacobian below this share of the largest are left alone.
+SINGULAR_SHARE = 1e-4
+#: Greatest change of a coordinate in a step (of a logarithm: by a factor of 2.7); a step that fails is shortened.
+LONGEST, SHORTER, LONGER = 1.0, 0.25, 4.0
+#: The search ends when a step is shorter than this share of the standard error, in the metric of the information ...
+SHORT_STEP = 0.02
+#: ... and gaps, in the sizes of the states, than this.
+SMALL_GAP = 1e-3
+#: The first phase ends when a step gains less than this share of the cost.
+SMALL_GAIN = 0.01
+MOST_STEPS = 40
+#: Damping: 1 is a belief in the present value of a logarithm with a standard deviation of 1.
+DAMPING_LEAST = 1e-3
+#: Times that only the carried states are moved before the first phase gives up.
+MOST_CLOSINGS = 2
+#: A search whose steps have to be shorter than this ends.
+SHORTEST = 1e-6
+
+
+@dataclass(frozen=True)
+class Block:
+    """Normal equations of one recording: unknowns are the global coordinates, then its start in units of its belief.
+
+    information, gradient: shapes (P + s, P + s) and (P + s,).
+    """
+
+    information: Array
+    gradient: Array
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What is told after each step."""
+
+    phase: str
+    step: int
+    cost: float
+    rms: dict[str, float]
+    gap: float
+    values: dict[str, float]
+
+
+class Watcher:
+    """Keeps the best point, for who interrupts the search, and tells of each step."""
+
+    def __init__(self, tell: Callable[[Progress], None] | None = None) -> None:
+        self.tell, self.count = tell, 0
+        self.point: Point | None = None
+
+    def step(self, problem: Problem, phase: str, standing: Standing, point: Point) -> None:
+        """Take note of an accepted step."""
+        self.point = point
+        self.count += 1
+        if self.tell is not None:
+            values = dict(zip(problem.names, problem.values(point.eta).tolist(), strict=True))
+            rms = problem.rms(standing.residuals)
+            self.tell(Progress(phase, self.count, standing.cost, rms, standing.gap, values))
+
+
+def reduced(blocks: list[Block], size: int) -> tuple[Array, Array]:
+    """Eliminate the starts: information and gradient of the global coordinates."""
+    information: Array = np.zeros((size, size))
+    gradient: Array = np.zeros(size)
+    for block in blocks:
+        n, b = block.information, block.gradient
+        gain = np.linalg.solve(n[size:, size:], np.c_[n[size:, :size], b[size:]])
+        information += n[:size, :size] - n[:size, size:] @ gain[:, :-1]
+        gradient += b[:size] - n[:size, size:] @ gain[:, -1]
+    return 0.5 * (information + information.T), gradient
+
+
+def start_step(block: Block, step: Array) -> Array:
+    """Return the change of a block's start that goes with a change of the global coordinates."""
+    size = step.size
+    n, b = block.information, block.gradient
+    return np.asarray(np.linalg.solve(n[size:, size:], b[size:] - n[size:, :size] @ step), dtype=np.float64)
+
+
+def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
+    """Solve for a step no coordinate of which is longer than `longest`, by as much damping as that needs.
+
+    The damping acts on the coordinates as they are, most of them logarithms: a direction of which the data know little
+    stays behind, and does not hold the others up.
+    """
+    power, axes = np.linalg.eigh(information)
+    along = axes.T @ gradient
+    damping = DAMPING_LEAST
+    while True:
+        step = axes @ (along / (np.maximum(power, 0.0) + damping))
+        if float(np.abs(step).max(initial=0.0)) <= longest:
+            return step
+        damping *= 2.0
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How good a point is.
+
+    Attributes
+    ----------
+    cost : float
+        Twice the negative log-likelihood, but for a constant.
+    merit : float
+        Cost and gaps: what a step of the second phase has to lower.
+    gap : float
+        Greatest gap, in the sizes of the states.
+    residuals : list of ndarray, shape (n, c)
+        In units of the noise, gaps as they are.
+    """
+
+    cost: float
+    merit: float
+    gap: float
+    residuals: list[Array]
+
+
+@dataclass(frozen=True)
+class Joined:
+    """All recordings with their segments tied together, linearised at one point.
+
+    Attributes
+    ----------
+    blocks : list of Block
+        One for each recording, by the global coordinates and its first start.
+    slopes : list of ndarray, shape (n, c, P + s)
+    carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
+        Change of each start with the unknowns, and by closing the gaps.
+    standing : Standing
+    """
+
+    blocks: list[Block]
+    slopes: list[Array]
+    carried: list[tuple[Array, Array]]
+    standing: Standing
+
+    @property
+    def cost(self) -> float:
+        """Twice the negative log-likelihood, but for a constant."""
+        return self.standing.cost
+
+    @property
+    def residuals(self) -> list[Array]:
+        """Residuals of each recording, shape (n, c), in units of the noise."""
+        return self.standing.residuals
+
+
+def judge(problem: Problem, point: Point, believed: list[Array], shots: list[Shot], *, reset: bool = False) -> Standing:
+    """Say how good a point is, from its runs.
+
+    Parameters
+    ----------
+    believed : list of ndarray
+        Starts that are believed before the fit; the first of each recording counts.
+    reset : bool
+        Segments begin with what was measured; only the rest is carried over.
+    """
+    residuals: list[Array] = []
+    gap, cost = 0.0, problem.prior_cost(point.eta)
+    penalty = 0.0
+    for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
+        nothing = np.zeros((*shot.outputs.shape, problem.size))
+        r = problem.measure(i, point.eta, slice(None), shot.outputs, nothing)[0]
+        away = (believed[i][0] - point.states[i][0]) / experiment.starts.belief
+        cost += problem.loss(r) + float(away @ away)
+        scaled = _gaps(problem, point, shot, i, reset=reset) / experiment.starts.size
+        penalty += r.size / max(len(scaled), 1) * float(np.sum(scaled**2))
+        gap = max(gap, float(np.abs(scaled).max(initial=0.0)))
+        residuals.append(r)
+    return Standing(cost, cost + penalty, gap, residuals)
+
+
+def linearise(
+    problem: Problem, point: Point, believed: list[Array], shots: list[Shot], *, reset: bool = False
+) -> Joined:
+    """Put the normal equations of all recordings together, from runs with derivatives; parameters as of `judge`."""
+    blocks, slopes, carried = [], [], []
+    size = problem.size
+    for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
+        by_unknown, closing = _condense(problem, point, shot, i, reset=reset)
+        outputs, jac = _outputs(problem, experiment.segments, shot, point, by_unknown, closing)
+        closed, jac = problem.measure(i, point.eta, slice(None), outputs, jac)
+        robust = problem.robust_weight(closed)
+        flat, rest = (jac * robust[:, :, None]).reshape(closed.size, -1), (closed * robust).ravel()
+        information, gradient = flat.T @ flat, flat.T @ rest
+        information[size:, size:] += np.eye(len(information) - size)
+        gradient[size:] += (believed[i][0] - point.states[i][0]) / experiment.starts.belief
+        blocks.append(Block(information, gradient))
+        slopes.append(jac)
+        carried.append((by_unknown, closing))
+    return Joined(blocks, slopes, carried, judge(problem, point, believed, shots, reset=reset))
+
+
+def _gaps(problem: Problem, point: Point, shot: Shot, i: int, *, reset: bool) -> Array:
+    """Difference between each segment's end and the next one's start, shape (k - 1, s)."""
+    gaps = shot.ends[:-1] - point.states[i][1:]
+    if reset:
+        gaps[:, problem.experiments[i].starts.measured] = 0.0
+    return gaps
+
+
+def _condense(problem: Problem, point: Point, shot: Shot, i: int, *, reset: bool) -> tuple[Array, Array]:
+    """Carry the first start and the coordinates through the linearised continuity.
+
+    Returns
+    -------
+    ndarray (k, s, P + s), ndarray (k, s)
+        Derivatives of each start (by the first one in units of its belief), and what closing all gaps adds to it.
+    """
+    k, s = point.states[i].shape
+    size = problem.size
+    by_eta = problem.by_coordinates(shot.ends_by_parameter, point.eta)
+    gaps = _gaps(problem, point, shot, i, reset=reset)
+    by_unknown, closing = np.zeros((k, s, size + s)), np.zeros((k, s))
+    carried = ~problem.experiments[i].starts.measured if reset else np.ones(s, dtype=bool)
+    by_unknown[0, carried, size:] = np.diag(problem.experiments[i].starts.belief)[carried]
+    for j in range(k - 1):
+        onward = shot.ends_by_start[j] @ by_unknown[j]
+        onward[:, :size] += by_eta[j]
+        by_unknown[j + 1, carried] = onward[carried]
+        closing[j + 1, carried] = (shot.ends_by_start[j] @ closing[j] + gaps[j])[carried]
+    return by_unknown, closing
+
+
+def _outputs(
+    problem: Problem, segments: list[slice], shot: Shot, point: Point, by_unknown: Array, closing: Array
+) -> tuple[Array, Array]:
+    """Close the gaps of the outputs to first order, and differentiate them by all unknowns of the recording."""
+    size = problem.size
+    outputs = shot.outputs.copy()
+    jac = np.empty((*outputs.shape, by_unknown.shape[2]))
+    by_eta = problem.by_coordinates(shot.by_parameter, point.eta)
+    for j, where in enumerate(segments):
+        outputs[where] += shot.by_start[where] @ closing[j]
+        jac[where] = shot.by_start[where] @ by_unknown[j]
+    jac[:, :, :size] += by_eta
+    return outputs, jac
+
+
+def predict_segments(problem: Problem, point: Point, watcher: Watcher) -> Point:
+    """Run the first phase: a point near enough for the second one.
+
+    The noise is what the model is off now, at least that of the sensors.
+    """
+    least = [e.noise.copy() for e in problem.experiments]
+    believed = [s.copy() for s in point.states]
+    shots = _run(problem, point, "the recordings cannot be simulated from the start values")
+    longest, closings = LONGEST, 0
+    for _ in range(MOST_STEPS):
+        _take_misfit_as_noise(problem, judge(problem, point, believed, shots, reset=True).residuals, least)
+        at = linearise(problem, point, believed, shots, reset=True)
+        found = _shortened(
+            problem, point, at, longest, lambda trial, new: judge(problem, trial, believed, new, reset=True), "cost"
+        )
+        if found is None:  # what is carried over may be far from where it belongs: take it there alone
+            if closings == MOST_CLOSINGS:
+                break
+            states = [s + closing for s, (_, closing) in zip(point.states, at.carried, strict=True)]
+            point, longest, closings = problem.possible(replace(point, states=states)), LONGEST, closings + 1
+            shots = _run(problem, point, "the search came to where the drive cannot be simulated")
+            continue
+        gain = 1.0 - found.standing.cost / at.cost
+        point, longest, closings = found.point, found.longest, 0
+        watcher.step(problem, "segments apart", found.standing, point)
+        if gain < SMALL_GAIN:
+            break
+        shots = _run(problem, point, "the search came to where the drive cannot be simulated")
+    for experiment, noise in zip(problem.experiments, least, strict=True):
+        experiment.noise = noise
+    return point
+
+
+def _take_misfit_as_noise(problem: Problem, residuals: list[Array], least: list[Array]) -> None:
+    for experiment, residual, floor in zip(problem.experiments, residuals, least, strict=True):
+        count = np.maximum(experiment.weight.sum(axis=0), 1.0)
+        off = experiment.noise * np.sqrt(np.sum(residual**2, axis=0) / count)
+        experiment.noise = np.maximum(floor, off)
+
+
+def _run(problem: Problem, point: Point, otherwise: str) -> list[Shot]:
+    shots = problem.run(point)
+    if isinstance(shots, str):
+        remedy = "shorter segments (segment=...), other start values; or look at the units of the recordings"
+        raise FitError(otherwise, value=shots, remedy=remedy)
+    return shots
+
+
+@dataclass(frozen=True)
+class _Found:
+    point: Point
+    standing: Standing
+    longest: float
+
+
+def _shortened(
+    problem: Problem,
+    point: Point,
+    at: Joined,
+    longest: float,
+    judged: Callable[[Point, list[Shot]], Standing],
+    measure: str,
+) -> _Found | None:
+    """Shorten the step until it lowers the cost or the merit, by runs without derivatives; None where none does."""
+    information, gradient = equations(problem, point, at)
+    before = getattr(at.standing, measure)
+    while longest >= SHORTEST:
+        step = bounded_step(information, gradient, longest)
+        trial = problem.possible(_moved(point, at, step))
+        try:
+            shots = problem.run(trial, derivatives=False)
+        except FitError:  # the core refuses such a drive
+            shots = ""
+        if not isinstance(shots, str):
+            standing = judged(trial, shots)
+            if getattr(standing, measure) < before:
+                return _Found(trial, standing, min(LONGER * longest, LONGEST))
+        longest = SHORTER * min(longest, float(np.abs(step).max(initial=0.0)))
+    return None
+
+
+def equations(problem: Problem, point: Point, at: Joined) -> tuple[Array, Array]:
+    """Information and gradient of the global coordinates, with what is known of the sensors before."""
+    information, gradient = reduced(at.blocks, problem.size)
+    information += np.diag(problem.prior)
+    gradient -= problem.prior * (point.eta - problem.prior_mean)
+    return information, gradient
+
+
+def join_segments(
+    problem: Problem, point: Point, believed: list[Array], watcher: Watcher | None, most: int = MOST_STEPS
+) -> tuple[Point, Joined, bool]:
+    """Run the second phase to its end.
+
+    Returns
+    -------
+    Point, Joined, bool
+        The last accepted point, the problem there, and whether the search has converged.
+    """
+    shots = _run(problem, point, "a segment cannot be simulated from the values found so far")
+    longest = LONGEST
+    at = linearise(problem, point, believed, shots)
+    for _ in range(most):
+        information, gradient = equations(problem, point, at)
+        step = bounded_step(information, gradient, LONGEST)
+        length = float(np.sqrt(max(step @ information @ step, 0.0) / problem.size))
+        if length < SHORT_STEP and at.standing.gap < SMALL_GAP:
+            return point, at, True
+        found = _shortened(
+            problem, point, at, longest, lambda trial, new: judge(problem, trial, believed, new), "merit"
+        )
+        if found is None:
+            return point, at, length < 1.0 and at.standing.gap < SMALL_GAP
+        point, longest = found.point, found.longest
+        at = linearise(problem, point, believed, _run(problem, point, "the search came to a drive that cannot be run"))
+        if watcher is not None:
+            watcher.step(problem, "segments joined", at.standing, point)
+    return point, at, False
+
+
+def _moved(point: Point, at: Joined, step: Array) -> Point:
+    states = []
+    for state, block, (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
+        unknown = np.r_[step, start_step(block, step)]
+        states.append(state + by_unknown @ unknown + closing)
+    return replace(point, eta=point.eta + step, states=states)

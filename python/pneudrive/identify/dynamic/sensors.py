@@ -1,0 +1,189 @@
+"""Between what a drive does and what is recorded of it: gain, offset, lag, noise.
+
+    y(t) = gain h(t) + offset + noise,    lag dh/dt + h = model output
+
+h is the output through a lag of first order. Offset belongs to a recording (sensors are tared between them), gain and
+lag to the sensor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from pneudrive.errors import DescriptionError, FitError, nearest
+from pneudrive.identify.dynamic.recordings import CHANNELS
+from pneudrive.trajectory import meaning
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+Free = Literal["free"]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What is known of a measured channel.
+
+    Quantities are texts with a unit (``"2 um"``) or numbers in SI.
+
+    Attributes
+    ----------
+    noise : quantity, optional
+        Standard deviation of white noise; estimated from the residuals where nothing is said.
+    offset : quantity or ``"free"``
+        What the sensor adds; free means one for each recording.
+    offset_uncertainty : quantity, optional
+        Standard uncertainty of a free offset, from a data sheet: the fit takes it as a measurement of the offset.
+    gain : float or ``"free"``
+    lag : quantity or ``"free"``
+        Time constant of first order.
+    resolution : quantity
+        Step of an encoder or a converter.
+    """
+
+    noise: str | float | None = None
+    offset: str | float | Free = 0.0
+    offset_uncertainty: str | float | None = None
+    gain: float | Free = 1.0
+    lag: str | float | Free = 0.0
+    resolution: str | float = 0.0
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A sensor in SI; `free` names which of offset, gain and lag are sought."""
+
+    name: str
+    unit: str
+    noise: float | None
+    offset: float
+    offset_uncertainty: float
+    gain: float
+    lag: float
+    resolution: float
+    free: frozenset[str]
+
+    @property
+    def offset_spread(self) -> float:
+        """What a free offset may be, in the unit of the channel: where nothing is said, assumed by its unit."""
+        if "offset" not in self.free:
+            return 0.0
+        return self.offset_uncertainty if np.isfinite(self.offset_uncertainty) else 5.0 * OFFSET_SIZE[self.unit]
+
+    @property
+    def column(self) -> str:
+        """Name of the model's output."""
+        return CHANNELS[self.name]
+
+
+#: Lag from which the search for a free one starts, s (assumed: that of a pressure transducer with its tube).
+START_LAG_S = 2e-3
+#: Size of a usual offset by unit: the unit of its coordinate.
+OFFSET_SIZE = {"m": 1e-3, "Pa": 1e3, "m/s": 1e-2, "K": 1.0, "N": 1.0, "m/s^2": 1.0}
+
+
+def channel(name: str, sensor: Sensor) -> Channel:
+    """Bring a sensor to SI.
+
+    Raises
+    ------
+    FitError
+        A quantity of another dimension, or out of bounds.
+    """
+    unit = meaning(CHANNELS[name])[1]
+
+    def si(key: str, unit: str, *, least: float = 0.0) -> float:
+        return _si(getattr(sensor, key), unit, f"{name}.{key}", least)
+
+    free = frozenset(k for k in ("offset", "gain", "lag") if getattr(sensor, k) == "free")
+    stated = sensor.offset_uncertainty is not None
+    return Channel(
+        name=name,
+        unit=unit,
+        noise=None if sensor.noise is None else si("noise", unit),
+        offset=0.0 if "offset" in free else si("offset", unit, least=-np.inf),
+        offset_uncertainty=si("offset_uncertainty", unit) if stated else np.inf,
+        gain=1.0 if "gain" in free else si("gain", "", least=-np.inf),
+        lag=START_LAG_S if "lag" in free else si("lag", "s"),
+        resolution=si("resolution", unit),
+        free=free,
+    )
+
+
+def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN401 - checked here
+    from pneudrive.units import parse
+
+    try:
+        value = parse(given, unit) if isinstance(given, str) and unit else float(given)
+    except (DescriptionError, TypeError, ValueError) as error:
+        reason = error.what if isinstance(error, DescriptionError) else f"{given!r} is no quantity"
+        raise FitError(f"sensor {what}: {reason}", rule=f"a quantity in {unit or 'pure numbers'}") from None
+    if not (np.isfinite(value) and value >= least):
+        raise FitError(f"sensor {what} = {given} is out of bounds", rule="finite and not negative")
+    return value
+
+
+def channels_of(names: list[str], sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> list[Channel]:
+    """Return the channels with what is said about their sensors."""
+    said = dict(sensors or {})
+    unknown = sorted(set(said) - set(names))
+    if unknown:
+        raise FitError(
+            f"a sensor is described for {unknown[0]}, which no recording has",
+            rule=f"measured channels: {', '.join(names)}",
+        )
+    made = {name: _made(name, given) for name, given in said.items()}
+    return [channel(name, made.get(name, Sensor())) for name in names]
+
+
+def _made(name: str, given: Sensor | Mapping[str, Any]) -> Sensor:
+    if isinstance(given, Sensor):
+        return given
+    known = [f.name for f in fields(Sensor)]
+    for key in given:
+        if key not in known:
+            raise FitError(f"sensor {name}: {key} is not known", remedy=nearest(str(key), known))
+    return Sensor(**given)
+
+
+def lagged(time_s: Array, values: Array, lag_s: float) -> Array:
+    """Pass columns through a lag of first order, exactly for values that are straight between the samples.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+    values : ndarray, shape (n, ...)
+    lag_s : float
+        Time constant; the lag begins where it would be had the values come along a straight line.
+
+    Returns
+    -------
+    ndarray, shape (n, ...)
+    """
+    if lag_s <= 0.0 or len(time_s) < 2:
+        return values
+    step = np.diff(time_s)
+    decay = np.exp(-step / lag_s)
+    # y+ = e y + w0 u + w1 u+ solves lag y' + y = u for u straight over the step
+    mean = (1.0 - decay) * lag_s / step
+    w0, w1 = mean - decay, 1.0 - mean
+    out = np.empty_like(values)
+    out[0] = values[0] - lag_s * (values[1] - values[0]) / step[0]
+    shape = (-1,) + (1,) * (values.ndim - 1)
+    forced = w0.reshape(shape) * values[:-1] + w1.reshape(shape) * values[1:]
+    if np.ptp(step) <= 1e-9 * step[0]:
+        from scipy.signal import lfilter
+
+        e = float(decay.mean())
+        out[1:] = lfilter([1.0], [1.0, -e], forced, axis=0, zi=(e * out[0])[None])[0]
+        return out
+    for i in range(len(step)):
+        out[i + 1] = decay[i] * out[i] + forced[i]
+    return out

@@ -1,0 +1,144 @@
+"""Segments of a recording through the core: what the drive would have done, and its exact derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.simulate import compiled
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.characterise.drive_recording import DriveRecording
+    from pneudrive.describe import Drive
+    from pneudrive.identify.dynamic.parameters import Candidates
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One run of all segments.
+
+    Attributes
+    ----------
+    outputs : ndarray, shape (n, o)
+        At the samples; at the first one of a segment those of its start.
+    by_parameter : ndarray, shape (n, o, p)
+        Derivatives by the free values of the drive, SI; p = 0 where none were asked for.
+    by_start : ndarray, shape (n, o, s)
+        Derivatives by the start of the sample's own segment; s = 0 where none were asked for.
+    ends : ndarray, shape (k, s)
+        State at the end of each segment.
+    ends_by_parameter, ends_by_start : ndarray, shapes (k, s, p), (k, s, s)
+    failures : dict
+        Segment -> why it could not be run.
+    """
+
+    outputs: Array
+    by_parameter: Array
+    by_start: Array
+    ends: Array
+    ends_by_parameter: Array
+    ends_by_start: Array
+    failures: dict[int, str]
+
+
+class Shooter:
+    """Runs the segments of one recording.
+
+    Parameters
+    ----------
+    recording : DriveRecording
+    outputs : sequence of str
+        Columns of the core that are wanted.
+    starts : ndarray of int, shape (k,)
+        Samples at which segments begin.
+    candidates : Candidates
+    rtol : float
+    threads : int
+    """
+
+    def __init__(
+        self,
+        recording: DriveRecording,
+        outputs: Sequence[str],
+        starts: NDArray[np.int64],
+        candidates: Candidates,
+        rtol: float,
+        threads: int,
+    ) -> None:
+        self.recording, self.outputs, self.starts = recording, list(outputs), starts
+        self._candidates, self._rtol, self._threads = candidates, rtol, threads
+        self._steps = tuple(steps.tolist() for steps in recording.steps)
+
+    def inner_states(self, drive: Drive) -> int:
+        """Count the friction's own states."""
+        return len(compiled(drive.core_json()).start_names) - 6
+
+    def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
+        """Return the same with segments that begin at other samples."""
+        return Shooter(self.recording, self.outputs, starts, self._candidates, self._rtol, self._threads)
+
+    def run(self, values: Array, initial: Array, *, derivatives: bool = True, by_start: bool = True) -> Shot:
+        """Run all segments.
+
+        Parameters
+        ----------
+        values : ndarray, shape (p,)
+            Free values of the drive, SI.
+        initial : ndarray, shape (k, s)
+            Starts of the segments.
+        derivatives, by_start : bool
+            Derivatives by the values, and by the starts.
+
+        Raises
+        ------
+        FitError
+            The core refuses the drive.
+        """
+        try:
+            core = compiled(self._candidates.json(values))
+            found = core.shoot(
+                self._steps[0],
+                self._steps[1],
+                self.recording.time_s,
+                self.starts.tolist(),
+                np.ascontiguousarray(initial),
+                self._candidates.paths if derivatives else [],
+                derivatives and by_start,
+                self.outputs,
+                self._rtol,
+                self._threads,
+            )
+        except ValueError as error:
+            raise FitError(f"the core refuses a drive of the search: {error}") from None
+        p = len(self._candidates.paths) if derivatives else 0
+        sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
+        return Shot(
+            outputs=found["values"],
+            by_parameter=sensitivities[:, :, :p],
+            by_start=sensitivities[:, :, p:],
+            ends=found["ends"],
+            ends_by_parameter=ends[:, :, :p],
+            ends_by_start=ends[:, :, p:],
+            failures={j: why for j, why in enumerate(found["failures"]) if why is not None},
+        )
+
+
+def segment_starts(time_s: Array, length_s: float | None) -> NDArray[np.int64]:
+    """Return the samples at which segments of about a length begin; None: one segment.
+
+    All segments have at least two samples, and none is shorter than half the others.
+    """
+    total = float(time_s[-1] - time_s[0])
+    count = 1 if length_s is None else max(1, round(total / length_s))
+    wanted = time_s[0] + total * np.arange(count) / count
+    starts = np.unique(np.searchsorted(time_s, wanted - 1e-9 * total))
+    return starts[starts < time_s.size - 1].astype(np.int64)

@@ -1,0 +1,172 @@
+"""Where segments begin: from what was measured, and from the model for what was not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.characterise.drive_recording import DriveRecording
+    from pneudrive.describe import Drive
+    from pneudrive.identify.dynamic.sensors import Channel
+    from pneudrive.identify.dynamic.shooting import Shooter
+
+    Array = NDArray[np.float64]
+
+POSITION, VELOCITY, PRESSURE_A, TEMPERATURE_A, PRESSURE_B, TEMPERATURE_B = range(6)
+#: Columns of a start that a channel gives directly.
+_MEASURED = {
+    "position": POSITION,
+    "velocity": VELOCITY,
+    "pressure_a": PRESSURE_A,
+    "temperature_a": TEMPERATURE_A,
+    "pressure_b": PRESSURE_B,
+    "temperature_b": TEMPERATURE_B,
+}
+#: Half width of the window in which a signal is a parabola, s.
+WINDOW_S = 0.01
+LEAST_HALF_WIDTH = 3  # samples
+#: A signal is a parabola where what is left is below this multiple of its noise.
+PARABOLA_NOISE = 1.5
+#: What a parabola over the window misses of a velocity that changes, m/s (assumed).
+SLOPE_ERROR_M_S = 2e-3
+#: Runs in which what is not measured settles: each takes over the ends of the one before.
+ROUNDS = 3
+#: Standard deviations of what a start is believed to be before the fit, where nothing measured says more: position,
+#: velocity, pressure, temperature, pressure, temperature. The temperature of a gas that was compressed or released
+#: before the recording began is within tens of kelvin of the wall's (assumed).
+BELIEF = np.array([1e-2, 0.2, 5e4, 20.0, 5e4, 20.0])
+#: Multiple of the belief within which what nothing measures stays.
+POSSIBLE = 4.0
+#: Sizes in which the continuity of states is judged, likewise.
+SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Starts of the segments of one recording.
+
+    Attributes
+    ----------
+    state : ndarray, shape (k, s)
+    belief : ndarray, shape (s,)
+        Standard deviations of what is believed before the fit.
+    size : ndarray, shape (s,)
+        Size of a change of each state that matters.
+    measured : ndarray of bool, shape (s,)
+        Columns that are known from the signals.
+    limits : (ndarray, ndarray), shape (s,)
+        What a start can be; infinite where it is measured.
+    """
+
+    state: Array
+    belief: Array
+    size: Array
+    measured: NDArray[np.bool_]
+    limits: tuple[Array, Array]
+
+
+def measured_starts(
+    recording: DriveRecording,
+    channels: list[Channel],
+    noise: Array,
+    starts: NDArray[np.int64],
+    drive: Drive,
+    inner: int,
+) -> tuple[Array, Array]:
+    """Take starts from the signals, smoothed; the rest as a drive at rest has it.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (c,)
+        Of the channels.
+
+    Returns
+    -------
+    ndarray, shape (k, 6 + inner), ndarray, shape (6 + inner,)
+        Starts, and the standard deviations of what was measured; NaN for the rest.
+    """
+    ambient = drive.ambient
+    usual = [0.5 * drive.cylinder.stroke_m, 0.0]
+    usual += [ambient.pressure_pa, ambient.temperature_k] * 2 + [0.0] * inner
+    state = np.tile(np.array(usual), (starts.size, 1))
+    spread = np.full(state.shape[1], np.nan)
+    for channel, white in zip(channels, noise, strict=True):
+        column = _MEASURED.get(channel.name)
+        if column is None:
+            continue
+        values = (recording[channel.column] - channel.offset) / channel.gain
+        state[:, column], slope, sloping = _smoothed(recording.time_s, values, starts, float(white))
+        spread[column] = np.hypot(white, channel.offset_spread)
+        if channel.name == "position" and "velocity_m_s" not in recording:
+            state[:, VELOCITY] = slope
+            spread[VELOCITY] = np.hypot(white * sloping, SLOPE_ERROR_M_S)
+    for column in (PRESSURE_A, PRESSURE_B):
+        state[:, column] = np.maximum(state[:, column], 0.1 * ambient.pressure_pa)
+    return state, spread
+
+
+def observed(shooter: Shooter, values: Array, state: Array, spread: Array) -> Starts:
+    """Let the model find what was not measured: the gas temperatures and the bristles.
+
+    All segments are run, and each takes over from the end of the one before what was not measured; after a few rounds
+    a wrong guess has died away.
+    """
+    hidden = np.flatnonzero(np.isnan(spread))
+    inner = state.shape[1] - BELIEF.size
+    most = np.zeros(inner)
+    for _ in range(ROUNDS):
+        shot = shooter.run(values, state, derivatives=False)
+        good = [j for j in range(len(state) - 1) if j not in shot.failures]
+        for j in good:
+            state[j + 1, hidden] = shot.ends[j, hidden]
+        ends = np.delete(shot.ends, list(shot.failures), axis=0)
+        if inner and ends.size:
+            most = np.maximum(most, np.abs(ends[:, BELIEF.size :]).max(axis=0))
+    most = np.where(most > 0.0, most, 1e-6)
+    belief = np.where(np.isnan(spread), np.r_[BELIEF, most], spread)
+    reach = np.where(np.isnan(spread), POSSIBLE * belief, np.inf)
+    limits = (state.min(axis=0) - reach, state.max(axis=0) + reach)
+    return Starts(state, belief, np.r_[SIZE, 0.1 * most], ~np.isnan(spread), limits)
+
+
+def _smoothed(time_s: Array, values: Array, at: NDArray[np.int64], noise: float) -> tuple[Array, Array, float]:
+    """Value and slope of a parabola through the samples around each of some samples.
+
+    The window is the widest of a few over which the signal is a parabola within its noise. The third value times the
+    noise is the standard error of a slope over the narrowest one that was used.
+    """
+    level, slope = np.empty(at.size), np.empty(at.size)
+    good = np.isfinite(values)
+    step = float(np.median(np.diff(time_s)))
+    widest = max(LEAST_HALF_WIDTH, round(WINDOW_S / step))
+    widths = sorted({max(LEAST_HALF_WIDTH, widest >> k) for k in range(6)}, reverse=True)
+    narrowest = widest
+    for j, i in enumerate(at):
+        for half in widths:
+            near = slice(max(0, i - half), i + half + 1)
+            t, y = time_s[near][good[near]] - time_s[i], values[near][good[near]]
+            if y.size < 4:  # a gap in the signal: what stands nearest
+                index = np.flatnonzero(good)
+                level[j], slope[j] = values[index[np.argmin(np.abs(index - i))]], 0.0
+                break
+            scale = float(np.abs(t).max())
+            design = np.stack([np.ones_like(t), t / scale, (t / scale) ** 2], axis=1)
+            c = np.linalg.lstsq(design, y, rcond=None)[0]
+            level[j], slope[j] = c[0], c[1] / scale
+            off = np.sqrt(np.sum((y - design @ c) ** 2) / max(y.size - 3, 1))
+            if off <= PARABOLA_NOISE * noise:
+                narrowest = min(narrowest, half)
+                break
+            narrowest = LEAST_HALF_WIDTH
+    return level, slope, 1.0 / (step * float(np.sqrt(2.0 * np.sum(np.arange(narrowest + 1.0) ** 2))))
+
+
+def white_noise(values: Array) -> float:
+    """Estimate the standard deviation of white noise on a smooth signal, from its third differences."""
+    third = np.diff(values[np.isfinite(values)], 3)
+    return float(np.sqrt(np.mean(third**2) / 20.0)) if third.size else 0.0

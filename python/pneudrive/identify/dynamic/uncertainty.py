@@ -1,0 +1,202 @@
+"""What the data say about each value, and what they do not: covariance, profile likelihood, bootstrap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.dynamic.search import SINGULAR_SHARE, Joined, join_segments, reduced
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.dynamic.problem import Point, Problem
+
+    Array = NDArray[np.float64]
+
+#: Lags over which residuals are looked at for correlation, as a share of a recording.
+LAG_SHARE = 0.1
+#: Blocks of the bootstrap into which a recording is cut at least.
+LEAST_BLOCKS = 8
+#: Steps in which an end of a profile is sought at most.
+PROFILE_STEPS = 8
+PROFILE_FITS = 6
+
+
+@dataclass(frozen=True)
+class Information:
+    """Linearisation at the estimate, the starts of the recordings eliminated.
+
+    Attributes
+    ----------
+    slopes : list of ndarray, shape (n, c, P)
+        Of each recording, in units of the noise: what of a coordinate's effect the starts cannot imitate.
+    residuals : list of ndarray, shape (n, c)
+    matrix : ndarray, shape (P, P)
+        Information of the coordinates, with what was known of the sensors before.
+    inverse : ndarray, shape (P, P)
+        Its inverse on the directions that the data determine.
+    weak : ndarray, shape (w, P)
+        Unit directions of the scaled coordinates that they do not determine.
+    inflation : dict
+        (recording, channel number) -> (variance of the residuals, sum of their correlations over all lags).
+    """
+
+    slopes: list[Array]
+    residuals: list[Array]
+    matrix: Array
+    inverse: Array
+    weak: Array
+    inflation: dict[tuple[int, int], tuple[float, float]]
+
+    def covariance(self, problem: Problem) -> Array:
+        """Covariance of the coordinates [bates1988], with the residuals' own variance and correlation in time.
+
+        inverse (sum over channels of s^2 tau J^T J + prior) inverse,  tau = 1 + 2 sum of autocorrelations.
+        """
+        middle = np.diag(problem.prior)
+        for (i, c), (variance, tau) in self.inflation.items():
+            jac = self.slopes[i][:, c]
+            middle = middle + variance * tau * (jac.T @ jac)
+        return self.inverse @ middle @ self.inverse
+
+
+def information(problem: Problem, at: Joined) -> Information:
+    """Linearise at the estimate."""
+    matrix, _ = reduced(at.blocks, problem.size)
+    matrix += np.diag(problem.prior)
+    size = problem.size
+    slopes = []
+    for block, jac in zip(at.blocks, at.slopes, strict=True):
+        n = block.information
+        slopes.append(jac[..., :size] - jac[..., size:] @ np.linalg.solve(n[size:, size:], n[size:, :size]))
+    scale = np.sqrt(np.diag(matrix))
+    scale[scale == 0.0] = 1.0
+    power, axes = np.linalg.eigh(matrix / np.outer(scale, scale))
+    good = power > SINGULAR_SHARE**2 * max(power[-1], 1e-300)
+    inverse = (axes[:, good] / power[good]) @ axes[:, good].T / np.outer(scale, scale)
+    inflation = {}
+    for i, residual in enumerate(at.residuals):
+        weight = problem.experiments[i].weight
+        for c in range(residual.shape[1]):
+            r = residual[weight[:, c] > 0.0, c]
+            inflation[i, c] = (float(np.mean(r**2)), correlation_time(r))
+    return Information(slopes, at.residuals, matrix, inverse, axes[:, ~good].T, inflation)
+
+
+def correlation_time(residual: Array) -> float:
+    """Sum of the autocorrelations over all lags of both signs, in samples; 1 for white residuals, and at least 1.
+
+    Neighbouring lags are added in pairs until a pair is not positive.
+    """
+    n = residual.size
+    most = max(2, int(LAG_SHARE * n))
+    size = 1 << (n + most).bit_length()
+    power = np.abs(np.fft.rfft(residual, size)) ** 2
+    r = np.fft.irfft(power, size)[: most + 1]
+    if r[0] <= 0.0:
+        return 1.0
+    r = r / r[0]
+    pairs = r[1:most:2] + r[2 : most + 1 : 2]
+    stop = np.flatnonzero(pairs <= 2.0 / np.sqrt(n))
+    return max(1.0, 1.0 + 2.0 * float(pairs[: stop[0] if stop.size else None].sum()))
+
+
+def bootstrap(problem: Problem, point: Point, found: Information, count: int, seed: int) -> Array:
+    """Block bootstrap: recordings are cut into blocks, which are drawn with replacement.
+
+    Each draw is answered by one Gauss-Newton step from the estimate, which is exact where the model is linear over the
+    uncertainty of its parameters.
+
+    Parameters
+    ----------
+    count : int
+        Draws.
+    seed : int
+
+    Returns
+    -------
+    ndarray, shape (count, P)
+        Values in SI, in the order of `Problem.names`.
+    """
+    information_of, gradient_of = [], []
+    tau = max((t for _, t in found.inflation.values()), default=1.0)
+    for slopes, residual in zip(found.slopes, found.residuals, strict=True):
+        n = residual.shape[0]
+        blocks = int(np.clip(n / max(10.0 * tau, 50.0), LEAST_BLOCKS, 200))
+        for part in np.array_split(np.arange(n), min(blocks, n)):
+            jac = slopes[part].reshape(-1, problem.size)
+            information_of.append(jac.T @ jac)
+            gradient_of.append(jac.T @ residual[part].ravel())
+    info, grad = np.array(information_of), np.array(gradient_of)
+    grad = grad - grad.mean(axis=0)  # at the estimate the gradient vanishes but for rounding
+    rng = np.random.default_rng(seed)
+    project = found.inverse @ found.matrix  # onto the directions that the data determine
+    out = np.empty((count, problem.size))
+    for row in range(count):
+        drawn = rng.multinomial(len(info), np.full(len(info), 1.0 / len(info)))
+        matrix = np.tensordot(drawn, info, axes=1) + np.diag(problem.prior)
+        step = np.linalg.lstsq(matrix, drawn @ grad, rcond=SINGULAR_SHARE**2)[0]
+        out[row] = problem.values(point.eta + project @ step)
+    return out
+
+
+def profile(
+    problem: Problem, point: Point, believed: list[Array], at: Joined, found: Information, index: int, reach: float
+) -> tuple[float, float]:
+    """Interval of one coordinate by profile likelihood: where the best fit of all others becomes too bad.
+
+    The cost may grow by reach^2 times the inflation of the residuals. Each end is sought by the secant rule from the
+    end that the covariance gives; infinite where the cost never grows that far.
+
+    Parameters
+    ----------
+    index : int
+        Of the coordinate.
+    reach : float
+        Student's quantile.
+    """
+    covariance = found.covariance(problem)
+    spread = float(np.sqrt(covariance[index, index]))
+    plain = float(np.sqrt(found.inverse[index, index]))
+    allowed = reach**2 * (spread / plain) ** 2 if plain > 0.0 else reach**2
+    ends = []
+    for sign in (-1.0, 1.0):
+        away, last, root_last = reach * spread, 0.0, 0.0
+        start = point
+        for _ in range(PROFILE_STEPS):
+            cost, start = _constrained(problem, start, believed, point.eta[index] + sign * away, index)
+            root = np.sqrt(max(cost - at.cost, 0.0) / allowed) if np.isfinite(cost) else 2.0
+            if abs(root - 1.0) < 0.02:
+                break
+            slope = (root - root_last) / (away - last)
+            last, root_last = away, root
+            if slope <= 1e-3 / max(away, 1e-300):
+                away = np.inf
+                break
+            away = float(np.clip(last + (1.0 - root) / slope, 0.3 * last, 3.0 * last))
+        ends.append(point.eta[index] + sign * away)
+    return ends[0], ends[1]
+
+
+def _constrained(
+    problem: Problem, point: Point, believed: list[Array], value: float, index: int
+) -> tuple[float, Point]:
+    """Best cost with one coordinate held, by a precision that holds it."""
+    from dataclasses import replace
+
+    prior, mean = problem.prior.copy(), problem.prior_mean.copy()
+    eta = point.eta.copy()
+    eta[index] = value
+    try:
+        problem.prior_mean[index], problem.prior[index] = value, 1e14
+        moved, at, _ = join_segments(problem, replace(point, eta=eta), believed, None, most=PROFILE_FITS)
+        held = problem.prior[index] * (moved.eta[index] - value) ** 2
+        return at.cost - held, moved
+    except FitError:
+        return np.inf, point
+    finally:
+        problem.prior, problem.prior_mean = prior, mean

@@ -1,0 +1,137 @@
+"""What a record does not determine, in words, and what to record instead."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.identify.diagnose import Undetermined
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: A value whose 95 % interval reaches further than this share of it is not determined.
+LARGEST_REACH = 0.5
+#: A share of a vanishing direction from which a parameter takes part in it.
+TAKES_PART = 0.3
+#: Correlation from which two values are known together only.
+TOGETHER = 0.95
+#: An encoder resolves bristles whose deflection before breakaway, Fs/sigma0, is at least ten of its steps.
+RESOLVED_SHARE = 0.1
+
+_REMEDIES = {
+    "friction.coulomb": "record steady sliding in both directions at two speeds or more",
+    "friction.viscous": "record faster sliding, and at two speeds at least",
+    "friction.breakaway": "record starts from rest and speeds below the Stribeck velocity",
+    "friction.stribeck_velocity": "record slow sliding, from half to three times the Stribeck velocity",
+    "friction.stribeck_exponent": "record slow sliding at five speeds about the Stribeck velocity, or fix it at 2",
+    "friction.bristle_stiffness": "record slow reversals with an encoder that resolves a tenth of Fs/sigma0",
+    "friction.bristle_damping": "record a tap on the resting piston, or fix it",
+    "friction.damping_fade_velocity": "fix it: only fast motion out of stick shows it",
+    "friction.breakaway_share": "record loads below breakaway that come and go",
+    "friction.pressure.*": "record at pressures in this chamber 1 bar apart, not together with the other's",
+    "friction.direction.*": "record both directions",
+    "friction.dwell.*": "record starts after stops of different length, from 0.1 s to the longest that matters",
+    "friction.relaxation.*": "record holds under load after motion",
+    "friction.position.*": "record over the whole stroke",
+    "friction.side_load.*": "fix it: a side load and the Coulomb force act alike",
+    "valve.conductance": "record fast motion with choked flow at a known supply pressure",
+    "valve.critical_pressure_ratio": "record fills and releases that end near supply and ambient pressure",
+    "valve.*": "measure the valve by itself (ISO 6358)",
+    "cylinder.dead_volume.a": "record motion near the end of chamber a",
+    "cylinder.dead_volume.b": "record motion near the end of chamber b",
+    "cylinder.heat_transfer": "record a pressure that settles with the valve shut after a fast fill",
+    "cylinder.wall_temperature": "measure it",
+    "cylinder.moving_mass": "record fast reversals, or weigh it",
+    "load.mass": "record fast reversals, or weigh it",
+    "load.force": "record both directions, slowly",
+    "cylinder.incline": "measure it, or record both directions, slowly",
+    "*leak*": "record pressures with the valve shut for tens of seconds",
+    "supply.*": "measure it",
+    "ambient.*": "measure it",
+    "*.offset": "read the sensor at a known position or at ambient pressure",
+    "*.gain": "calibrate the sensor",
+    "*.lag": "record fast changes of this channel",
+}
+_ANY = "record motion that depends on it, or fix it"
+
+
+def remedy_for(name: str) -> str:
+    """Say what to record so that a value becomes known."""
+    plain = name.partition(" [")[0]
+    return next((text for pattern, text in _REMEDIES.items() if fnmatchcase(plain, pattern)), _ANY)
+
+
+def statements(
+    names: list[str],
+    values: Array,
+    sizes: Array,
+    intervals: dict[str, tuple[float, float]],
+    correlation: Array,
+    weak: Array,
+) -> list[Undetermined]:
+    """Say which values the recordings do not determine.
+
+    Parameters
+    ----------
+    names, values
+        Of the free numbers, SI, shape (P,).
+    sizes : ndarray, shape (P,)
+        Against which an interval is wide: the value, or for what may be zero a usual change.
+    intervals : dict
+        95 % intervals.
+    correlation : ndarray, shape (P, P)
+    weak : ndarray, shape (w, P)
+        Directions of the scaled coordinates that vanish.
+    """
+    out: dict[str, Undetermined] = {}
+    for direction in weak:
+        part = [n for n, share in zip(names, direction, strict=True) if abs(share) > TAKES_PART]
+        others = {n: [m for m in part if m != n] for n in part}
+        for n in part:
+            if others[n]:
+                reason = f"together with {', '.join(others[n])} it can change without a trace in the recordings"
+                rest = f"{remedy_for(n)}; or fix {' or '.join(others[n])}"
+            else:
+                reason, rest = "the recordings do not depend on it", remedy_for(n)
+            out.setdefault(n, Undetermined(n, reason, rest))
+    for i, n in enumerate(names):
+        lower, upper = intervals[n]
+        if n in out or _is_sensor(n) or not max(values[i] - lower, upper - values[i]) > LARGEST_REACH * sizes[i]:
+            continue
+        reason = f"its 95 % interval reaches from {lower:.3g} to {upper:.3g}"
+        partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
+        if partners:
+            reason += f", since it is known only together with {', '.join(partners)}"
+        out[n] = Undetermined(n, reason, remedy_for(n))
+    return [out[n] for n in names if n in out]
+
+
+def _is_sensor(name: str) -> bool:
+    """Tell offsets and the like: near zero they have no relative width, only a vanishing direction counts."""
+    return name.partition(" [")[0].endswith((".offset", ".lag", ".gain")) and "." in name
+
+
+def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) -> Undetermined | None:
+    """Refuse the bristle damping where the encoder does not resolve the bristles.
+
+    Parameters
+    ----------
+    step_m : float
+        What the position sensor resolves: its step, or its noise where that is larger.
+    breakaway_n, stiffness_n_m : float
+        Fs and sigma0.
+    """
+    deflection = breakaway_n / stiffness_n_m
+    if step_m <= RESOLVED_SHARE * deflection:
+        return None
+    return Undetermined(
+        "friction.bristle_damping",
+        f"the position is known to {1e6 * step_m:.3g} um, and the bristles give way after {1e6 * deflection:.3g} um: "
+        "a tenth of that has to be seen",
+        f"measure the position to {1e6 * RESOLVED_SHARE * deflection:.2g} um; it is held at its start value",
+    )
