@@ -1,0 +1,225 @@
+use crate::graph::{Graph, Id, Operation};
+use crate::problem::Problem;
+use math::Real;
+
+/// The most values that an evaluation keeps at once.
+pub const MOST_REGISTERS: usize = 256;
+
+/// Operations on numbered registers. The first registers hold constants, then come the inputs that are
+/// used; what follows is taken again as soon as a value is no longer needed.
+#[derive(Clone, Debug)]
+pub struct Program {
+    steps: Vec<Step>,
+    registers: usize,
+    /// Which nodes of the graph the first registers hold.
+    constants: Vec<usize>,
+    /// Which inputs the next registers hold.
+    inputs: Vec<usize>,
+    outputs: Vec<u8>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    code: Code,
+    to: u8,
+    of: [u8; 4],
+}
+
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+enum Code {
+    Negative,
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    Fused,
+    Size,
+    Root,
+    Exponential,
+    Logarithm,
+    Tangent,
+    Sine,
+    Cosine,
+    Power,
+    Least,
+    Greatest,
+    Select,
+}
+
+impl Code {
+    /// None for what is there before the program runs.
+    fn of(operation: &Operation) -> Option<Code> {
+        Some(match operation {
+            Operation::Number(_) | Operation::Parameter(_) | Operation::Input(_) => return None,
+            Operation::Negative(_) => Code::Negative,
+            Operation::Add(..) => Code::Add,
+            Operation::Subtract(..) => Code::Subtract,
+            Operation::Multiply(..) => Code::Multiply,
+            Operation::Divide(..) => Code::Divide,
+            Operation::Fused(..) => Code::Fused,
+            Operation::Size(_) => Code::Size,
+            Operation::Root(_) => Code::Root,
+            Operation::Exponential(_) => Code::Exponential,
+            Operation::Logarithm(_) => Code::Logarithm,
+            Operation::Tangent(_) => Code::Tangent,
+            Operation::Sine(_) => Code::Sine,
+            Operation::Cosine(_) => Code::Cosine,
+            Operation::Power(..) => Code::Power,
+            Operation::Least(..) => Code::Least,
+            Operation::Greatest(..) => Code::Greatest,
+            Operation::Select(..) => Code::Select,
+        })
+    }
+}
+
+impl Program {
+    /// Computes `outputs`.
+    pub fn new(graph: &Graph, outputs: &[Id]) -> Result<Self, Problem> {
+        let reached = graph.reached(outputs);
+        let varies = |id: &Id| !graph.at(*id).constant;
+        let used_here = |id: Id| {
+            outputs.contains(&id)
+                || reached
+                    .iter()
+                    .any(|other| varies(other) && graph.at(*other).operation.arguments().contains(&id))
+        };
+        let constants: Vec<usize> =
+            reached.iter().filter(|id| !varies(id) && used_here(**id)).map(|id| id.0).collect();
+        let mut register = vec![None; graph.nodes.len()];
+        let mut inputs = Vec::new();
+        let mut next = 0;
+        for id in &constants {
+            register[*id] = Some(next);
+            next += 1;
+        }
+        for id in &reached {
+            if let Operation::Input(k) = graph.at(*id).operation {
+                inputs.push(k);
+                register[id.0] = Some(next);
+                next += 1;
+            }
+        }
+        let fixed = next;
+        let mut last = vec![0; graph.nodes.len()];
+        for id in &reached {
+            for argument in graph.at(*id).operation.arguments() {
+                last[argument.0] = id.0;
+            }
+        }
+        for id in outputs {
+            last[id.0] = usize::MAX;
+        }
+        let (mut free, mut steps) = (Vec::new(), Vec::new());
+        for id in reached.iter().filter(|id| varies(id)) {
+            let operation = graph.at(*id).operation;
+            let Some(code) = Code::of(&operation) else { continue };
+            let arguments = operation.arguments();
+            let of: Vec<usize> = arguments.iter().map(|a| register[a.0].expect("computed before")).collect();
+            let mut ended: Vec<usize> = arguments
+                .iter()
+                .zip(&of)
+                .filter(|(a, register)| last[a.0] == id.0 && **register >= fixed)
+                .map(|(_, register)| *register)
+                .collect();
+            ended.sort_unstable();
+            ended.dedup();
+            free.extend(ended);
+            let to = free.pop().unwrap_or_else(|| {
+                next += 1;
+                next - 1
+            });
+            register[id.0] = Some(to);
+            steps.push((code, to, of));
+        }
+        if next > MOST_REGISTERS {
+            let what = format!("the law keeps {next} values at once; at most {MOST_REGISTERS} are possible");
+            return Err(Problem::of_all(what, "Simplify it."));
+        }
+        let byte = |register: usize| u8::try_from(register).expect("within MOST_REGISTERS");
+        let steps = steps.into_iter().map(|(code, to, of)| {
+            let of = std::array::from_fn(|i| of.get(i).map_or(0, |register| byte(*register)));
+            Step { code, to: byte(to), of }
+        });
+        let outputs = outputs.iter().map(|id| byte(register[id.0].expect("computed"))).collect();
+        Ok(Program { steps: steps.collect(), registers: next, constants, inputs, outputs })
+    }
+
+    /// How many operations run.
+    pub fn len(&self) -> usize {
+        self.steps.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+
+    /// The constants that this program takes, from all of [`Graph::constants`].
+    pub fn own<P: Real>(&self, constants: &[P]) -> Vec<P> {
+        self.constants.iter().map(|id| constants[*id]).collect()
+    }
+
+    /// Runs with its own constants, lifted by `lift`, and the inputs; writes the outputs.
+    #[inline]
+    pub fn run<P: Real, S: Real>(
+        &self,
+        own: &[P],
+        lift: impl Fn(P) -> S,
+        input: impl Fn(usize) -> S,
+        out: &mut [S],
+    ) {
+        match self.registers {
+            0..=8 => self.run_in::<8, P, S>(own, lift, input, out),
+            9..=16 => self.run_in::<16, P, S>(own, lift, input, out),
+            17..=32 => self.run_in::<32, P, S>(own, lift, input, out),
+            33..=64 => self.run_in::<64, P, S>(own, lift, input, out),
+            _ => self.run_in::<MOST_REGISTERS, P, S>(own, lift, input, out),
+        }
+    }
+
+    #[inline]
+    fn run_in<const N: usize, P: Real, S: Real>(
+        &self,
+        own: &[P],
+        lift: impl Fn(P) -> S,
+        input: impl Fn(usize) -> S,
+        out: &mut [S],
+    ) {
+        let mut registers = [S::zero(); N];
+        for (register, constant) in registers.iter_mut().zip(own) {
+            *register = lift(*constant);
+        }
+        for (register, k) in registers[own.len()..].iter_mut().zip(&self.inputs) {
+            *register = input(*k);
+        }
+        execute(&self.steps, &mut registers);
+        for (out, register) in out.iter_mut().zip(&self.outputs) {
+            *out = registers[usize::from(*register)];
+        }
+    }
+}
+
+fn execute<S: Real>(steps: &[Step], r: &mut [S]) {
+    for step in steps {
+        let [a, b, c, d] = step.of.map(usize::from);
+        r[usize::from(step.to)] = match step.code {
+            Code::Negative => -r[a],
+            Code::Add => r[a] + r[b],
+            Code::Subtract => r[a] - r[b],
+            Code::Multiply => r[a] * r[b],
+            Code::Divide => r[a] / r[b],
+            Code::Fused => r[a].fma(r[b], r[c]),
+            Code::Size => r[a].abs(),
+            Code::Root => r[a].sqrt(),
+            Code::Exponential => r[a].exp(),
+            Code::Logarithm => r[a].ln(),
+            Code::Tangent => r[a].tanh(),
+            Code::Sine => r[a].sin(),
+            Code::Cosine => r[a].cos(),
+            Code::Power => r[a].pow(r[b]),
+            Code::Least => r[a].min(r[b]),
+            Code::Greatest => r[a].max(r[b]),
+            Code::Select => S::select(r[a].lt(r[b]), r[c], r[d]),
+        };
+    }
+}

@@ -1,0 +1,179 @@
+/// What values a quantity can have: an interval whose ends belong to it or not.
+///
+/// It encloses the values for every parameter within its bounds and every state and velocity; that each
+/// of them is reached is not claimed. Infinite ends never belong to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    low: End,
+    high: End,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct End {
+    at: f64,
+    /// The end itself is a value.
+    reached: bool,
+}
+
+impl End {
+    fn new(at: f64, reached: bool) -> Self {
+        End { at, reached: reached && at.is_finite() }
+    }
+
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        End::new(f(self.at), self.reached)
+    }
+
+    fn negative(self) -> Self {
+        End { at: -self.at, ..self }
+    }
+}
+
+impl Range {
+    /// Any finite number.
+    pub const ALL: Self = Range {
+        low: End { at: f64::NEG_INFINITY, reached: false },
+        high: End { at: f64::INFINITY, reached: false },
+    };
+
+    /// From `low` to `high`; whether each end belongs to it.
+    pub fn new(low: f64, high: f64, reached: [bool; 2]) -> Self {
+        Range { low: End::new(low, reached[0]), high: End::new(high, reached[1]) }
+    }
+
+    /// Both ends belong to it.
+    pub fn closed(low: f64, high: f64) -> Self {
+        Range::new(low, high, [true; 2])
+    }
+
+    pub(crate) fn of(value: f64) -> Self {
+        Range::closed(value, value)
+    }
+
+    pub(crate) fn contains(self, x: f64) -> bool {
+        let above = x > self.low.at || (x == self.low.at && self.low.reached);
+        above && (x < self.high.at || (x == self.high.at && self.high.reached))
+    }
+
+    /// Nothing but numbers above zero.
+    pub(crate) fn positive(self) -> bool {
+        self.low.at > 0.0 || (self.low.at == 0.0 && !self.low.reached)
+    }
+
+    pub(crate) fn within(self, low: f64, high: f64) -> bool {
+        self.low.at >= low && self.high.at <= high
+    }
+
+    /// The least range that holds both.
+    pub(crate) fn or(self, other: Self) -> Self {
+        Range { low: least(&[self.low, other.low]), high: greatest(&[self.high, other.high]) }
+    }
+
+    pub(crate) fn negative(self) -> Self {
+        Range { low: self.high.negative(), high: self.low.negative() }
+    }
+
+    pub(crate) fn plus(self, other: Self) -> Self {
+        let sum = |a: End, b: End, unknown: f64| {
+            let at = a.at + b.at;
+            End::new(if at.is_nan() { unknown } else { at }, a.reached && b.reached)
+        };
+        let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
+        Range { low: sum(self.low, other.low, low), high: sum(self.high, other.high, high) }
+    }
+
+    pub(crate) fn times(self, other: Self) -> Self {
+        let ends = [
+            product(self.low, other.low),
+            product(self.low, other.high),
+            product(self.high, other.low),
+            product(self.high, other.high),
+        ];
+        Range { low: least(&ends), high: greatest(&ends) }
+    }
+
+    /// x x.
+    pub(crate) fn squared(self) -> Self {
+        let size = self.size();
+        size.times(size)
+    }
+
+    /// 1/x of a range that does not contain zero.
+    pub(crate) fn inverse(self) -> Self {
+        let one_over = |end: End, sign: f64| match end.at {
+            0.0 => End::new(sign * f64::INFINITY, false),
+            at if at.is_infinite() => End::new(0.0, false),
+            at => End::new(1.0 / at, end.reached),
+        };
+        let sign = if self.low.at >= 0.0 { 1.0 } else { -1.0 };
+        Range { low: one_over(self.high, sign), high: one_over(self.low, sign) }
+    }
+
+    /// |x|.
+    pub(crate) fn size(self) -> Self {
+        if self.low.at >= 0.0 {
+            self
+        } else if self.high.at <= 0.0 {
+            self.negative()
+        } else {
+            Range { low: End::new(0.0, true), high: greatest(&[self.low.negative(), self.high]) }
+        }
+    }
+
+    pub(crate) fn min(self, other: Self) -> Self {
+        Range { low: least(&[self.low, other.low]), high: lower_of(self.high, other.high) }
+    }
+
+    pub(crate) fn max(self, other: Self) -> Self {
+        self.negative().min(other.negative()).negative()
+    }
+
+    /// A function that grows with its argument; what underflows to `low` or ends at `high` reaches it.
+    pub(crate) fn through(self, f: impl Fn(f64) -> f64, low: f64, high: f64) -> Self {
+        let end = |end: End| {
+            let out = end.map(&f);
+            if out.at == low || out.at == high { End::new(out.at, true) } else { out }
+        };
+        Range { low: end(self.low), high: end(self.high) }
+    }
+
+    pub(crate) fn shown(self) -> String {
+        let end =
+            |end: End| if end.at.is_infinite() { "any size".to_string() } else { format!("{}", end.at) };
+        match (self.low.at.is_infinite(), self.high.at.is_infinite()) {
+            (true, true) => "any number".into(),
+            (false, true) => format!("from {} on", end(self.low)),
+            (true, false) => format!("up to {}", end(self.high)),
+            (false, false) => format!("from {} to {}", end(self.low), end(self.high)),
+        }
+    }
+}
+
+fn product(a: End, b: End) -> End {
+    // Zero that is reached stays zero whatever it is multiplied with; zero times infinite is a limit.
+    if a.at == 0.0 || b.at == 0.0 {
+        let reached = (a.at == 0.0 && a.reached) || (b.at == 0.0 && b.reached);
+        return End::new(0.0, reached);
+    }
+    let at = a.at * b.at;
+    End::new(at, at == 0.0 || (a.reached && b.reached)) // what underflows is zero
+}
+
+fn least(ends: &[End]) -> End {
+    let at = ends.iter().map(|end| end.at).fold(f64::INFINITY, f64::min);
+    End::new(at, ends.iter().any(|end| end.at == at && end.reached))
+}
+
+fn greatest(ends: &[End]) -> End {
+    let at = ends.iter().map(|end| end.at).fold(f64::NEG_INFINITY, f64::max);
+    End::new(at, ends.iter().any(|end| end.at == at && end.reached))
+}
+
+/// The lower of two upper ends.
+fn lower_of(a: End, b: End) -> End {
+    match a.at.total_cmp(&b.at) {
+        std::cmp::Ordering::Less => a,
+        std::cmp::Ordering::Greater => b,
+        std::cmp::Ordering::Equal => End::new(a.at, a.reached && b.reached),
+    }
+}
