@@ -3,11 +3,13 @@
 mod along;
 mod drive;
 mod friction;
+mod own_law;
 mod rig;
 mod shoot;
 
 pub use along::{ALONG, Record, Restart};
 pub use drive::{Drive, Servo};
 pub use friction::{friction_law, steady_sensitivity};
+pub use own_law::own_law;
 pub use rig::{End, Motion, Rig, Start};
 pub use shoot::{DIRECTIONS, Shooting, Shot};

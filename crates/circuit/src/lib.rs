@@ -15,7 +15,7 @@ pub mod specification;
 
 pub use assembly::{
     ALONG, DIRECTIONS, Drive, End, Motion, Record, Restart, Rig, Servo, Shooting, Shot, Start, friction_law,
-    steady_sensitivity,
+    own_law, steady_sensitivity,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
 pub use ledger::{Balance, Channel, Kind, balance};

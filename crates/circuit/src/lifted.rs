@@ -154,7 +154,11 @@ fn numbers(value: &Value, path: &str, out: &mut Vec<String>) {
         Value::Array(list) => {
             list.iter().enumerate().for_each(|(i, value)| numbers(value, &key(&i.to_string()), out));
         }
-        Value::Object(map) => map.iter().for_each(|(name, value)| numbers(value, &key(name), out)),
+        // The bounds of a law of one's own are no numbers of the drive.
+        Value::Object(map) => {
+            let own = map.iter().filter(|(name, _)| *name != "formula");
+            own.for_each(|(name, value)| numbers(value, &key(name), out));
+        }
         _ => {}
     }
 }

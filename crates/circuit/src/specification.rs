@@ -176,12 +176,97 @@ pub enum StribeckShape {
     Free,
 }
 
+/// Bounds of a value; at most one for each side.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bounds {
+    #[serde(default)]
+    pub above: Option<f64>,
+    #[serde(default)]
+    pub at_least: Option<f64>,
+    #[serde(default)]
+    pub below: Option<f64>,
+    #[serde(default)]
+    pub at_most: Option<f64>,
+}
+
+/// A parameter of a law of one's own.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaParameter {
+    pub key: String,
+    pub unit: String,
+    #[serde(default)]
+    pub bounds: Bounds,
+    #[serde(default)]
+    pub default: Option<f64>,
+    #[serde(default)]
+    pub meaning: String,
+}
+
+/// An inner state of a law of one's own.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaState {
+    pub key: String,
+    pub name: String,
+    pub unit: String,
+    pub scale: f64,
+    #[serde(default)]
+    pub bounds: Bounds,
+    pub rate: String,
+}
+
+/// Which parameters are Fc, Fs and Fv.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaLevels {
+    #[serde(default)]
+    pub coulomb: Option<String>,
+    #[serde(default)]
+    pub breakaway: Option<String>,
+    #[serde(default)]
+    pub viscous: Option<String>,
+}
+
+/// A friction law of one's own: see [`physics::friction::formula::Text`].
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Formula {
+    pub name: String,
+    #[serde(default)]
+    pub title: String,
+    /// Key in references.bib, if there is one.
+    #[serde(default)]
+    pub source: String,
+    pub parameters: Vec<FormulaParameter>,
+    #[serde(default)]
+    pub levels: FormulaLevels,
+    #[serde(default)]
+    pub states: Vec<FormulaState>,
+    /// Name and formula, in their order.
+    #[serde(default)]
+    pub lets: Vec<(String, String)>,
+    pub force: String,
+    #[serde(default)]
+    pub energy: Option<String>,
+    #[serde(default)]
+    pub slip: Option<String>,
+    #[serde(default)]
+    pub steady: Option<String>,
+    #[serde(default)]
+    pub odd: bool,
+}
+
 /// A law with its parameters, and what acts on it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
     pub law: String,
     pub parameters: BTreeMap<String, f64>,
+    /// A law of one's own, by the name of `law`.
+    #[serde(default)]
+    pub formula: Option<Formula>,
     /// Absent: that of the exponent.
     #[serde(default)]
     pub stribeck_shape: Option<StribeckShape>,
@@ -205,6 +290,7 @@ impl Friction {
         Friction {
             law: law.into(),
             parameters,
+            formula: None,
             stribeck_shape: None,
             pressure: None,
             dwell: None,

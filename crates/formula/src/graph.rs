@@ -142,6 +142,10 @@ impl Graph {
         self.at(id).dimension
     }
 
+    pub fn is_input(&self, id: Id) -> bool {
+        matches!(self.at(id).operation, Operation::Input(_))
+    }
+
     pub fn number(&self, id: Id) -> Option<f64> {
         match self.at(id).operation {
             Operation::Number(bits) => Some(f64::from_bits(bits)),

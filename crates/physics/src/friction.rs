@@ -10,6 +10,7 @@ mod direction;
 mod dry;
 mod dwell;
 mod elasto_plastic;
+pub mod formula;
 mod karnopp;
 mod lugre;
 mod position;
@@ -29,6 +30,7 @@ pub use dahl::Dahl;
 pub use direction::Direction;
 pub use dwell::{Dwell, Growth};
 pub use elasto_plastic::ElastoPlastic;
+pub use formula::Formula;
 pub use karnopp::Karnopp;
 pub use lugre::LuGre;
 pub use position::{Harmonic, Position};
@@ -244,7 +246,8 @@ pub struct Meta {
 }
 
 /// Lists the laws. Those of an ordinary drive are `usual`: they are evaluated in line, the others in a
-/// function of their own, so that the usual ones do not pay for them with registers.
+/// function of their own, so that the usual ones do not pay for them with registers. [`Formula`] stands
+/// beside them: each of its laws has a table of its own.
 macro_rules! laws {
     (usual: $($usual:ident),*; others: $($other:ident),* $(,)?) => {
         laws!($($usual,)* $($other,)*);
@@ -269,7 +272,7 @@ macro_rules! laws {
             }
 
             fn is_usual(&self) -> bool {
-                !matches!(self, $(AnyLaw::$other(_))|*)
+                !matches!(self, $(AnyLaw::$other(_))|* | AnyLaw::Formula(_))
             }
         }
     };
@@ -278,6 +281,8 @@ macro_rules! laws {
         #[derive(Clone, Debug)]
         pub enum AnyLaw<P> {
             $($name($name<P>),)*
+            /// A law of the user's own.
+            Formula(Formula<P>),
         }
 
         /// Every law that a description can name.
@@ -315,12 +320,16 @@ macro_rules! laws {
                         let values: Vec<P> = <$name<f64>>::PARAMETERS.iter().map(|p| value(p)).collect();
                         AnyLaw::$name(law.lifted(&values))
                     })*
+                    AnyLaw::Formula(law) => {
+                        let values: Vec<P> = law.meta().parameters.iter().map(value).collect();
+                        AnyLaw::Formula(law.lifted(&values))
+                    }
                 }
             }
 
             /// What the user should know about this parameter set with these levels, if anything.
             pub fn warning(&self, levels: &Levels<f64>) -> Option<String> {
-                match self { $(AnyLaw::$name(law) => law.warning(levels),)* }
+                match self { $(AnyLaw::$name(law) => law.warning(levels),)* AnyLaw::Formula(law) => law.warning(levels) }
             }
         }
 
@@ -332,48 +341,63 @@ macro_rules! laws {
                         AnyLaw::$name(law) => law,
                         _ => panic!("lanes must share one friction law"),
                     }).collect::<Vec<_>>())),)*
+                    AnyLaw::Formula(_) => AnyLaw::Formula(Formula::gather(&each.iter().map(|law| match law {
+                        AnyLaw::Formula(law) => law,
+                        _ => panic!("lanes must share one friction law"),
+                    }).collect::<Vec<_>>())),
                 }
             }
         }
 
         impl<P: Real> AnyLaw<P> {
             pub fn meta(&self) -> &'static Meta {
-                let key = match self { $(AnyLaw::$name(_) => <$name<P> as Law<P>>::KEY,)* };
+                let key = match self {
+                    $(AnyLaw::$name(_) => <$name<P> as Law<P>>::KEY,)*
+                    AnyLaw::Formula(law) => return law.meta(),
+                };
                 LAWS.iter().find(|meta| meta.key == key).expect("every law is registered")
             }
             #[inline(always)]
             pub fn states(&self) -> &'static [InnerState] {
-                match self { $(AnyLaw::$name(law) => law.states(),)* }
+                match self { $(AnyLaw::$name(law) => law.states(),)* AnyLaw::Formula(law) => law.states() }
             }
             pub fn inertia(&self) -> P {
-                match self { $(AnyLaw::$name(law) => law.inertia(),)* }
+                match self { $(AnyLaw::$name(law) => law.inertia(),)* AnyLaw::Formula(_) => P::zero() }
             }
             #[inline(always)]
             pub fn levels(&self) -> Levels<P> {
-                match self { $(AnyLaw::$name(law) => law.levels(),)* }
+                match self { $(AnyLaw::$name(law) => law.levels(),)* AnyLaw::Formula(law) => law.levels() }
             }
             #[inline(always)]
             pub fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
-                match self { $(AnyLaw::$name(law) => law.force(at, levels, z, dz, mode),)* }
+                match self { $(AnyLaw::$name(law) => law.force(at, levels, z, dz, mode),)* AnyLaw::Formula(law) => law.force(at, levels, z, dz) }
             }
             #[inline(always)]
             pub fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
-                match self { $(AnyLaw::$name(law) => law.slip(v, dz),)* }
+                match self { $(AnyLaw::$name(law) => law.slip(v, dz),)* AnyLaw::Formula(law) => law.slip(v, dz) }
             }
             pub fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], mode: P) -> S {
-                match self { $(AnyLaw::$name(law) => law.event(at, levels, z, mode),)* }
+                match self { $(AnyLaw::$name(law) => law.event(at, levels, z, mode),)* AnyLaw::Formula(_) => S::one() }
             }
             pub fn next_mode(&self, mode: P, at: &At<P>, levels: &Levels<P>, z: &mut [P]) -> P {
-                match self { $(AnyLaw::$name(law) => law.next_mode(mode, at, levels, z),)* }
+                match self { $(AnyLaw::$name(law) => law.next_mode(mode, at, levels, z),)* AnyLaw::Formula(_) => P::zero() }
             }
             pub fn stored<S: Over<P>>(&self, z: &[S]) -> S {
-                match self { $(AnyLaw::$name(law) => law.stored(z),)* }
+                match self { $(AnyLaw::$name(law) => law.stored(z),)* AnyLaw::Formula(law) => law.stored(z) }
             }
             pub fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
-                match self { $(AnyLaw::$name(law) => law.heat(v, force, z, dz),)* }
+                match self { $(AnyLaw::$name(law) => law.heat(v, force, z, dz),)* AnyLaw::Formula(law) => law.heat(v, force, z, dz) }
             }
             pub fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-                match self { $(AnyLaw::$name(law) => law.steady(v, levels),)* }
+                match self { $(AnyLaw::$name(law) => law.steady(v, levels),)* AnyLaw::Formula(law) => law.steady(&At { v, ..At::at_rest() }, levels) }
+            }
+
+            /// [`AnyLaw::steady`] at a place and pressures, which count where a law of the user's own names them.
+            pub fn steady_at<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
+                match self {
+                    AnyLaw::Formula(law) => law.steady(at, levels),
+                    _ => self.steady(at.v, levels),
+                }
             }
         }
     };

@@ -6,45 +6,53 @@
 pub struct Bounds {
     pub lower: f64,
     pub upper: f64,
-    /// The bounds themselves are refused.
+    /// The lower bound itself is refused.
     pub open: bool,
+    /// The upper bound itself is refused.
+    pub open_above: bool,
 }
 
 impl Bounds {
     pub fn contain(&self, x: f64) -> bool {
-        if self.open { x > self.lower && x < self.upper } else { x >= self.lower && x <= self.upper }
+        let above = if self.open { x > self.lower } else { x >= self.lower };
+        above && if self.open_above { x < self.upper } else { x <= self.upper }
     }
 }
 
 impl std::fmt::Display for Bounds {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match (self.open, self.lower.is_finite(), self.upper.is_finite()) {
-            (true, true, true) => write!(f, "between {} and {}", self.lower, self.upper),
-            (true, true, false) => write!(f, "greater than {}", self.lower),
-            (false, true, _) => write!(f, "not less than {}", self.lower),
-            _ => write!(f, "finite"),
+        let lower = if self.open { "greater than" } else { "not less than" };
+        let upper = if self.open_above { "less than" } else { "not more than" };
+        match (self.lower.is_finite(), self.upper.is_finite()) {
+            (true, true) if self.open && self.open_above => {
+                write!(f, "between {} and {}", self.lower, self.upper)
+            }
+            (true, true) => write!(f, "{lower} {} and {upper} {}", self.lower, self.upper),
+            (true, false) => write!(f, "{lower} {}", self.lower),
+            (false, true) => write!(f, "{upper} {}", self.upper),
+            (false, false) => write!(f, "finite"),
         }
     }
 }
 
 /// Greater than `lower`.
 pub const fn above(lower: f64) -> Bounds {
-    Bounds { lower, upper: f64::INFINITY, open: true }
+    Bounds { lower, upper: f64::INFINITY, open: true, open_above: true }
 }
 
 /// Finite or infinite, not less than `lower`.
 pub const fn at_least(lower: f64) -> Bounds {
-    Bounds { lower, upper: f64::INFINITY, open: false }
+    Bounds { lower, upper: f64::INFINITY, open: false, open_above: false }
 }
 
 /// Strictly between `lower` and `upper`.
 pub const fn between(lower: f64, upper: f64) -> Bounds {
-    Bounds { lower, upper, open: true }
+    Bounds { lower, upper, open: true, open_above: true }
 }
 
 /// Any finite number.
 pub const fn any() -> Bounds {
-    Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY, open: true }
+    Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY, open: true, open_above: true }
 }
 
 /// One parameter of a law.

@@ -2,13 +2,13 @@
 
 use circuit::{
     ALONG, Balance, Drive, Error, Kind, Motion, Record, Restart, Rig, Run, Servo, Shooting, Shot, Start,
-    friction_law, specification, steady_sensitivity,
+    friction_law, own_law, specification, steady_sensitivity,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::{Options, Statistics};
 use physics::IdealGas;
 use physics::flow::{Iso6358, LINEAR_ABOVE, choked_factor};
-use physics::friction::{At, LAWS};
+use physics::friction::{At, LAWS, Meta};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -427,27 +427,52 @@ impl PyRig {
 fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let laws = PyList::empty(py);
     for meta in LAWS {
-        let law = PyDict::new(py);
-        law.set_item("name", meta.key)?;
-        law.set_item("title", meta.title)?;
-        law.set_item("source", meta.source)?;
-        law.set_item("states", meta.states.iter().map(|state| state.name).collect::<Vec<_>>())?;
-        let parameters = PyList::empty(py);
-        for p in meta.parameters {
-            let parameter = PyDict::new(py);
-            parameter.set_item("key", p.key)?;
-            parameter.set_item("unit", p.unit)?;
-            parameter.set_item("lower", p.bounds.lower)?;
-            parameter.set_item("upper", p.bounds.upper)?;
-            parameter.set_item("open", p.bounds.open)?;
-            parameter.set_item("default", p.default)?;
-            parameter.set_item("meaning", p.meaning.trim())?;
-            parameters.append(parameter)?;
-        }
-        law.set_item("parameters", parameters)?;
-        laws.append(law)?;
+        laws.append(law_entry(py, meta)?)?;
     }
     Ok(laws)
+}
+
+fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> {
+    let law = PyDict::new(py);
+    law.set_item("name", meta.key)?;
+    law.set_item("title", meta.title)?;
+    law.set_item("source", meta.source)?;
+    law.set_item("states", meta.states.iter().map(|state| state.name).collect::<Vec<_>>())?;
+    law.set_item("bristles", meta.bristles)?;
+    let parameters = PyList::empty(py);
+    for p in meta.parameters {
+        let parameter = PyDict::new(py);
+        parameter.set_item("key", p.key)?;
+        parameter.set_item("unit", p.unit)?;
+        parameter.set_item("lower", p.bounds.lower)?;
+        parameter.set_item("upper", p.bounds.upper)?;
+        parameter.set_item("open", p.bounds.open)?;
+        parameter.set_item("open_above", p.bounds.open_above)?;
+        parameter.set_item("default", p.default)?;
+        parameter.set_item("meaning", p.meaning.trim())?;
+        parameters.append(parameter)?;
+    }
+    law.set_item("parameters", parameters)?;
+    Ok(law)
+}
+
+/// The entry, as of `friction_laws`, of a law of one's own (JSON), with `warnings`.
+///
+/// Raises ValueError(what, key, formula, line, column, text, caret, remedy); no line: not a place in a formula.
+#[pyfunction]
+fn formula_law<'py>(py: Python<'py>, json: &str) -> PyResult<Bound<'py, PyDict>> {
+    let spec: specification::Formula = parse(json)?;
+    let own = own_law(&spec).map_err(|refusal| {
+        let problem = &refusal.problem;
+        let (line, column, text, caret) = problem.shown(&refusal.formula).unwrap_or_default();
+        let what = problem.what.clone();
+        let remedy = problem.remedy.clone();
+        PyValueError::new_err((what, refusal.key, refusal.formula, line, column, text, caret, remedy))
+    })?;
+    let law = law_entry(py, &own.meta)?;
+    law.set_item("warnings", &own.warnings)?;
+    law.set_item("levels", own.has_levels())?;
+    Ok(law)
 }
 
 type Values = std::collections::BTreeMap<String, f64>;
@@ -553,6 +578,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<PyDrive>()?;
     m.add_class::<PyRig>()?;
     m.add_function(wrap_pyfunction!(friction_laws, m)?)?;
+    m.add_function(wrap_pyfunction!(formula_law, m)?)?;
     m.add_function(wrap_pyfunction!(steady_friction, m)?)?;
     m.add_function(wrap_pyfunction!(steady_friction_sensitivity, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;

@@ -1,11 +1,13 @@
 //! The friction of a description: a law, and what acts on it, with every value checked.
 
 use super::DIRECTIONS;
+use super::own_law::{check_levels, own_law};
 use crate::lifted::{Lifted, tangents};
 use crate::run::Error;
 use crate::specification::{self, Growth, StribeckShape};
 use math::{Dual, Lane};
 use physics::Parameter;
+use physics::friction::formula::{Formula, OwnLaw};
 use physics::friction::{
     self, AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, Harmonic, LAWS, Meta, Position,
     Relaxation, SealLips, Shape, SideLoad,
@@ -60,8 +62,12 @@ pub fn steady_sensitivity(
     Ok((places.iter().map(|at| friction.steady(at)).collect(), derivatives))
 }
 
-fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, Error> {
-    let spec = lifted.value;
+/// The table of the law, and the law itself where it is of the user's own.
+fn meta(spec: &specification::Friction) -> Result<(&'static Meta, Option<&'static OwnLaw>), Error> {
+    if let Some(formula) = &spec.formula {
+        let own = own_law(formula).map_err(|refusal| Error::Specification(refusal.to_string()))?;
+        return Ok((&own.meta, Some(own)));
+    }
     let Some(meta) = LAWS.iter().find(|meta| meta.key == spec.law) else {
         let names: Vec<&str> = LAWS.iter().map(|meta| meta.key).collect();
         return refuse(format!(
@@ -70,6 +76,12 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
             names.join(", ")
         ));
     };
+    Ok((meta, None))
+}
+
+fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, Error> {
+    let spec = lifted.value;
+    let (meta, own) = meta(spec)?;
     for key in lifted.tables().flat_map(|spec| spec.parameters.keys()) {
         if !meta.parameters.iter().any(|parameter| parameter.key == key) {
             let names: Vec<&str> = meta.parameters.iter().map(|parameter| parameter.key).collect();
@@ -99,13 +111,25 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
     {
         return refuse(format!("friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N"));
     }
-    let mut choices = choices(spec, meta)?;
+    if let Some(own) = own {
+        check_levels(spec, own)?;
+        Formula::new(own, numbers(lifted, meta)).examine().map_err(Error::Specification)?;
+    }
+    let mut choices = choices(spec, meta, own.is_some())?;
+    if let Some(own) = own {
+        return Ok(AnyLaw::Formula(Formula::new(own, numbers(lifted, meta))));
+    }
     if choices.shape.is_none() && lifted.is_free(|spec| named(spec, "stribeck_exponent").unwrap_or(0.0)) {
         // Also at 2, where the value alone would be a square.
         choices.shape = Some(Shape::Power);
     }
     let plain = AnyLaw::build(meta.key, &mut |parameter| number(lifted, parameter), &choices);
     Ok(plain.expect("the name is registered").lifted(&mut |parameter| number(lifted, parameter)))
+}
+
+/// The values of all parameters, which have been checked.
+fn numbers<P: Lane>(lifted: &Lifted<specification::Friction>, law: &Meta) -> Vec<P> {
+    law.parameters.iter().map(|parameter| number(lifted, parameter)).collect()
 }
 
 fn named(spec: &specification::Friction, key: &str) -> Option<f64> {
@@ -121,10 +145,10 @@ fn number<P: Lane>(lifted: &Lifted<specification::Friction>, parameter: &Paramet
 }
 
 /// What the description chooses beside numbers.
-fn choices(spec: &specification::Friction, law: &Meta) -> Result<Choices, Error> {
+fn choices(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Choices, Error> {
     let Some(shape) = spec.stribeck_shape else { return Ok(Choices::default()) };
     let takes = |key: &str| law.parameters.iter().any(|parameter| parameter.key == key);
-    if !takes("stribeck_exponent") {
+    if own || !takes("stribeck_exponent") {
         return refuse(format!(
             "friction.stribeck_shape needs a Stribeck curve, which law \"{}\" has not",
             law.key

@@ -121,7 +121,8 @@ impl<P: Real> Contact<P> {
 
     /// Keys in references.bib of the law and what acts on it.
     pub fn sources(&self) -> Vec<&'static str> {
-        let mut sources = vec![self.law.meta().source];
+        let mut sources: Vec<&str> =
+            Some(self.law.meta().source).filter(|key| !key.is_empty()).into_iter().collect();
         sources.extend(self.dwell().map(|dwell| dwell.growth.source()));
         sources.extend(self.relaxation().map(|_| "ferry1980"));
         sources
@@ -244,7 +245,7 @@ impl<P: Real> Contact<P> {
         if let Some(dwell) = self.dwell() {
             levels = levels.plus(dwell.increment(at, dwell.steady(at.v)));
         }
-        self.law.steady(at.v, &levels)
+        self.law.steady_at(at, &levels)
     }
 }
 

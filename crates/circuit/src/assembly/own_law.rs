@@ -1,0 +1,69 @@
+//! A friction law of the user's own, from its description.
+
+use crate::run::Error;
+use crate::specification;
+use physics::Bounds;
+use physics::friction::formula::{OwnLaw, ParameterText, Refusal, StateText, Text};
+
+/// The law of a user's formulas.
+pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refusal> {
+    let parameters = formula.parameters.iter().map(|p| ParameterText {
+        key: p.key.clone(),
+        unit: p.unit.clone(),
+        bounds: bounds(&p.bounds),
+        default: p.default,
+        meaning: p.meaning.clone(),
+    });
+    let states = formula.states.iter().map(|state| StateText {
+        key: state.key.clone(),
+        name: state.name.clone(),
+        unit: state.unit.clone(),
+        scale: state.scale,
+        bounds: bounds(&state.bounds),
+        rate: state.rate.clone(),
+    });
+    let levels = &formula.levels;
+    OwnLaw::of(&Text {
+        name: formula.name.clone(),
+        title: formula.title.clone(),
+        source: formula.source.clone(),
+        parameters: parameters.collect(),
+        levels: [levels.coulomb.clone(), levels.breakaway.clone(), levels.viscous.clone()],
+        states: states.collect(),
+        lets: formula.lets.clone(),
+        force: formula.force.clone(),
+        energy: formula.energy.clone(),
+        slip: formula.slip.clone(),
+        steady: formula.steady.clone(),
+        odd: formula.odd,
+    })
+}
+
+/// Ends that are not given are infinite, and no value.
+fn bounds(own: &specification::Bounds) -> Bounds {
+    Bounds {
+        lower: own.above.or(own.at_least).unwrap_or(f64::NEG_INFINITY),
+        upper: own.below.or(own.at_most).unwrap_or(f64::INFINITY),
+        open: own.at_least.is_none(),
+        open_above: own.at_most.is_none(),
+    }
+}
+
+/// What acts on levels needs a law that has them.
+pub(super) fn check_levels(spec: &specification::Friction, own: &OwnLaw) -> Result<(), Error> {
+    let tables = [
+        ("pressure", spec.pressure.is_some()),
+        ("dwell", spec.dwell.is_some()),
+        ("position", spec.position.is_some()),
+        ("direction", spec.direction.is_some()),
+        ("side_load", spec.side_load.is_some()),
+    ];
+    match tables.iter().find(|(_, given)| *given && !own.has_levels()) {
+        Some((table, _)) => Err(Error::Specification(format!(
+            "friction.{table} acts on levels, but law \"{}\" has none: name the parameter that is its Coulomb force \
+             in the law's [levels], coulomb = \"...\"",
+            own.meta.key
+        ))),
+        None => Ok(()),
+    }
+}
