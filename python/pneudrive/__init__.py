@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive as Drive
     from pneudrive.describe import EndStop as EndStop
     from pneudrive.describe import Friction as Friction
+    from pneudrive.describe import FrictionLaw as FrictionLaw
     from pneudrive.describe import Gas as Gas
     from pneudrive.describe import Initial as Initial
     from pneudrive.describe import Load as Load
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
 
 # Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
 _HOME = {
-    **dict.fromkeys(["Ambient", "Cylinder", "Drive", "EndStop", "Friction", "Gas"], "pneudrive.describe"),
+    **dict.fromkeys(["Ambient", "Cylinder", "Drive", "EndStop", "Friction", "FrictionLaw", "Gas"], "pneudrive.describe"),
     **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
     "save": "pneudrive.trajectory",

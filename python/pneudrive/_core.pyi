@@ -6,7 +6,16 @@ from typing import Any, TypedDict, final, type_check_only
 from numpy import float64
 from numpy.typing import NDArray
 
-__all__ = ["Drive", "Rig", "choked_flow_factor", "flow_ratio", "friction_laws", "steady_friction", "steady_friction_sensitivity"]
+__all__ = [
+    "Drive",
+    "Rig",
+    "choked_flow_factor",
+    "flow_ratio",
+    "formula_law",
+    "friction_laws",
+    "steady_friction",
+    "steady_friction_sensitivity",
+]
 
 @type_check_only
 class Result(TypedDict):
@@ -130,6 +139,7 @@ class Rig:
 def flow_ratio(pressure_ratio: float, critical_pressure_ratio: float, subsonic_index: float) -> float: ...
 def choked_flow_factor(heat_capacity_ratio: float) -> float: ...
 def friction_laws() -> list[dict[str, Any]]: ...
+def formula_law(json: str) -> dict[str, Any]: ...
 def steady_friction(
     law: str,
     parameters: Mapping[str, float],

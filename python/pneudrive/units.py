@@ -213,6 +213,21 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
     return low, high
 
 
+def si_name(unit: str) -> str:
+    """Return an SI unit as the messages' table writes it (``m2`` -> ``m^2``, ``kg/s`` -> ``N s/m``), others as given.
+
+    Examples
+    --------
+    >>> si_name("m2"), si_name("N s2/m2"), si_name("-")
+    ('m^2', 'N s2/m2', '')
+    """
+    plain = _canonical(unit)
+    if plain in {"-", "1"}:
+        return ""
+    si, factor, offset = _TABLE.get(plain, (unit.strip(), 1.0, 0.0))
+    return si if (factor, offset) == (1.0, 0.0) else unit.strip()
+
+
 @lru_cache(maxsize=1024)
 def converter(unit: str, si_unit: str) -> tuple[float, float]:
     """Return (factor, offset) with SI value = number * factor + offset.
@@ -230,7 +245,7 @@ def converter(unit: str, si_unit: str) -> tuple[float, float]:
         Unknown unit, or one of another dimension.
     """
     known = _TABLE.get(_canonical(unit))
-    if known is None:
+    if known is None or (known[0] != si_unit and si_unit not in _KINDS):
         return _converter_pint(unit, si_unit)
     si, factor, offset = known
     if si != si_unit:

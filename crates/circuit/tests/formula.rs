@@ -3,10 +3,7 @@
 
 mod support;
 
-use circuit::{Drive, friction_law, specification};
-use math::Lanes;
-use ode::Stepper;
-use physics::friction::{AnyLaw, Contact};
+use circuit::{Drive, specification};
 use serde_json::{Value, json};
 use support::*;
 

@@ -11,6 +11,7 @@ from pneudrive.describe.dependences import (
 )
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.friction import Friction, friction_laws
+from pneudrive.describe.law import FrictionLaw
 from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Spring, Supply, Valve
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Dwell",
     "EndStop",
     "Friction",
+    "FrictionLaw",
     "Gas",
     "Harmonic",
     "Initial",

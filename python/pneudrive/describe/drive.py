@@ -5,20 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from pathlib import Path
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from pneudrive.describe import catalogue, provenance, toml
 from pneudrive.describe.base import Described, wrong
 from pneudrive.describe.dependences import DEPENDENCES
-from pneudrive.describe.friction import Friction, has_bristles
+from pneudrive.describe.friction import Friction, friction_laws
+from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
 from pneudrive.describe.parts import Ambient, Cylinder, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
 from pneudrive.errors import DescriptionError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 # Defaults that no datasheet backs: a result that rests on one says so.
 _ASSUMED = {"cylinder": ("heat_transfer", "end_stop"), "valve": ("subsonic_index", "linear_above")}
@@ -90,6 +89,7 @@ class Drive(Described):
         if str(source).startswith(catalogue.PREFIX):
             return cls._from_catalogue(str(source), {})
         tables, text = toml.read(source)
+        _read_law(tables, Path(source), text)
         try:
             base = tables.pop("drive", None)
             if base is None:
@@ -252,6 +252,19 @@ class Drive(Described):
         return toml.write({"schema": self.schema_version} | self.to_dict())
 
 
+def _read_law(tables: dict[str, Any], path: Path, text: str) -> None:
+    """Put the law in place of the name of its file, which counts from the drive file's folder."""
+    friction = tables.get("friction")
+    name = friction.get("law") if isinstance(friction, dict) else None
+    if not (isinstance(friction, dict) and isinstance(name, str) and name.startswith(FILE_PREFIX)):
+        return
+    file = path.parent / name.removeprefix(FILE_PREFIX).strip()
+    if not file.is_file():
+        error = wrong("friction.law", f"friction.law names a file that is not there: {file}", remedy=toml.beside(file))
+        raise toml.located(error, path, text)
+    friction["law"] = FrictionLaw.load(file)
+
+
 def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     """Put changes over a base, table by table.
 
@@ -268,8 +281,13 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
             old = {k: v for k, v in old.items() if k not in sizes}
         if key == "friction" and value.get("law", old.get("law")) != old.get("law"):
             old = {k: v for k, v in old.items() if k in DEPENDENCES}
-            if not has_bristles(value["law"]):
+            own = law_of(value["law"])
+            entry = friction_laws().get(value["law"]) if own is None else own.entry
+            if entry is not None and not entry["bristles"]:
                 old.pop("relaxation", None)
+        if key == "law":
+            out[key] = value
+            continue
         if key == "cylinder" and value.get("kind") == "rodless":
             old = {k: v for k, v in old.items() if k != "rod_diameter"}
         out[key] = merge(old, value)

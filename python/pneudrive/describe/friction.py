@@ -22,6 +22,7 @@ from pneudrive.describe.dependences import (
     SealPressure,
     SideLoad,
 )
+from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
 from pneudrive.errors import nearest
 
 
@@ -38,7 +39,7 @@ def friction_laws() -> MappingProxyType[str, dict[str, Any]]:
 
 def has_bristles(law: str) -> bool:
     """Say whether a law is one of elastic bristles, which can relax."""
-    return "bristle_deflection_m" in friction_laws()[law]["states"]
+    return friction_laws()[law]["bristles"]
 
 
 #: Shapes of the Stribeck curve: exp(-(v/vs)^2), exp(-|v/vs|), 1/(1 + (v/vs)^2), exp(-|v/vs|^n) with the exponent n.
@@ -67,9 +68,9 @@ def _parameter_quantity(parameter: dict[str, Any]) -> Quantity:
     low, high = parameter["lower"], parameter["upper"]
     low = None if low is None or math.isinf(low) else low
     high = None if high is None or math.isinf(high) else high
-    if parameter.get("open", False):
-        return Quantity(si_unit, written, Bounds(above=low, below=high))
-    return Quantity(si_unit, written, Bounds(at_least=low, at_most=high))
+    lower = {"above" if parameter["open"] else "at_least": low}
+    upper = {"below" if parameter["open_above"] else "at_most": high}
+    return Quantity(si_unit, written, Bounds(**lower, **upper))
 
 
 def parameter_quantities(law: str) -> dict[str, Quantity]:
@@ -100,11 +101,13 @@ class Friction(Described):
     """A friction law with its parameters, and what acts on it.
 
     They are given as keys of their own, ``Friction(law="stribeck", coulomb="30 N", ...)``; `parameters` holds
-    their SI values, defaults of the law included.
+    their SI values, defaults of the law included. `law` is a name of the core's, a `FrictionLaw`, or
+    ``file:my_law.toml``; `formula` is then the law itself.
     """
 
     table: ClassVar[str] = "friction"
     law: str
+    formula: FrictionLaw | None = None
     parameters: Parameters = Parameters()
     given: frozenset[str] = frozenset()
     stribeck_shape: StribeckShape | None = None
@@ -128,9 +131,14 @@ class Friction(Described):
         name = data.get("law")
         if name is None:
             raise wrong("friction.law", "friction.law is missing", remedy=f"Known: {', '.join(sorted(laws))}.")
-        if name not in laws:
-            raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=nearest(str(name), laws))
-        parameters = {p["key"]: p for p in laws[name]["parameters"]}
+        own = law_of(name)
+        if own is not None:
+            name = own.name
+        elif name not in laws:
+            remedy = f'{nearest(str(name), laws)} A law of your own is "{FILE_PREFIX}NAME.toml".'
+            raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
+        entry = laws[name] if own is None else own.entry
+        parameters = {p["key"]: p for p in entry["parameters"]}
         rest = {key: value for key, value in data.items() if key not in ("law", "stribeck_shape", *DEPENDENCES)}
         values: dict[str, float] = {}
         for key, given in rest.items():
@@ -151,7 +159,7 @@ class Friction(Described):
                 remedy = f"{parameter['meaning']}: {units.needed(si_unit) if si_unit else 'a number'}."
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
-        out = {"law": name, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
+        out = {"law": name, "formula": own, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
         return out | {key: data[key] for key in ("stribeck_shape", *DEPENDENCES) if data.get(key) is not None}
 
     @model_validator(mode="after")
@@ -167,7 +175,7 @@ class Friction(Described):
 
     @model_validator(mode="after")
     def _shape(self) -> Friction:
-        if self.stribeck_shape is not None and not has_stribeck_curve(self.law):
+        if self.stribeck_shape is not None and (self.formula is not None or not has_stribeck_curve(self.law)):
             what = f'friction.stribeck_shape needs a Stribeck curve, which law "{self.law}" has not'
             laws = ", ".join(name for name in friction_laws() if has_stribeck_curve(name))
             raise wrong("friction.stribeck_shape", what, remedy=f"Laws with one: {laws}.")
@@ -178,11 +186,16 @@ class Friction(Described):
 
     @model_validator(mode="after")
     def _bristles_relax(self) -> Friction:
-        if self.relaxation is not None and not has_bristles(self.law):
+        if self.relaxation is not None and not self.entry["bristles"]:
             what = f'friction.relaxation needs elastic bristles, which law "{self.law}" has not'
             laws = ", ".join(name for name in friction_laws() if has_bristles(name))
             raise wrong("friction.relaxation", what, remedy=f"Laws of bristles: {laws}.")
         return self
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """The law as `friction_laws` lists it: title, source, states, parameters; also where it is one's own."""
+        return friction_laws()[self.law] if self.formula is None else self.formula.entry
 
     def _dependences(self) -> dict[str, Any]:
         """Return what acts on the law, by key."""
@@ -192,12 +205,13 @@ class Friction(Described):
         """Return the SI form that the core takes: law, parameters, pressure, and what else acts on the law."""
         tables = {key: value.core() for key, value in self._dependences().items()}
         shape = {} if self.stribeck_shape is None else {"stribeck_shape": self.stribeck_shape}
-        return {"law": self.law, "parameters": dict(self.parameters), "pressure": None} | shape | tables
+        formula = {} if self.formula is None else {"formula": self.formula.core()}
+        return {"law": self.law, "parameters": dict(self.parameters), "pressure": None} | formula | shape | tables
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table as users would."""
-        by_key = {p["key"]: p for p in friction_laws()[self.law]["parameters"]}
-        out: dict[str, Any] = {"law": self.law}
+        by_key = {p["key"]: p for p in self.entry["parameters"]}
+        out: dict[str, Any] = {"law": self.law if self.formula is None else self.formula.to_dict()}
         if self.stribeck_shape is not None:
             out["stribeck_shape"] = self.stribeck_shape
         out |= {key: _parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
@@ -226,4 +240,11 @@ class Friction(Described):
                     "additionalProperties": False,
                 }
             )
-        return {"oneOf": alternatives}
+        return {"oneOf": [*alternatives, _own_law_schema(tables)]}
+
+
+def _own_law_schema(tables: dict[str, Any]) -> dict[str, Any]:
+    """A law of one's own: its parameters are known to its file alone."""
+    law = {"anyOf": [{"type": "string", "pattern": f"^{FILE_PREFIX}"}, {"type": "object", "required": ["name"]}]}
+    title = "A law of your own, as formulas"
+    return {"type": "object", "title": title, "properties": {"law": law, **tables}, "required": ["law"]}

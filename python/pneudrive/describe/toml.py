@@ -54,7 +54,7 @@ def read(
     try:
         raw = path.read_bytes()
     except FileNotFoundError:
-        raise kind(f"there is no file {path}", remedy=_beside(path)) from None
+        raise kind(f"there is no file {path}", remedy=beside(path)) from None
     except IsADirectoryError:
         raise kind(f"{path} is a folder, not a file", remedy="Name the TOML file inside it.") from None
     except OSError as error:
@@ -87,9 +87,9 @@ def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError)
 
 
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
-    """Add file, line and the line's text to an error that knows its key."""
+    """Add file, line and, where no value is shown yet, the line's text to an error that knows its key."""
     line = line_of(text, error.key) if error.key else None
-    value = _line(text, line) if line else error.value
+    value = _line(text, line) if line and error.value is None else error.value
     where = f"{path}:{line}" if line else str(path)
     out = type(error)(error.what, where=where, value=value, rule=error.rule, remedy=error.remedy)
     out.key = error.key
@@ -156,9 +156,26 @@ def write(tables: dict[str, Any]) -> str:
     blocks = ["\n".join(plain)] if plain else []
     for key, value in tables.items():
         if isinstance(value, dict):
-            body = [f"{key_text(k)} = {value_text(v)}" for k, v in value.items()]
-            blocks.append("\n".join([f"[{key_text(key)}]", *body]))
+            blocks += _blocks(key_text(key), value)
     return "\n\n".join(blocks) + "\n"
+
+
+def _blocks(name: str, table: dict[str, Any]) -> list[str]:
+    """Write a table, and those in it that are too deep for a line as tables of their own."""
+    deep = {key: value for key, value in table.items() if _depth(value) > 2}
+    body = [f"{key_text(key)} = {value_text(value)}" for key, value in table.items() if key not in deep]
+    blocks = ["\n".join([f"[{name}]", *body])]
+    for key, value in deep.items():
+        plain = {k: v for k, v in value.items() if not isinstance(v, dict)}
+        blocks += _blocks(f"{name}.{key_text(key)}", plain)
+        for k, v in value.items():
+            if isinstance(v, dict):
+                blocks += _blocks(f"{name}.{key_text(key)}.{key_text(k)}", v)
+    return blocks
+
+
+def _depth(value: object) -> int:
+    return 1 + max(map(_depth, value.values()), default=0) if isinstance(value, dict) else 0
 
 
 def value_text(value: object) -> str:
@@ -203,7 +220,7 @@ def _syntax(message: str, text: str) -> tuple[str, int]:
     return what[:1].lower() + what[1:], max(line, 1)
 
 
-def _beside(path: Path) -> str:
+def beside(path: Path) -> str:
     """Name the files beside a missing one, which is usually mistyped."""
     folder = path.parent
     if not folder.is_dir():

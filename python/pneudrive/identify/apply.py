@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 def apply_to_drive(fit: FrictionFit, drive: Drive) -> Drive:
     """Return `drive` with the determined parameters of `fit`; see `FrictionFit.apply`."""
-    from pneudrive.describe.friction import friction_laws
-
-    known = {p["key"] for p in friction_laws()[drive.friction.law]["parameters"]}
+    known = {p["key"] for p in drive.friction.entry["parameters"]}
     forces = {n: fit.parameters[n] for n in fit.determined if n not in PRESSURE_NAMES}
     changes: dict[str, object] = {}
     if not set(forces) <= known:

@@ -13,6 +13,8 @@ const DEFLECTIONS: [f64; 5] = [0.0, 1e-3, -1e-3, 0.3, -0.3];
 const GAUGES: [[f64; 2]; 3] = [[0.0, 0.0], [6e5, 0.0], [-5e4, 1e6]];
 /// Where steady sliding is looked at, m/s.
 const STEADY: [f64; 5] = [1e-4, 1e-3, 0.02, 0.3, 1.0];
+/// To which it may change, m/s.
+const SUDDEN: [f64; 8] = [1e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0, 5.0];
 /// A rate that is left of what it was at first, where the state is said to have come to rest.
 const AT_REST: f64 = 1e-6;
 const SAME_FORCE: f64 = 1e-6;
@@ -81,7 +83,35 @@ impl Formula<f64> {
                 )
             })
         });
-        pushes.or_else(|| self.gives_energy(levels))
+        pushes.or_else(|| self.gives_power(levels)).or_else(|| self.gives_energy(levels))
+    }
+
+    /// Where the law has an energy: a sudden change of speed after steady sliding that gives more power than
+    /// the states lose.
+    fn gives_power(&self, levels: &Levels<f64>) -> Option<String> {
+        self.law.energy.as_ref()?;
+        let speeds = |all: &[f64]| all.iter().flat_map(|v| [*v, -v]).collect::<Vec<f64>>();
+        for before in speeds(&STEADY) {
+            let mut z = vec![0.0; self.law.meta.states.len()];
+            self.settle(&At { v: before, ..At::at_rest() }, levels, &mut z);
+            for v in speeds(&SUDDEN) {
+                let mut rates = z.clone();
+                let force = self.force(&At { v, ..At::at_rest() }, levels, &z, &mut rates);
+                let heat = self.heat(v, force, &z, &rates);
+                if heat < -GIVEN * (force * v).abs() {
+                    return Some(format!(
+                        "friction law \"{}\" is not passive{}: when sliding at {} mm/s changes suddenly to {} mm/s, it gives \
+                         {:.4} W more than its states lose, so friction can give energy during fast transients",
+                        self.law.meta.key,
+                        self.with(levels),
+                        1e3 * before,
+                        1e3 * v,
+                        -heat
+                    ));
+                }
+            }
+        }
+        None
     }
 
     fn with(&self, levels: &Levels<f64>) -> String {

@@ -29,8 +29,7 @@ impl<P: Real> Formula<P> {
         self.force(at, levels, z, &mut dz)
     }
 
-    /// One iteration towards z = start + end dt rates(z); the largest change relative to the states' scales
-    /// is left to the caller to see.
+    /// One iteration of Newton's method towards z = start + end dt rates(z).
     pub(super) fn newton<S: Over<P>>(
         &self,
         at: &At<S>,
@@ -45,7 +44,7 @@ impl<P: Real> Formula<P> {
             let state = [Dual::variable(*own, 0)];
             self.motion_in(|p| Dual::from(S::from(p)), &lift_at(at), &lift_levels(levels), &state, &mut rate);
             let residual = *own - start[0] - step * rate[0].re;
-            *own = *own - residual / (S::one() - step * rate[0].eps[0]);
+            *own -= residual / (S::one() - step * rate[0].eps[0]);
             return;
         }
         let n = z.len();
@@ -66,9 +65,9 @@ impl<P: Real> Formula<P> {
         for i in 0..n {
             for j in (0..n).filter(|j| *j != i) {
                 let ratio = rows[j][i] / rows[i][i];
-                for k in i..=n {
-                    let own = rows[i][k];
-                    rows[j][k] = rows[j][k] - ratio * own;
+                let pivot = rows[i].clone();
+                for (row, own) in rows[j].iter_mut().zip(pivot) {
+                    *row -= ratio * own;
                 }
             }
         }
