@@ -52,7 +52,9 @@ if TYPE_CHECKING:
 
 # Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
 _HOME = {
-    **dict.fromkeys(["Ambient", "Cylinder", "Drive", "EndStop", "Friction", "FrictionLaw", "Gas"], "pneudrive.describe"),
+    **dict.fromkeys(
+        ["Ambient", "Cylinder", "Drive", "EndStop", "Friction", "FrictionLaw", "Gas"], "pneudrive.describe"
+    ),
     **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
     "save": "pneudrive.trajectory",

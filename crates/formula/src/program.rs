@@ -169,10 +169,8 @@ impl Program {
         out: &mut [S],
     ) {
         match self.registers {
-            0..=8 => self.run_in::<8, P, S>(own, lift, input, out),
-            9..=16 => self.run_in::<16, P, S>(own, lift, input, out),
-            17..=32 => self.run_in::<32, P, S>(own, lift, input, out),
-            33..=64 => self.run_in::<64, P, S>(own, lift, input, out),
+            0..=16 => self.run_in::<16, P, S>(own, lift, input, out),
+            17..=64 => self.run_in::<64, P, S>(own, lift, input, out),
             _ => self.run_in::<MOST_REGISTERS, P, S>(own, lift, input, out),
         }
     }

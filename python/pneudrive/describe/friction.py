@@ -244,7 +244,7 @@ class Friction(Described):
 
 
 def _own_law_schema(tables: dict[str, Any]) -> dict[str, Any]:
-    """A law of one's own: its parameters are known to its file alone."""
+    """Describe a law of one's own, whose parameters are known to its file alone."""
     law = {"anyOf": [{"type": "string", "pattern": f"^{FILE_PREFIX}"}, {"type": "object", "required": ["name"]}]}
     title = "A law of your own, as formulas"
     return {"type": "object", "title": title, "properties": {"law": law, **tables}, "required": ["law"]}

@@ -299,4 +299,3 @@ def _entry(text: str) -> dict[str, Any]:
     refused = DescriptionError(f"{full}: {what}", value=value, remedy=remedy or None)
     refused.key = full
     raise refused
-

@@ -1,6 +1,6 @@
 //! Steady sliding where no formula of it is given: inner states are led to rest.
 
-use super::{Formula, MOST_STATES};
+use super::Formula;
 use crate::friction::{At, Levels};
 use math::{Dual, Over, Real};
 
@@ -39,29 +39,26 @@ impl<P: Real> Formula<P> {
         dt: S,
         end: S,
     ) {
-        if let [own] = z {
-            let (mut rate, step) = ([Dual::<S, 1>::zero()], end * dt);
-            let state = [Dual::variable(*own, 0)];
-            self.motion_in(|p| Dual::from(S::from(p)), &lift_at(at), &lift_levels(levels), &state, &mut rate);
-            let residual = *own - start[0] - step * rate[0].re;
-            *own -= residual / (S::one() - step * rate[0].eps[0]);
-            return;
+        let (n, step) = (z.len(), end * dt);
+        // Rows of I - step J, and the residual behind them.
+        let mut rows = vec![vec![S::zero(); n + 1]; n];
+        for j in 0..n {
+            let seed =
+                |(i, z): (usize, &S)| Dual { re: *z, eps: [if i == j { S::one() } else { S::zero() }] };
+            let state: Vec<Dual<S, 1>> = z.iter().enumerate().map(seed).collect();
+            let mut rates = vec![Dual::zero(); n];
+            self.motion_in(
+                |p| Dual::from(S::from(p)),
+                &at.map(Dual::from),
+                &lifted(levels),
+                &state,
+                &mut rates,
+            );
+            for (i, (row, rate)) in rows.iter_mut().zip(&rates).enumerate() {
+                row[j] = state[i].eps[0] - step * rate.eps[0];
+                row[n] = start[i] + step * rate.re - z[i];
+            }
         }
-        let n = z.len();
-        let state: Vec<Dual<S, MOST_STATES>> =
-            z.iter().enumerate().map(|(i, z)| Dual::variable(*z, i)).collect();
-        let mut rates = vec![Dual::zero(); n];
-        self.motion_in(|p| Dual::from(S::from(p)), &lift_at(at), &lift_levels(levels), &state, &mut rates);
-        let step = end * dt;
-        // Rows of I - step J and the residual.
-        let mut rows: Vec<Vec<S>> = (0..n)
-            .map(|i| {
-                let unit = |j: usize| if i == j { S::one() } else { S::zero() };
-                let mut row: Vec<S> = (0..n).map(|j| unit(j) - step * rates[i].eps[j]).collect();
-                row.push(start[i] + step * rates[i].re - z[i]);
-                row
-            })
-            .collect();
         for i in 0..n {
             for j in (0..n).filter(|j| *j != i) {
                 let ratio = rows[j][i] / rows[i][i];
@@ -77,18 +74,7 @@ impl<P: Real> Formula<P> {
     }
 }
 
-fn lift_at<S: Real, const N: usize>(at: &At<S>) -> At<Dual<S, N>> {
-    At {
-        v: at.v.into(),
-        x: at.x.into(),
-        gauge_a: at.gauge_a.into(),
-        gauge_b: at.gauge_b.into(),
-        applied: at.applied.into(),
-        prepared: at.prepared.into(),
-    }
-}
-
-fn lift_levels<S: Real, const N: usize>(levels: &Levels<S>) -> Levels<Dual<S, N>> {
+fn lifted<S: Real>(levels: &Levels<S>) -> Levels<Dual<S, 1>> {
     Levels {
         coulomb: levels.coulomb.into(),
         breakaway: levels.breakaway.into(),
