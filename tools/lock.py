@@ -36,7 +36,7 @@ def fingerprint(name: str) -> str:
     if name == "bootstrap.txt":
         wanted = {"uv": UV, "python": PYTHON}
     else:
-        wanted |= {extra: extras[extra] for extra in [*EXTRAS[name], "formats", "rig"]}
+        wanted |= {extra: extras[extra] for extra in [*EXTRAS[name], "bayes", "formats", "rig"]}
     return hashlib.sha256(json.dumps(wanted, sort_keys=True).encode()).hexdigest()
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe import Drive
     from pneudrive.identify.diagnose import Undetermined
+    from pneudrive.identify.export import Exported
 
     Array = NDArray[np.float64]
 
@@ -95,6 +96,19 @@ class FrictionFit:
     def standard_errors(self) -> dict[str, float]:
         """Statistical standard error of each free parameter (first order)."""
         return dict(zip(self.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix of the free parameters, shape (p, p), in the order of `free`."""
+        from pneudrive.identify.correlation import correlation
+
+        return correlation(self)
+
+    def correlated(self) -> list[str]:
+        """Return which parameters change together beyond 0.9, and what would separate them, in sentences."""
+        from pneudrive.identify.correlation import correlated
+
+        return correlated(self)
 
     @property
     def determined(self) -> tuple[str, ...]:
@@ -181,6 +195,45 @@ class FrictionFit:
 
         return apply_to_drive(self, drive)
 
+    def export(
+        self,
+        to: str,
+        out: str | Path | None = None,
+        *,
+        gauge_a_pa: float | None = None,
+        gauge_b_pa: float | None = None,
+        speeds_m_s: tuple[float, float] | None = None,
+    ) -> Exported:
+        """Give the parameters in another tool's form of the law.
+
+        Parameters
+        ----------
+        to : str
+            ``simscape``, ``modelica`` or ``csv``.
+        out : path-like, optional
+            File to write.
+        gauge_a_pa, gauge_b_pa : float, optional
+            Gauge pressures at which the curve is taken; the middle of the measured ones if nothing is said.
+        speeds_m_s : tuple of float, optional
+            Lowest and highest speed over which it shall hold; the measured ones if nothing is said.
+
+        Returns
+        -------
+        Exported
+            Parameters, greatest deviation of the other tool's curve, and what is lost.
+
+        Raises
+        ------
+        FitError
+            Another tool, or a fit that does not say which speeds were measured.
+        """
+        from pneudrive.identify.export import curve_of_fit, export
+
+        done = export(curve_of_fit(self, gauge_a_pa, gauge_b_pa, speeds_m_s), to)
+        if out is not None:
+            done.write(out)
+        return done
+
     def statements(self) -> list[str]:
         """Return what cannot be determined in sentences, one for all parameters that share reason and remedy."""
         shared: dict[tuple[str, str], list[str]] = {}
@@ -227,6 +280,7 @@ class FrictionFit:
                 continue
             lines.append("  " + _line(self, name, value, name in lost))
         lines += [f"  ! {statement}" for statement in self.statements()]
+        lines += [f"  ~ {statement}" for statement in self.correlated()]
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)
 

@@ -1,0 +1,122 @@
+"""Intervals that do not trust the errors of single values: whole recordings (cycles) are drawn again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.robust import estimate
+from pneudrive.identify.survey import pressure_levels
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.model import Observations
+    from pneudrive.identify.result import FrictionFit
+
+    Array = NDArray[np.float64]
+
+#: Speeds of one level, relative.
+SAME_SPEED = 0.05
+#: Blocks below which a bootstrap says little.
+LEAST_BLOCKS = 6
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Estimates from data drawn again.
+
+    Attributes
+    ----------
+    names : tuple of str
+    draws : ndarray, shape (m, p)
+        Natural parameters.
+    intervals : dict
+        Name -> 95 % interval: quantiles of the draws.
+    blocks : int
+        Recordings (cycles) that were drawn as wholes.
+    kind : str
+        ``cases``: blocks drawn with replacement among those of one speed and pressure; ``wild``, where conditions were
+        not repeated: residuals of each block with a common random sign [cameron2008].
+    """
+
+    names: tuple[str, ...]
+    draws: Array
+    intervals: dict[str, tuple[float, float]]
+    blocks: int
+    kind: str
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the draws, shape (p, p)."""
+        return np.cov(self.draws, rowvar=False)
+
+
+def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "huber") -> Bootstrap:
+    """Draw the recordings of a fit again, and fit each time.
+
+    Values of one recording (of a campaign: one cycle) share what happened in it; they stay together, so that the
+    intervals hold where single values would look more independent than they are.
+
+    Parameters
+    ----------
+    fit : FrictionFit
+        With its observations: not one that was read from a file.
+    draws, seed : int
+    loss : str
+        As of :func:`fit_friction`.
+
+    Returns
+    -------
+    Bootstrap
+    """
+    if fit.observations is None:
+        raise FitError("a fit that was read from a file has no values to draw from", remedy="fit the map again")
+    data, model = fit.observations, fit.model
+    blocks = [np.flatnonzero(data.group == g) for g in np.unique(data.group)]
+    if len(blocks) < LEAST_BLOCKS:
+        raise FitError(
+            f"{len(blocks)} recordings are too few to draw from",
+            rule=f"at least {LEAST_BLOCKS}",
+            remedy="look at the profile intervals of the fit, or measure more recordings",
+        )
+    strata = _strata(data, blocks)
+    kind = "cases" if min(len(s) for s in strata) >= 3 else "wild"
+    rng = np.random.default_rng(seed)
+    start = model.internal(np.array([fit.free_values()[n] for n in fit.free]))
+    fitted = model.value(start, data)
+    residual = _inflated(fit, start, data.friction_n - fitted)
+    found = np.empty((draws, start.size))
+    for i in range(draws):
+        if kind == "cases":
+            rows = np.concatenate([blocks[b] for s in strata for b in rng.choice(s, len(s))])
+            again = data.take(rows)
+        else:
+            sign = rng.choice([-1.0, 1.0], len(blocks))[np.unique(data.group, return_inverse=True)[1]]
+            again = replace(data, friction_n=fitted + sign * residual)
+        found[i] = model.natural(estimate(model, again, loss=loss, start=start).q)
+    low, high = np.quantile(found, [0.025, 0.975], axis=0)
+    intervals = {n: (float(a), float(b)) for n, a, b in zip(fit.free, low, high, strict=True)}
+    return Bootstrap(fit.free, found, intervals, len(blocks), kind)
+
+
+def _strata(data: Observations, blocks: list[NDArray[np.int64]]) -> list[list[int]]:
+    """Blocks of one speed and pressure."""
+    pressure = pressure_levels(data)
+    cells: dict[tuple, list[int]] = {}
+    for k, rows in enumerate(blocks):
+        speeds = np.round(np.log(np.sort(data.speed_m_s[rows])) / SAME_SPEED)
+        cells.setdefault((tuple(speeds), tuple(pressure[rows])), []).append(k)
+    return list(cells.values())
+
+
+def _inflated(fit: FrictionFit, start: Array, residual: Array) -> Array:
+    """Residuals without the share that the fit itself has taken from them: divided by 1 - leverage."""
+    assert fit.observations is not None
+    jac = fit.model.value_and_jacobian(start, fit.observations)[1] / fit.observations.stderr_n[:, None]
+    size = np.linalg.norm(jac, axis=0)
+    q, _ = np.linalg.qr(jac / np.where(size > 0.0, size, 1.0))
+    return residual / np.sqrt(np.maximum(1.0 - np.sum(q**2, axis=1), 0.05))
