@@ -24,6 +24,7 @@ COMMANDS = {
     "design": "pneudrive.cli.design",
     "compare": "pneudrive.cli.compare",
     "validate": "pneudrive.cli.validate",
+    "export": "pneudrive.cli.export",
     "campaign": "pneudrive.cli.campaign",
     "rig": "pneudrive.cli.rig",
     "layout": "pneudrive.cli.layout",

@@ -73,9 +73,9 @@ def _parameter_quantity(parameter: dict[str, Any]) -> Quantity:
     return Quantity(si_unit, written, Bounds(**lower, **upper))
 
 
-def parameter_quantities(law: str) -> dict[str, Quantity]:
-    """Return the checked quantity of each parameter of a law, by its key."""
-    return {p["key"]: _parameter_quantity(p) for p in friction_laws()[law]["parameters"]}
+def parameter_quantities(entry: Mapping[str, Any]) -> dict[str, Quantity]:
+    """Return the checked quantity of each parameter of a law as `friction_laws` lists it, by its key."""
+    return {p["key"]: _parameter_quantity(p) for p in entry["parameters"]}
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,7 @@ def values(drive: Drive) -> dict[str, Value]:
 
 def _walk(part: Described, path: str) -> Iterator[tuple[str, Value]]:
     if isinstance(part, Friction):
-        for key, mark in parameter_quantities(part.law).items():
+        for key, mark in parameter_quantities(part.entry).items():
             if key in part.parameters:
                 yield f"{path}{key}", Value(mark, part.parameters[key])
     for name, field in type(part).model_fields.items():

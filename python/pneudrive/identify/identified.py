@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive import units
 from pneudrive.describe.base import Quantity, StatedPressure
-from pneudrive.describe.friction import parameter_quantities
+from pneudrive.describe.friction import friction_laws, parameter_quantities
 from pneudrive.describe.provenance import values as values_of
 from pneudrive.errors import FitError, nearest
 
@@ -81,8 +81,9 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
     """
     changes: dict[str, object] = dict(tables or {})
     known = {name: value.mark for name, value in values_of(drive).items()}
-    law = str(changes.get("friction.law", drive.friction.law))
-    known |= {f"friction.{key}": mark for key, mark in parameter_quantities(law).items()}
+    law = changes.get("friction.law")
+    entry = drive.friction.entry if law is None else friction_laws()[str(law)]
+    known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
     for name, value in found.values.items():
         table, _, last = name.rpartition(".")
         if last in ("a", "b"):

@@ -1,0 +1,57 @@
+"""``pneudrive export``: friction parameters in the form of another tool's law."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def export(
+    source: Annotated[str, typer.Argument(help="A fit (fit.toml), or a drive file.", metavar="FIT|DRIVE")],
+    to: Annotated[str, typer.Option(help="simscape, modelica or csv.", metavar="TOOL")],
+    out: Annotated[Path | None, typer.Option(help="File; default: standard output.")] = None,
+    pressure_a: Annotated[
+        str | None,
+        typer.Option(help='Pressure in chamber a, e.g. "3 bar gauge"; default: middle of the measured ones.'),
+    ] = None,
+    pressure_b: Annotated[str | None, typer.Option(help="Pressure in chamber b.")] = None,
+    speeds: Annotated[
+        str | None,
+        typer.Option(help='Speeds over which it shall hold, "1 mm/s .. 500 mm/s"; default: the measured ones.'),
+    ] = None,
+) -> None:
+    """Write friction in another tool's form of the law, with how far it is off and what is lost."""
+    from pneudrive.errors import CommandError, DescriptionError
+    from pneudrive.identify.export import export as exported
+    from pneudrive.identify.export import read_source
+    from pneudrive.identify.export.convert import curve_of
+    from pneudrive.units import parse_pressure, parse_range
+
+    def gauge(text: str | None, option: str) -> float | None:
+        if text is None:
+            return None
+        try:
+            pressure = parse_pressure(text)
+        except DescriptionError as error:
+            raise CommandError(f"{option}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+        if not pressure.gauge:
+            raise CommandError(
+                f'{option} "{text}" is absolute', rule="friction counts from ambient", remedy="say gauge"
+            )
+        return pressure.value_pa
+
+    try:
+        between = None if speeds is None else parse_range(speeds, "m/s")
+    except DescriptionError as error:
+        raise CommandError(f"--speeds: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    pressures = gauge(pressure_a, "--pressure-a"), gauge(pressure_b, "--pressure-b")
+    done = exported(curve_of(read_source(source), *pressures, between), to)
+    if out is None:
+        sys.stdout.write(done.text)
+        return
+    for remark in done.remarks():
+        sys.stderr.write(f"- {remark}\n")
+    typer.echo(str(done.write(out)))

@@ -1,0 +1,12 @@
+"""Friction parameters in the form of other tools' laws, with what the conversion costs.
+
+A conversion is a least-squares fit of the other tool's curve to ours over the measured speeds; its greatest deviation
+is stated, and so is what the other law cannot say.
+"""
+
+from __future__ import annotations
+
+from pneudrive.identify.export.convert import TOOLS, Exported, export, read_source
+from pneudrive.identify.export.curve import Curve, curve_of_drive, curve_of_fit
+
+__all__ = ["TOOLS", "Curve", "Exported", "curve_of_drive", "curve_of_fit", "export", "read_source"]

@@ -1,0 +1,321 @@
+"""Conversions: the other tool's parameters, and how far its curve is from ours.
+
+Simscape, Translational Friction [mathworks-friction]:
+
+  F = sqrt(2 e) (F_brk - F_C) exp(-(v/v_St)^2) v/v_St + F_C tanh(v/v_C) + f v
+  v_St = sqrt(2) v_brk,  v_C = v_brk/10
+
+Modelica Standard Library 4, MassWithStopAndFriction [modelica-mass-with-stop-and-friction]:
+
+  F = F_Coulomb + F_prop v + F_Stribeck exp(-fexp |v|)                                                  v > 0
+
+Both are linear in their forces at a given speed scale: for each of many scales the forces are those of non-negative
+least squares, and the best scale is refined between its neighbours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError, nearest
+from pneudrive.identify.export.curve import Curve, curve_of_drive, curve_of_fit
+from pneudrive.trajectory import whole
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe import Drive
+    from pneudrive.identify.result import FrictionFit
+
+    Array = NDArray[np.float64]
+
+SCALES = 121
+#: Speed scales are looked for so many times below and above the measured speeds.
+BEYOND = 30.0
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the other tool: its name there, SI."""
+
+    name: str
+    value: float
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """A converted law.
+
+    Attributes
+    ----------
+    tool : str
+    parameters : tuple of Parameter
+        Empty where the tool takes our parameters as they are.
+    curve : Curve
+        Ours.
+    converted_n : ndarray, shape (n,)
+        The other tool's curve at the speeds of ours.
+    lost : tuple of str
+        What the other law does not say.
+    suffix : str
+        Of a file.
+    text : str
+        What the file holds.
+    """
+
+    tool: str
+    parameters: tuple[Parameter, ...]
+    curve: Curve
+    converted_n: Array
+    lost: tuple[str, ...]
+    suffix: str
+    text: str
+
+    @property
+    def worst_n(self) -> float:
+        """Greatest deviation from our curve over its speeds, N."""
+        return float(np.abs(self.converted_n - self.curve.friction_n).max())
+
+    @property
+    def worst_percent(self) -> float:
+        """Greatest deviation relative to our friction at that speed, %."""
+        return 100.0 * float(np.abs(self.converted_n / self.curve.friction_n - 1.0).max())
+
+    @property
+    def worst_at_m_s(self) -> float:
+        """Speed of the greatest deviation, m/s."""
+        return float(self.curve.speed_m_s[int(np.abs(self.converted_n - self.curve.friction_n).argmax())])
+
+    def value(self, name: str) -> float:
+        """Value of one parameter, SI."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter.value
+        raise KeyError(name)
+
+    def remarks(self) -> list[str]:
+        """Say how exact the conversion is, where it holds, and what is lost."""
+        return _remarks(self.curve, self.converted_n, self.lost)
+
+    def write(self, path: str | Path) -> Path:
+        """Write the file.
+
+        Raises
+        ------
+        CommandError
+            It cannot be written.
+        """
+        target = Path(path)
+        with whole(target) as temporary:
+            temporary.write_text(self.text, encoding="utf-8")
+        return target
+
+
+def _remarks(curve: Curve, converted: Array, lost: tuple[str, ...]) -> list[str]:
+    error = np.abs(converted - curve.friction_n)
+    worst = int(error.argmax())
+    share = 100.0 * float((error / np.abs(curve.friction_n)).max())
+    low, high = 1e3 * curve.speed_m_s[[0, -1]]
+    where = f"holds from {low:.4g} to {high:.4g} mm/s; outside it is extrapolated"
+    if converted is curve.friction_n:
+        return [where, f"our own parameters: law {curve.law}, Stribeck curve {curve.shape}"]
+    return [
+        where,
+        f"greatest deviation from our curve (law {curve.law}, {curve.shape}): {error[worst]:.3g} N at "
+        f"{1e3 * curve.speed_m_s[worst]:.4g} mm/s, {share:.3g} % of friction at most",
+        *(f"lost: {text}" for text in lost),
+    ]
+
+
+def best_scale(curve: Curve, columns: Callable[[float], Array], lowest: float, highest: float) -> tuple[float, Array]:
+    """Find the scale between two and the non-negative weights of its columns that come closest to a curve.
+
+    Parameters
+    ----------
+    curve : Curve
+    columns : callable
+        Scale -> array of shape (n, k) at the curve's speeds.
+    lowest, highest : float
+
+    Returns
+    -------
+    float, ndarray of shape (k,)
+    """
+    from scipy.optimize import fminbound, nnls
+
+    def away(log_scale: float) -> float:
+        return float(nnls(columns(float(np.exp(log_scale))), curve.friction_n)[1])
+
+    grid = np.linspace(np.log(lowest), np.log(highest), SCALES)
+    distances = [away(float(g)) for g in grid]
+    k = int(np.argmin(distances))
+    ends = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, SCALES - 1)]))
+    refined = float(fminbound(away, *ends, xtol=1e-10))  # type: ignore[arg-type]
+    scale = float(np.exp(refined if away(refined) <= distances[k] else grid[k]))
+    return scale, nnls(columns(scale), curve.friction_n)[0]
+
+
+def simscape_columns(speed: Array, v_brk: float) -> Array:
+    """Columns of F_brk - F_C, F_C and f in Simscape's formula."""
+    v_st, v_c = np.sqrt(2.0) * v_brk, v_brk / 10.0
+    stribeck = np.sqrt(2.0 * np.e) * np.exp(-((speed / v_st) ** 2)) * speed / v_st
+    return np.column_stack([stribeck, np.tanh(speed / v_c), speed])
+
+
+def _simscape(curve: Curve) -> Exported:
+    speed = curve.speed_m_s
+    v_brk, (excess, coulomb, viscous) = best_scale(
+        curve, lambda v: simscape_columns(speed, v), speed[0] / BEYOND, speed[-1]
+    )
+    parameters = (
+        Parameter("brkwy_frc", float(excess + coulomb), "N", "Breakaway friction force"),
+        Parameter("brkwy_vel", v_brk, "m/s", "Breakaway friction velocity"),
+        Parameter("Col_frc", float(coulomb), "N", "Coulomb friction force"),
+        Parameter("visc_coef", float(viscous), "N*s/m", "Viscous friction coefficient"),
+    )
+    lost = (
+        *curve.lost,
+        "sticking: the block's force is a steep slope through zero speed, so a loaded piston creeps",
+        "dwell and presliding: the block has no memory",
+    )
+    converted = simscape_columns(speed, v_brk) @ np.array([excess, coulomb, viscous])
+    text = [
+        f"% {curve.title}: Translational Friction block of Simscape (the gas actuators of Simscape Fluids have no",
+        "% friction of their own: put the block beside them). Written by pneudrive.",
+        *(f"% {remark}" for remark in _remarks(curve, converted, lost)),
+        *(f"{p.name} = {p.value!r};  % {p.unit}, {p.meaning}" for p in parameters),
+        "% set_param(block, " + ", ".join(f"'{p.name}', num2str({p.name}, 17)" for p in parameters) + ")",
+    ]
+    return Exported("simscape", parameters, curve, converted, lost, ".m", "\n".join(text) + "\n")
+
+
+def modelica_columns(speed: Array, fexp: float) -> Array:
+    """Columns of F_Coulomb, F_Stribeck and F_prop in Modelica's formula."""
+    return np.column_stack([np.ones_like(speed), np.exp(-fexp * speed), speed])
+
+
+#: Points of the table beside the formula, in which the library interpolates linearly.
+TABLE_POINTS = 40
+
+
+def _modelica(curve: Curve) -> Exported:
+    speed = curve.speed_m_s
+    scale, weights = best_scale(
+        curve, lambda v: modelica_columns(speed, 1.0 / v), speed[0] / BEYOND, BEYOND * speed[-1]
+    )
+    coulomb, stribeck, viscous = (float(w) for w in weights)
+    parameters = (
+        Parameter("F_prop", viscous, "N.s/m", "Velocity dependent friction"),
+        Parameter("F_Coulomb", coulomb, "N", "Constant friction: Coulomb force"),
+        Parameter("F_Stribeck", stribeck, "N", "Stribeck effect"),
+        Parameter("fexp", 1.0 / scale, "s/m", "Exponential decay"),
+    )
+    lost = (*curve.lost, "dwell and presliding: the component sticks at once and forgets")
+    converted = modelica_columns(speed, 1.0 / scale) @ weights
+    knots, level = friction_table(curve)
+    peak = max(level[0], 1e-300)
+    rows = "; ".join(f"{v:.6g}, {f:.6g}" for v, f in zip(knots, level, strict=True))
+    between = np.abs(np.interp(speed, knots, level) - curve.friction_n).max()
+    text = [
+        f"// {curve.title}. Written by pneudrive for the Modelica Standard Library 4.",
+        *(f"// {remark}" for remark in _remarks(curve, converted, lost)),
+        "Modelica.Mechanics.Translational.Components.MassWithStopAndFriction piston(",
+        "  // L, m, smin, smax and start values are those of your drive",
+        ",\n".join(f"  {p.name}={p.value!r}" for p in parameters) + ");",
+        f"// The same curve as a table, off by {between:.2g} N at most between its points; the piston breaks away at",
+        f"// peak*f_pos[1,2] = {peak:.6g} N:",
+        "Modelica.Mechanics.Translational.Components.SupportFriction friction(",
+        f"  f_pos=[{rows}],",
+        "  peak=1);",
+    ]
+    return Exported("modelica", parameters, curve, converted, lost, ".mo", "\n".join(text) + "\n")
+
+
+def friction_table(curve: Curve) -> tuple[Array, Array]:
+    """Speeds from 0 on and friction at them; the value at 0 is that of the lowest measured speed."""
+    knots = np.geomspace(curve.speed_m_s[0], curve.speed_m_s[-1], TABLE_POINTS)
+    level = np.interp(np.log(knots), np.log(curve.speed_m_s), curve.friction_n)
+    return np.r_[0.0, knots], np.r_[level[0], level]
+
+
+def _csv(curve: Curve) -> Exported:
+    import csv
+    import io
+
+    out = io.StringIO()
+    for remark in _remarks(curve, curve.friction_n, curve.lost):
+        out.write(f"# {remark}\n")
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(["name", "value", "unit", "low", "high", "source", "note"])
+    for e in curve.entries:
+        ends = ["" if np.isnan(end) else repr(float(end)) for end in (e.low, e.high)]
+        table.writerow([e.name, repr(float(e.value)), e.unit, *ends, e.source, e.note])
+    return Exported("csv", (), curve, curve.friction_n, curve.lost, ".csv", out.getvalue())
+
+
+#: Tool -> conversion.
+TOOLS: dict[str, Callable[[Curve], Exported]] = {"simscape": _simscape, "modelica": _modelica, "csv": _csv}
+
+
+def export(curve: Curve, to: str) -> Exported:
+    """Convert a curve.
+
+    Parameters
+    ----------
+    curve : Curve
+    to : str
+        ``simscape``, ``modelica`` or ``csv``.
+
+    Raises
+    ------
+    FitError
+        Another tool, or a curve that is not finite or not positive.
+    """
+    if to not in TOOLS:
+        raise FitError(f"there is no export to {to!r}", remedy=nearest(to, TOOLS))
+    if not (np.isfinite(curve.friction_n).all() and (curve.friction_n > 0.0).all()):
+        worst = float(np.min(np.where(np.isfinite(curve.friction_n), curve.friction_n, -np.inf)))
+        raise FitError(
+            "the curve is not friction over all of its speeds",
+            value=f"least value {worst:.3g} N",
+            rule="finite and above 0 N",
+            remedy="export over the speeds and pressures that were measured",
+        )
+    return TOOLS[to](curve)
+
+
+def read_source(path: str | Path) -> FrictionFit | Drive:
+    """Read what is exported: a fit.toml, or a drive file.
+
+    Raises
+    ------
+    FitError, DescriptionError
+        It is neither, or not valid.
+    """
+    from pneudrive.describe import Drive, toml
+    from pneudrive.identify.files import read_fit
+
+    if str(path).startswith("catalogue:"):
+        return Drive.load(path)
+    tables, _ = toml.read(path, FitError, "pneudrive fit writes a fit.toml.")
+    return Drive.load(path) if "friction" in tables or "drive" in tables else read_fit(path)
+
+
+def curve_of(
+    source: FrictionFit | Drive,
+    gauge_a_pa: float | None = None,
+    gauge_b_pa: float | None = None,
+    speeds_m_s: tuple[float, float] | None = None,
+) -> Curve:
+    """Take the curve of a fit or of a drive."""
+    if hasattr(source, "core_json"):
+        return curve_of_drive(source, speeds_m_s, gauge_a_pa, gauge_b_pa)  # type: ignore[arg-type]
+    return curve_of_fit(source, gauge_a_pa, gauge_b_pa, speeds_m_s)  # type: ignore[arg-type]

@@ -1,0 +1,135 @@
+"""What other tools make of exported parameters is our curve, by their own published formulas, written here again."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+
+import numpy as np
+import pytest
+
+from pneudrive.describe import Drive
+from pneudrive.errors import FitError
+from pneudrive.identify import FrictionFit, fit_friction
+
+SPEED = np.geomspace(1e-3, 0.45, 20)
+
+
+def simscape(v: float, p: dict[str, float]) -> float:
+    """Evaluate Translational Friction of Simscape [mathworks-friction]."""
+    v_st, v_c = p["brkwy_vel"] * math.sqrt(2.0), p["brkwy_vel"] / 10.0
+    stribeck = math.sqrt(2.0 * math.e) * (p["brkwy_frc"] - p["Col_frc"]) * math.exp(-((v / v_st) ** 2)) * v / v_st
+    return stribeck + p["Col_frc"] * math.tanh(v / v_c) + p["visc_coef"] * v
+
+
+def modelica(v: float, p: dict[str, float]) -> float:
+    """Evaluate MassWithStopAndFriction of the Modelica Standard Library [modelica-mass-with-stop-and-friction]."""
+    return p["F_Coulomb"] + p["F_prop"] * v + p["F_Stribeck"] * math.exp(-p["fexp"] * v)
+
+
+FORMULAS = {"simscape": simscape, "modelica": modelica}
+
+
+@pytest.fixture
+def fit(make_map, friction_of):
+    noise = 0.05 * np.random.default_rng(31).standard_normal(20)
+    return fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.05))
+
+
+def _numbers(text: str) -> dict[str, float]:
+    return {name: float(value) for name, value in re.findall(r"(\w+) ?= ?([-+0-9.e]+)", text)}
+
+
+@pytest.mark.parametrize("tool", FORMULAS)
+def test_the_other_tool_gives_our_curve_within_what_is_stated(fit, tool, tmp_path):
+    done = fit.export(tool, tmp_path / "friction.txt")
+    text = (tmp_path / "friction.txt").read_text()
+    given = _numbers(text)
+    speeds = done.curve.speed_m_s
+    ours = fit.predict(speeds, 0.0, 0.0).friction_n
+    theirs = np.array([FORMULAS[tool](v, given) for v in speeds])
+    assert np.abs(theirs - ours).max() == pytest.approx(done.worst_n, rel=1e-6)
+    assert (speeds[0], speeds[-1]) == pytest.approx((SPEED[0], SPEED[-1]))
+    assert f"{done.worst_n:.3g} N" in text
+    assert "presliding" in text
+    assert done.worst_percent < {"simscape": 25.0, "modelica": 8.0}[tool]
+
+
+def test_no_other_parameters_are_closer(fit):
+    for tool, formula in FORMULAS.items():
+        done = fit.export(tool)
+        best = {p.name: p.value for p in done.parameters}
+        speeds, ours = done.curve.speed_m_s, done.curve.friction_n
+
+        def away(p, formula=formula, speeds=speeds, ours=ours):
+            return sum((formula(v, p) - f) ** 2 for v, f in zip(speeds, ours, strict=True))
+
+        for name in best:
+            for factor in (0.98, 1.02):
+                assert away({**best, name: factor * best[name]}) >= away(best) * (1.0 - 1e-9)
+
+
+def test_an_exponential_curve_goes_over_to_modelica_exactly(make_map):
+    friction = 30.0 + 15.0 * np.exp(-SPEED / 0.02) + 40.0 * SPEED
+    done = fit_friction(make_map(SPEED, friction, 0.01), stribeck_exponent=1.0).export("modelica")
+    assert done.worst_n < 1e-6
+    values = {"F_Coulomb": 30.0, "F_Stribeck": 15.0, "fexp": 50.0, "F_prop": 40.0}
+    for name, value in values.items():
+        assert done.value(name) == pytest.approx(value, rel=1e-4)
+
+
+def test_a_curve_of_simscape_goes_over_exactly(make_map):
+    p = {"brkwy_frc": 50.0, "brkwy_vel": 0.01, "Col_frc": 30.0, "visc_coef": 40.0}
+    from pneudrive.identify.export import Curve, export
+
+    speed = np.geomspace(1e-3, 0.45, 300)
+    friction = np.array([simscape(v, p) for v in speed])
+    done = export(Curve("as it is", "stribeck", "", speed, friction, 0.0, 0.0, (), (), False), "simscape")
+    assert done.worst_n < 1e-6
+    for name, value in p.items():
+        assert done.value(name) == pytest.approx(value, rel=1e-5)
+
+
+def test_the_table_for_modelica_is_our_curve(fit):
+    text = fit.export("modelica").text
+    rows = re.search(r"f_pos=\[(.*?)\]", text, re.DOTALL)[1].split(";")
+    speed, force = np.array([[float(x) for x in row.split(",")] for row in rows]).T
+    assert speed[0] == 0.0
+    ours = fit.predict(SPEED).friction_n
+    assert np.abs(np.interp(SPEED, speed, force) - ours).max() < 0.01 * ours.max()
+
+
+def test_the_table_of_values_has_intervals_sources_and_notes(fit, tmp_path):
+    fit.to_toml(tmp_path / "fit.toml")
+    FrictionFit.from_toml(tmp_path / "fit.toml").export("csv", tmp_path / "friction.csv")
+    lines = [line for line in (tmp_path / "friction.csv").read_text().splitlines() if not line.startswith("#")]
+    rows = {row["name"]: row for row in csv.DictReader(lines)}
+    assert list(rows["coulomb"]) == ["name", "value", "unit", "low", "high", "source", "note"]
+    assert float(rows["coulomb"]["low"]) < fit.parameters["coulomb"] < float(rows["coulomb"]["high"])
+    assert float(rows["stribeck_velocity"]["value"]) == fit.parameters["stribeck_velocity"]
+    assert rows["coulomb"]["source"]
+    assert rows["stribeck_exponent"]["note"] == "fixed"
+
+
+def test_what_is_lost_is_said(make_map, friction_of):
+    slopes = {"coulomb_a": 5e-6, "coulomb_b": 8e-6, "breakaway_a": 1.5e-5, "breakaway_b": 2.0e-5}
+    gauges = np.array([(a, b) for a in (0.0, 2e5) for b in (0.0, 2e5)])
+    speed = np.tile(SPEED, 4)
+    a, b = np.repeat(gauges, 20, axis=0).T
+    friction = friction_of(speed) + (slopes["coulomb_a"] * a + slopes["coulomb_b"] * b)
+    fit = fit_friction(make_map(speed, friction, 0.1, gauge_a=a, gauge_b=b), pressure_dependence=True)
+    low, high = (fit.export("modelica", gauge_a_pa=g, gauge_b_pa=0.0) for g in (0.0, 2e5))
+    assert high.value("F_Coulomb") - low.value("F_Coulomb") == pytest.approx(1.0, abs=0.1)  # 5e-6 N/Pa over 2 bar
+    assert "2 bar gauge in a" in high.text
+
+
+def test_wrong_wishes_are_refused(fit, tmp_path):
+    with pytest.raises(FitError, match="no export to 'simscap'"):
+        fit.export("simscap")
+    with pytest.raises(FitError, match="0 < lowest < highest"):
+        fit.export("csv", speeds_m_s=(0.1, 0.1))
+    from pneudrive.identify.export import curve_of_drive
+
+    with pytest.raises(FitError, match="does not say which speeds"):
+        curve_of_drive(Drive.load("catalogue:reference"), None)
