@@ -35,12 +35,11 @@ def correlated(fit: FrictionFit) -> list[str]:
     """Say which pairs of parameters change together, and what would separate them."""
     matrix = correlation(fit)
     out = []
-    for i, j in zip(*np.triu_indices(len(fit.free), 1), strict=True):
-        if abs(matrix[i, j]) > TOGETHER:
-            first, second = fit.free[i], fit.free[j]
-            out.append(
-                f"{first} and {second} change together (correlation {matrix[i, j]:+.2f}): {_remedy(fit, int(i), int(j))}"
-            )
+    for i in range(len(fit.free)):
+        for j in range(i + 1, len(fit.free)):
+            if abs(matrix[i, j]) > TOGETHER:
+                pair = f"{fit.free[i]} and {fit.free[j]} change together (correlation {matrix[i, j]:+.2f})"
+                out.append(f"{pair}: {_remedy(fit, i, j)}")
     return out
 
 

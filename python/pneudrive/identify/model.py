@@ -275,19 +275,22 @@ class FrictionModel:
                 column["stribeck_exponent"][:] = -decay * np.log(np.maximum(ratio, 1e-300))
         return force, jac
 
-    def linear_columns(self, data: Observations, log_velocity: float, log_exponent: float | None) -> Array:
-        """Columns of the natural force parameters at a given Stribeck velocity: for starting values."""
-        q = np.zeros(len(self.names))
-        if self.stribeck:
-            q[2] = log_velocity
-            if self.exponent is None:
-                q[3] = log_exponent if log_exponent is not None else np.log(2.0)
-        b_c, b_s, b_v = self.shape(data.speed_m_s, q)
-        gauges = self._pressures(data)
+    def linear_columns(self, data: Observations, log_velocities: Array, log_exponent: float | None) -> Array:
+        """Columns of the natural force parameters at given Stribeck velocities (g,), shape (g, n, p).
+
+        The Stribeck curve depends on v / vs alone, so that all velocities are one call of the core.
+        """
+        speed, count = data.speed_m_s, log_velocities.size
+        exponent = self.exponent or float(np.exp(np.log(2.0) if log_exponent is None else log_exponent))
+        shape = "lorentzian" if self.lorentzian else "free"
+        relative = (speed / np.exp(log_velocities)[:, None]).ravel() if self.stribeck else np.tile(speed, count)
+        b_c, b_s, _ = (b.reshape(count, -1) for b in columns(self.law, relative, 1.0, exponent, shape))
+        b_v = np.broadcast_to(columns(self.law, speed, 1.0, exponent, shape)[2], b_c.shape)
+        pressures = self._pressures(data)
         columns_of = {"coulomb": b_c, "breakaway": b_s, "viscous": b_v}
-        columns_of |= {f"coulomb_{c}": b_c * g for c, g in gauges.items()}
-        columns_of |= {f"breakaway_{c}": b_s * g for c, g in gauges.items()}
-        return np.column_stack([columns_of[n] for n in self.names if not n.startswith("stribeck_")])
+        columns_of |= {f"coulomb_{c}": b_c * g for c, g in pressures.items()}
+        columns_of |= {f"breakaway_{c}": b_s * g for c, g in pressures.items()}
+        return np.stack([columns_of[n] for n in self.names if not n.startswith("stribeck_")], axis=-1)
 
     def _pressures(self, data: Observations) -> dict[str, Array]:
         a, b = data.gauge_a_pa, data.gauge_b_pa

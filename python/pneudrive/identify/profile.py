@@ -57,16 +57,16 @@ def profile_intervals(
     slack = np.empty((velocities.size, exponents.size))
     low = dict.fromkeys(model.names, np.inf)
     high = dict.fromkeys(model.names, -np.inf)
-    for i, log_velocity in enumerate(velocities):
-        for j, log_exponent in enumerate(exponents):
-            cost, value, spread = _forces(model, data, y, linear, log_velocity, log_exponent)
-            slack[i, j] = best + allowed - cost
-            if slack[i, j] < 0.0:
-                continue
-            reach = np.sqrt(slack[i, j] * spread)
-            for k, name in enumerate(linear):
-                low[name] = min(low[name], value[k] - reach[k])
-                high[name] = max(high[name], value[k] + reach[k])
+    for j, log_exponent in enumerate(exponents):
+        cost, value, spread = _forces(model, data, y, linear, velocities, log_exponent)
+        slack[:, j] = best + allowed - cost
+        inside = slack[:, j] >= 0.0
+        if not inside.any():
+            continue
+        reach = np.sqrt(slack[inside, j, None] * spread[inside])
+        for k, name in enumerate(linear):
+            low[name] = min(low[name], float(np.min(value[inside, k] - reach[:, k])))
+            high[name] = max(high[name], float(np.max(value[inside, k] + reach[:, k])))
     if model.stribeck:
         low["stribeck_velocity"], high["stribeck_velocity"] = _crossings(velocities, slack.max(axis=1))
         if model.exponent is None:
@@ -112,45 +112,41 @@ def _grid(model: FrictionModel, data: Observations, found: Estimate, quantile: f
 
 
 def _forces(
-    model: FrictionModel,
-    data: Observations,
-    y: Array,
-    linear: list[str],
-    log_velocity: float,
-    log_exponent: float,
-) -> tuple[float, Array, Array]:
-    """Cost, forces and their unit variances of the linear problem; an excess below zero is held at zero."""
-    columns = model.linear_columns(data, log_velocity, log_exponent) / data.stderr_n[:, None]
+    model: FrictionModel, data: Observations, y: Array, linear: list[str], log_velocities: Array, log_exponent: float
+) -> tuple[Array, Array, Array]:
+    """Cost (g,), forces (g, p) and their unit variances (g, p) of the linear problem at each velocity.
+
+    An excess below zero is held at zero.
+    """
+    columns = model.linear_columns(data, log_velocities, log_exponent) / data.stderr_n[:, None]
     cost, value, spread = _least_squares(columns, y)
     if not model.stribeck:
         return cost, value, spread
     c, s = linear.index("coulomb"), linear.index("breakaway")
-    if value[s] >= value[c]:
-        return cost, value, spread
-    merged = columns.copy()
-    merged[:, c] += merged[:, s]
-    keep = [k for k in range(len(linear)) if k != s]
-    cost, part, part_spread = _least_squares(merged[:, keep], y)
-    value, spread = np.empty(len(linear)), np.empty(len(linear))
-    value[keep], spread[keep] = part, part_spread
-    value[s], spread[s] = value[c], spread[c]
+    below = value[:, s] < value[:, c]
+    if below.any():
+        merged = columns[below]
+        merged[..., c] += merged[..., s]
+        keep = np.delete(np.arange(len(linear)), s)
+        rows = np.flatnonzero(below)[:, None]
+        cost[below], value[rows, keep], spread[rows, keep] = _least_squares(merged[..., keep], y)
+        value[below, s], spread[below, s] = value[below, c], spread[below, c]
     return cost, value, spread
 
 
-def _least_squares(columns: Array, y: Array) -> tuple[float, Array, Array]:
-    """Linear least squares with infinite variance for what the columns do not determine."""
-    size = np.linalg.norm(columns, axis=0)
+def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Linear least squares, columns (g, n, p), with infinite variance for what the columns do not determine."""
+    size = np.linalg.norm(columns, axis=1)
     size[size == 0.0] = 1.0
-    u, singular, vt = np.linalg.svd(columns / size, full_matrices=False)
-    good = singular > SINGULAR_SHARE * singular[0]
-    inverse = np.zeros_like(singular)
-    inverse[good] = 1.0 / singular[good]
-    projected = u.T @ y
-    value = vt.T @ (inverse * projected) / size
-    spread = np.sum((vt.T * inverse) ** 2, axis=1) / size**2
-    lost = np.any(np.abs(vt[~good]) > 1e-3, axis=0) if (~good).any() else np.zeros(size.size, bool)
-    rest = y - u[:, good] @ projected[good]
-    return float(rest @ rest), value, np.where(lost, np.inf, spread)
+    u, singular, vt = np.linalg.svd(columns / size[:, None, :], full_matrices=False)
+    good = singular > SINGULAR_SHARE * singular[:, :1]
+    inverse = np.where(good, 1.0 / np.where(good, singular, 1.0), 0.0)
+    projected = np.einsum("gnk,n->gk", u, y)
+    value = np.einsum("gkp,gk->gp", vt, inverse * projected) / size
+    spread = np.einsum("gkp,gk->gp", vt**2, inverse**2) / size**2
+    lost = ((np.abs(vt) > 1e-3) & ~good[..., None]).any(axis=1)
+    rest = y - np.einsum("gnk,gk->gn", u, np.where(good, projected, 0.0))
+    return np.einsum("gn,gn->g", rest, rest), value, np.where(lost, np.inf, spread)
 
 
 def _close(

@@ -161,7 +161,7 @@ def _linear_start(
 ) -> tuple[float, Array]:
     from scipy.optimize import nnls
 
-    columns = model.linear_columns(data, log_velocity, log_exponent)
+    columns = model.linear_columns(data, np.array([log_velocity]), log_exponent)[0]
     names = [n for n in model.names if not n.startswith("stribeck_")]
     if model.stribeck:  # from (Fc, Fs) to (Fc, Fs - Fc), both not negative
         columns[:, 0] += columns[:, 1]
