@@ -63,18 +63,30 @@ class Bristles:
             factor *= self.direction["negative" if v < 0.0 else "positive"]
         return factor
 
-    def level(self, x: float, v: float, p_a: float, p_b: float, age: float) -> float:
-        """Return g, the level of sliding without its viscous part, N."""
+    def levels(self, x: float, v: float, p_a: float, p_b: float, age: float) -> tuple[float, float, float]:
+        """Return g, the level of sliding without its viscous part, its limit for v -> 0, and the part of age, N."""
         law, gauge_a, gauge_b = self.parameters, p_a - self.p_amb, p_b - self.p_amb
         coulomb, breakaway = law["coulomb"], law["breakaway"]
         if self.pressure:
             coulomb += self.pressure["coulomb_a"] * gauge_a + self.pressure["coulomb_b"] * gauge_b
             breakaway += self.pressure["breakaway_a"] * gauge_a + self.pressure["breakaway_b"] * gauge_b
         ratio = abs(v / law["stribeck_velocity"]) ** law["stribeck_exponent"]
-        level = self.factor(x, v) * (coulomb + (breakaway - coulomb) * math.exp(-ratio))
-        if self.side_load:
-            level += self.side_load["coefficient"] * abs(self.side_load["force_n"])
-        return level + (self.increment(age, gauge_a, gauge_b) if self.dwell else 0.0)
+        more = self.side_load["coefficient"] * abs(self.side_load["force_n"]) if self.side_load else 0.0
+        aged = self.increment(age, gauge_a, gauge_b) if self.dwell else 0.0
+        factor = self.factor(x, v)
+        level = factor * (coulomb + (breakaway - coulomb) * math.exp(-ratio))
+        return level + more + aged, factor * breakaway + more + aged, aged
+
+    def ageing(self, age: float, v: float, slip: float, aged_share: float) -> float:
+        """Return the rate of the age: an old contact grows younger only where nearly all of the motion is slip."""
+        balance = 1.0 - age * abs(slip) / self.dwell["distance_m"]
+        if balance >= 0.0:
+            return balance
+        missing, allowed = 1.0 - slip / v, max(0.04 * aged_share, 1e-3)
+        if missing >= allowed:
+            return 0.0
+        whole = 1.0 - max(missing, 0.0) / allowed
+        return balance * (3.0 * whole**2 - 2.0 * whole**3)
 
     # -- bristles -----------------------------------------------------------------------------
     def slip(self, v: float, z: float, level: float) -> float:
@@ -93,7 +105,7 @@ class Bristles:
     def __call__(self, x: float, v: float, p_a: float, p_b: float, inner: list[float]) -> tuple[float, list[float]]:
         """Return the friction force, N, and the rates of the inner states."""
         law, at = self.parameters, dict(zip(self.states, inner, strict=True))
-        level = self.level(x, v, p_a, p_b, at.get("age", 0.0))
+        level, breakaway, aged = self.levels(x, v, p_a, p_b, at.get("age", 0.0))
         z, d = at["deflection"], at.get("relaxed", 0.0)
         seen = z - (self.relaxation["share"] * d if self.relaxation else 0.0)
         slip = self.slip(v, seen, level)
@@ -108,5 +120,5 @@ class Bristles:
             leaving = sign * max(0.0, sign * renewed - max(sign * yielding, 0.0))
             rates = [v - slip - self.relaxation["share"] * leaving, yielding - renewed]
         if self.dwell:
-            rates.append(1.0 - at["age"] * abs(slip) / self.dwell["distance_m"])
+            rates.append(self.ageing(at["age"], v, slip, aged / breakaway))
         return force, rates

@@ -1,6 +1,5 @@
 use super::{
-    AnyLaw, At, Direction, Dwell, InnerState, Levels, Position, Relaxation, SealLips, SideLoad, dwell,
-    relaxation,
+    AnyLaw, At, Direction, Dwell, InnerState, Levels, Position, Relaxation, SealLips, SideLoad, relaxation,
 };
 use math::{Lane, Over, Real};
 
@@ -154,36 +153,35 @@ impl<P: Real> Contact<P> {
         let Some(composition) = &self.composition else {
             return self.law.force(at, &self.seals(at), inner, rates, mode);
         };
-        let levels = self.levels(at, inner, mode);
+        let young = self.levels_but_age(at, mode);
+        let increment = self.increment(at, inner);
+        let levels = young.plus(increment);
         let n = self.law.states().len();
         let (dz, more) = rates.split_at_mut(n);
-        let Some(relaxation) = &composition.relaxation else {
-            let force = self.law.force(at, &levels, &inner[..n], dz, mode);
-            self.age(at, inner, dz, more);
-            return force;
-        };
-        let (z, d) = (inner[0], inner[n]);
-        let force = self.law.force(at, &levels, &[relaxation.seen(z, d)], dz, mode);
-        self.age(at, inner, dz, more);
-        [dz[0], more[0]] = relaxation.rates(at, z, d, dz[0]);
+        let seen = composition.relaxation.as_ref().map(|relaxation| [relaxation.seen(inner[0], inner[n])]);
+        let force = self.law.force(at, &levels, seen.as_ref().map_or(&inner[..n], |s| s), dz, mode);
+        if let (Some(dwell), [.., age], [.., rate]) = (&composition.dwell, inner, &mut *more) {
+            let share = increment / levels.breakaway;
+            *rate = dwell.rate(*age, at.v, self.law.slip(at.v, dz), share);
+        }
+        if let Some(relaxation) = &composition.relaxation {
+            [dz[0], more[0]] = relaxation.rates(at, inner[0], inner[n], dz[0]);
+        }
         force
     }
 
-    /// The rate of the age, where there is one, into the last of `more`; `dz` as the law gave it.
+    /// What the age of the contact adds to Fc and Fs, N.
     #[inline(always)]
-    fn age<S: Over<P>>(&self, at: &At<S>, inner: &[S], dz: &[S], more: &mut [S]) {
-        if let (Some(dwell), [.., age], [.., rate]) = (self.dwell(), inner, more) {
-            *rate = dwell.rate(*age, self.law.slip(at.v, dz));
+    fn increment<S: Over<P>>(&self, at: &At<S>, inner: &[S]) -> S {
+        match (self.dwell(), inner) {
+            (Some(dwell), [.., age]) => dwell.increment(at, *age),
+            _ => S::zero(),
         }
     }
 
     /// Fc and Fs with all that acts on them.
     pub fn levels<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> Levels<S> {
-        let levels = self.levels_but_age(at, mode);
-        match (self.dwell(), inner) {
-            (Some(dwell), [.., age]) => levels.plus(dwell.increment(at, *age)),
-            _ => levels,
-        }
+        self.levels_but_age(at, mode).plus(self.increment(at, inner))
     }
 
     fn levels_but_age<S: Over<P>>(&self, at: &At<S>, mode: P) -> Levels<S> {
@@ -269,8 +267,7 @@ impl Contact<f64> {
                 levels.breakaway, levels.coulomb
             )
         });
-        let lost = self.lost_age(&ats[0]);
-        of_law.into_iter().chain(inverted).chain(lost).collect()
+        of_law.into_iter().chain(inverted).collect()
     }
 
     /// The levels furthest apart from each other that this contact can have at these pressures.
@@ -287,23 +284,5 @@ impl Contact<f64> {
             Levels { breakaway: levels.breakaway + aged, ..levels }
         });
         levels.collect()
-    }
-
-    /// Bristles that slip from the first load on renew the contact before it breaks away.
-    fn lost_age(&self, at: &At<f64>) -> Option<String> {
-        let dwell = self.dwell().filter(|_| self.law.meta().creeps)?;
-        let stiffness = 2.0 * self.law.stored(&[1.0]);
-        let needed = dwell::CREEP_RANGE * self.seals(at).breakaway / stiffness;
-        (dwell.distance < needed).then(|| {
-            format!(
-                "law \"{}\" slips while it is loaded, so that the age of the contact is lost before breakaway: \
-                 friction.dwell.distance = {:.3} mm is below {:.3} mm ({} breakaway/bristle_stiffness); \
-                 law = \"elasto-plastic\" keeps it",
-                self.law.meta().key,
-                1e3 * dwell.distance,
-                1e3 * needed,
-                dwell::CREEP_RANGE
-            )
-        })
     }
 }

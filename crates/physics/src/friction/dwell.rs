@@ -45,9 +45,12 @@ const FAST: f64 = 1.0;
 /// The longest stop that warnings think of, s: a day.
 pub(super) const LONGEST_STOP: f64 = 86_400.0;
 
-/// Times Fs/sigma0: the slip of bristles that creep while a load builds up to breakaway, from which on a
-/// distance L keeps nearly all of the age.
-pub(super) const CREEP_RANGE: f64 = 10.0;
+/// What bristles may still lack of their limit when the contact breaks away, as a share of the increment: the
+/// peak loses less than this of it. Assumed; a smaller one makes flatter peaks.
+const LACKING: f64 = 0.04;
+
+/// The least of that, as a share of the limit: so that small increments do not make a kink.
+const LEAST_LACKING: f64 = 1e-3;
 
 /// Sliding slower than this, m/s, ages like this: a contact of a million years.
 const SLOWEST: f64 = 1e-18;
@@ -55,14 +58,17 @@ const SLOWEST: f64 = 1e-18;
 crate::parameters! {
     /// Friction that grows with the age of the contact (dwell), on any law:
     ///
-    ///   dphi/dt = 1 - phi |w| / L          age of the contact                 s
+    ///   dphi/dt = (1 - phi |w|/L) r        age of the contact                 s
     ///   Fd = b0 (1 + b_a (p_a - p_amb) + b_b (p_b - p_amb)) Psi(phi)          [N], added to Fc and Fs
+    ///   r = 1 while phi |w| < L; else from 0 to 1 (a smooth step) as w/v goes from 1 - e to 1,
+    ///   e = max(0.04 Fd/Fs, 0.001), with the Fs that holds at that age
     ///
     /// w is the plastic slip rate (v - dz/dt for bristles, v for a law that sticks exactly), so that the
-    /// elastic motion before breakaway renews nothing. In a stop phi grows as time; in steady sliding
-    /// phi = L/|v|. The stiffness of bristles does not depend on phi: their store stays that of the
-    /// law, and so does passivity, with Fs + Fd as breakaway force. Source: [dieterich1979] for phi;
-    /// for Psi see [`Growth`].
+    /// elastic motion before breakaway renews nothing. Nor does the creep of bristles that have not reached
+    /// their limit: it stops the ageing, but only slip of the whole contact (w = v) makes it younger. In a
+    /// stop phi grows as time; in steady sliding phi = L/|v|. The stiffness of bristles does not depend on
+    /// phi: their store stays that of the law, and so does passivity, with Fs + Fd as breakaway force.
+    /// Source: [dieterich1979] for phi; r is assumed (docs/theory/friction.md); for Psi see [`Growth`].
     pub struct Dwell {
         /// Increment b0
         increment: "N", at_least(0.0);
@@ -138,10 +144,15 @@ impl<P: Real> Dwell<P> {
         S::from(self.increment) * (S::one() + pressed).max(S::zero()) * self.growth(age)
     }
 
-    /// dphi/dt for the plastic slip rate w.
+    /// dphi/dt for the plastic slip rate w, and the share that the increment has of the breakaway force.
     #[inline(always)]
-    pub fn rate<S: Over<P>>(&self, age: S, slip: S) -> S {
-        S::one() - age * slip.abs() / S::from(self.distance)
+    pub fn rate<S: Over<P>>(&self, age: S, v: S, slip: S, share: S) -> S {
+        let o = S::one();
+        let left = o - age * slip.abs() / S::from(self.distance);
+        let forwards = S::select(v.lt(S::zero()), -slip, slip) / v.abs().max(S::c(SLOWEST));
+        let lacking = (S::c(LACKING) * share).max(S::c(LEAST_LACKING));
+        let way = (o - (o - forwards) / lacking).max(S::zero()).min(o);
+        left * S::select(left.lt(S::zero()), way * way * (S::c(3.0) - way - way), o)
     }
 
     /// Age in steady sliding at velocity v, s.

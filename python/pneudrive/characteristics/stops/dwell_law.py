@@ -37,7 +37,7 @@ SAME_PRESSURE_PA = 100.0
 LONG_S = 1000.0
 #: Share of a law's growth that the peak loses where the contact creeps before it breaks away, in simulated
 #: elasto-plastic contacts (synthetic).
-PEAK_LOSS = "a tenth to a fifth"
+PEAK_LOSS = "2 to 3 %"
 RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
 
@@ -365,8 +365,8 @@ def _plain_statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]
     out += _confounding(series)
     text = (
         "The increment is that of the force's peak. Where the contact creeps before it breaks away, the peak shows "
-        f"less than the law of the contact itself has gained ({PEAK_LOSS} in simulated elasto-plastic contacts): for "
-        "a simulation, fit the law's amplitude on simulated breakaways."
+        f"less than the law of the contact itself has gained ({PEAK_LOSS} of it in simulated elasto-plastic contacts, "
+        "synthetic; a real contact may lose more)."
     )
     out.append(Statement("stops", text))
     return out
