@@ -82,7 +82,7 @@ class Bristles:
         balance = 1.0 - age * abs(slip) / self.dwell["distance_m"]
         if balance >= 0.0:
             return balance
-        missing, allowed = 1.0 - slip / v, max(0.04 * aged_share, 1e-3)
+        missing, allowed = 1.0 - slip / v, max(0.04 * aged_share, 1.5e-3)
         if missing >= allowed:
             return 0.0
         whole = 1.0 - max(missing, 0.0) / allowed

@@ -50,7 +50,7 @@ pub(super) const LONGEST_STOP: f64 = 86_400.0;
 const LACKING: f64 = 0.04;
 
 /// The least of that, as a share of the limit: so that small increments do not make a kink.
-const LEAST_LACKING: f64 = 1e-3;
+const LEAST_LACKING: f64 = 1.5e-3;
 
 /// Sliding slower than this, m/s, ages like this: a contact of a million years.
 const SLOWEST: f64 = 1e-18;
@@ -61,7 +61,7 @@ crate::parameters! {
     ///   dphi/dt = (1 - phi |w|/L) r        age of the contact                 s
     ///   Fd = b0 (1 + b_a (p_a - p_amb) + b_b (p_b - p_amb)) Psi(phi)          [N], added to Fc and Fs
     ///   r = 1 while phi |w| < L; else from 0 to 1 (a smooth step) as w/v goes from 1 - e to 1,
-    ///   e = max(0.04 Fd/Fs, 0.001), with the Fs that holds at that age
+    ///   e = max(0.04 Fd/Fs, 0.0015), with the Fs that holds at that age
     ///
     /// w is the plastic slip rate (v - dz/dt for bristles, v for a law that sticks exactly), so that the
     /// elastic motion before breakaway renews nothing. Nor does the creep of bristles that have not reached

@@ -37,7 +37,7 @@ SAME_PRESSURE_PA = 100.0
 LONG_S = 1000.0
 #: Share of a law's growth that the peak loses where the contact creeps before it breaks away, in simulated
 #: elasto-plastic contacts (synthetic).
-PEAK_LOSS = "2 to 3 %"
+PEAK_LOSS = "2 to 4 %"
 RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
 
