@@ -39,6 +39,10 @@ MEANING: dict[str, tuple[str, str, str]] = {
     "bristle_deflection_m": ("bristle_deflection", "m", "mean bristle deflection"),
     "relaxed_deflection_m": ("relaxed_deflection", "m", "part of the bristle deflection that has relaxed"),
     "contact_age_s": ("contact_age", "s", "age of the contact"),
+    "presliding_deflection_m": ("presliding_deflection", "m", "deflection of the presliding spring"),
+    "remembered_velocity_m_s": ("remembered_velocity", "m/s", "velocity that friction remembers"),
+    "stop_time_s": ("stop_time", "s", "length of the present stop, nought in slip"),
+    "lost_share": ("lost_share", "1", "share of breakaway above Coulomb force that was lost as stop or slip began"),
 }
 _SUFFIXES = {
     "_kg_s": "kg/s",

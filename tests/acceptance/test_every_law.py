@@ -4,10 +4,13 @@ A new law takes the values of `VALUES` where its parameters have these names; a 
 """
 
 import math
+from pathlib import Path
 
+import polars as pl
 import pytest
 
 import pneudrive as pn
+from pneudrive.cli.main import run
 from pneudrive.describe.friction import friction_laws
 
 VALUES = {
@@ -34,17 +37,48 @@ def with_law(law):
 
 @pytest.mark.parametrize("law", friction_laws())
 def test_it_moves_and_its_energy_is_accounted_for(law):
-    run = pn.simulate(with_law(law), "0 s: 0.3, 0.6 s: -0.2, 1.2 s: 0.02, 1.8 s: 0", "2.5 s", ledger=True)
-    assert float(run.velocity.max()) > 0.1
-    assert float(run.velocity.min()) < -0.1
-    ledger = run.attrs["ledger"]
+    out = pn.simulate(with_law(law), "0 s: 0.3, 0.6 s: -0.2, 1.2 s: 0.02, 1.8 s: 0", "2.5 s", ledger=True)
+    assert float(out.velocity.max()) > 0.1
+    assert float(out.velocity.min()) < -0.1
+    ledger = out.attrs["ledger"]
     assert abs(ledger["energy_error"]) < 1e-6
     assert abs(ledger["mass_error"]) < 1e-12
     assert ledger["least_entropy_production_j_k"] > -1e-9, "friction never cools"
 
 
 @pytest.mark.parametrize("law", friction_laws())
+def test_it_runs_from_a_drive_file(law, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("drive.toml").write_text(with_law(law).to_toml())
+    assert run(["simulate", "drive.toml", "--command", "0 s: 0.5", "--duration", "0.2 s", "--out", "run.parquet"]) == 0
+    assert "warning" not in capsys.readouterr().err
+    table = pl.read_parquet("run.parquet")
+    assert table["position_m"][-1] > table["position_m"][0] + 0.01
+    assert {name for name in table.columns if name in friction_laws()[law]["states"]} == set(
+        friction_laws()[law]["states"]
+    )
+
+
+NOT_SOUND = {
+    "lugre": ({"bristle_damping": "1000 N s/m", "viscous": "0 N s/m"}, "not passive"),
+    "elasto-plastic": ({"bristle_damping": "1000 N s/m", "viscous": "0 N s/m"}, "not passive"),
+    "karnopp": ({"dead_zone": "30 mm/s"}, "stribeck_velocity"),
+}
+
+
+@pytest.mark.parametrize("law", NOT_SOUND)
+def test_a_set_that_is_not_sound_runs_with_a_warning(law, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    changes, expected = NOT_SOUND[law]
+    friction = with_law(law).friction.to_dict() | changes
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": friction})
+    Path("drive.toml").write_text(drive.to_toml())
+    assert run(["simulate", "drive.toml", "--command", "0 s: 0.5", "--duration", "0.01 s"]) == 0
+    assert expected in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("law", friction_laws())
 def test_at_rest_it_stays_at_rest(law):
-    run = pn.simulate(with_law(law), "0 s: 0", "20 s", sample_rate="10 Hz")
-    position = run.position.to_numpy()
+    out = pn.simulate(with_law(law), "0 s: 0", "20 s", sample_rate="10 Hz")
+    position = out.position.to_numpy()
     assert math.isclose(position.min(), position.max(), rel_tol=0, abs_tol=1e-12)

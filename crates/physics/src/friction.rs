@@ -206,6 +206,11 @@ pub trait Law<P: Real> {
         v
     }
 
+    /// Whether a mass that is set going with these inner states slips, and does not move elastically in stick.
+    fn slips_at(&self, at: &At<P>, _levels: &Levels<P>, _z: &[P]) -> P::Mask {
+        P::zero().lt(at.v.abs())
+    }
+
     /// Positive while the mode holds, with inner states `z`.
     fn event<S: Over<P>>(&self, _at: &At<S>, _levels: &Levels<S>, _z: &[S], _mode: P) -> S {
         S::one()
@@ -375,6 +380,9 @@ macro_rules! laws {
             #[inline(always)]
             pub fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.slip(v, dz),)* AnyLaw::Formula(law) => law.slip(v, dz) }
+            }
+            pub fn slips_at(&self, at: &At<P>, levels: &Levels<P>, z: &[P]) -> P::Mask {
+                match self { $(AnyLaw::$name(law) => law.slips_at(at, levels, z),)* }
             }
             pub fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], mode: P) -> S {
                 match self { $(AnyLaw::$name(law) => law.event(at, levels, z, mode),)* AnyLaw::Formula(_) => S::one() }

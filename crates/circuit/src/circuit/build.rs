@@ -292,12 +292,9 @@ impl<R: Lane> Circuit<R> {
         self.evaluate(y, &mut net);
         for &mover in &self.topology.clone().sticking {
             let (place, axis, inner) = self.mover_mut(mover);
-            let v = y[place.first + 1].get(0);
             let z = &mut y[place.first + inner..place.first + place.count];
-            // A law that lets the mass move in stick slips only once it has to.
-            let sticks = v == 0.0 || !axis.stops();
-            axis.mode = R::c(if sticks { 0.0 } else { v.signum() });
-            if sticks && axis.event(z, &net).get(0) < 0.0 {
+            axis.mode = axis.first_mode(z, &net);
+            if axis.mode.get(0) == 0.0 && axis.event(z, &net).get(0) < 0.0 {
                 axis.switch(0, z, &net);
             }
             if axis.stops() && axis.mode.get(0) == 0.0 {

@@ -150,6 +150,12 @@ impl<P: Real> Axis<P> {
 }
 
 impl<R: Lane> Axis<R> {
+    /// The mode at these nodes, with inner states `z`, where none is known yet.
+    pub(crate) fn first_mode(&self, z: &[R], net: &Net<R>) -> R {
+        let contact = self.friction.as_ref().expect("an axis with events has a law");
+        contact.first_mode(&at(&net.axis[self.node]), z)
+    }
+
     /// Sets one lane's mode after its event, and its inner states that remember events; the kinetic energy,
     /// J, that friction takes where the event leaves the mass at rest.
     pub(crate) fn switch(&mut self, lane: usize, z: &mut [R], net: &Net<R>) -> f64 {

@@ -13,7 +13,8 @@ crate::parameters! {
     ///   tau du/dt = v - u                                 frictional memory
     ///
     /// At the beginning of a stop t = 0, and l becomes the share of Fs - Fc that G lacks then: E goes on from the value of the
-    /// arrival, Ea = G - Fc, as Ea + (Fs - Fc - Ea) t/(t + gamma). A drive begins well rested, l = 0. While it slips, E stays.
+    /// arrival, Ea = G - Fc, as Ea + (Fs - Fc - Ea) t/(t + gamma). While it slips, E stays (as t = 0 and l that of the breakaway,
+    /// so that t > 0 says that it sticks). A drive begins well rested, l = 0.
     ///
     /// Three choices where the source leaves one or cannot be a differential equation: (1) its u is v delayed by tau; here it
     /// is a first-order lag of the same time constant: at the frequency w its phase is -atan(w tau) in place of -w tau and its
@@ -105,6 +106,11 @@ impl<P: Real> Law<P> for Armstrong<P> {
         v - dz[Z]
     }
 
+    fn slips_at(&self, at: &At<P>, _levels: &Levels<P>, z: &[P]) -> P::Mask {
+        let standing = P::select(P::zero().lt(z[T]), P::zero(), at.v.abs());
+        P::zero().lt(standing)
+    }
+
     fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], mode: P) -> S {
         let elastic = S::from(self.bristle_stiffness) * z[Z];
         let loading = S::select(elastic.lt(S::zero()), -at.v, at.v);
@@ -115,9 +121,8 @@ impl<P: Real> Law<P> for Armstrong<P> {
 
     fn next_mode(&self, mode: P, _at: &At<P>, _levels: &Levels<P>, z: &mut [P]) -> P {
         let (stick, way) = (dry::is_stick(mode), P::select(z[Z].lt(P::zero()), -P::one(), P::one()));
-        let lost = P::one() - self.rested(z) * self.weight(z[U]);
-        z[L] = P::select(stick, z[L], lost);
-        z[T] = P::select(stick, z[T], P::zero());
+        let there = self.rested(z) * P::select(stick, P::one(), self.weight(z[U]));
+        (z[T], z[L]) = (P::zero(), P::one() - there);
         P::select(stick, way, P::zero())
     }
 

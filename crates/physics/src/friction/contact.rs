@@ -206,6 +206,14 @@ impl<P: Real> Contact<P> {
         self.law.event(at, &self.levels(at, inner, mode), own, mode)
     }
 
+    /// The mode of a mass that is set going at this velocity with these inner states.
+    pub fn first_mode(&self, at: &At<P>, inner: &[P]) -> P {
+        let way = P::select(at.v.lt(P::zero()), -P::one(), P::one());
+        let levels = self.levels(at, inner, way);
+        let slips = self.law.slips_at(at, &levels, &inner[..self.law.states().len()]);
+        P::select(slips, way, P::zero())
+    }
+
     /// The mode after an event of `mode`; changes the inner states that remember events.
     pub fn next_mode(&self, mode: P, at: &At<P>, inner: &mut [P]) -> P {
         // For the law in stick: what decides is which way the applied force would move the mass.

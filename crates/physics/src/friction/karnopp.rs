@@ -25,7 +25,14 @@ impl Karnopp<f64> {
     }
 
     pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
-        None
+        (self.dead_zone >= self.stribeck_velocity).then(|| {
+            format!(
+                "friction.dead_zone = {} mm/s is not below friction.stribeck_velocity = {} mm/s: the Stribeck curve lies \
+                 in the band that counts as rest; a hundredth of it keeps the curve, law = \"stribeck\" needs no band",
+                1e3 * self.dead_zone,
+                1e3 * self.stribeck_velocity
+            )
+        })
     }
 }
 
