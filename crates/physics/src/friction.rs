@@ -382,7 +382,7 @@ macro_rules! laws {
                 match self { $(AnyLaw::$name(law) => law.slip(v, dz),)* AnyLaw::Formula(law) => law.slip(v, dz) }
             }
             pub fn slips_at(&self, at: &At<P>, levels: &Levels<P>, z: &[P]) -> P::Mask {
-                match self { $(AnyLaw::$name(law) => law.slips_at(at, levels, z),)* }
+                match self { $(AnyLaw::$name(law) => law.slips_at(at, levels, z),)* AnyLaw::Formula(_) => P::zero().lt(at.v.abs()) }
             }
             pub fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], mode: P) -> S {
                 match self { $(AnyLaw::$name(law) => law.event(at, levels, z, mode),)* AnyLaw::Formula(_) => S::one() }
