@@ -174,10 +174,10 @@ def _remarks(support: Support) -> list[str]:
             "as many values as parameters: the intervals rest on the stated standard errors alone, and a further run "
             "may lie far outside them"
         )
-    if support.found.starts > 1 and support.found.agreeing == 1:
+    if np.isfinite(support.found.rival):
         said.append(
-            f"only one of {support.found.starts} starts ended at the best estimate: others may lie nearby; "
-            "look at the intervals, not at the values"
+            f"another estimate, with a Stribeck velocity of {1e3 * support.found.rival:.3g} mm/s, fits hardly worse: "
+            "the intervals cover both"
         )
     return said
 

@@ -28,8 +28,10 @@ MAX_ROUNDS = 20
 EXPONENT_STARTS = (1.0, 1.5, 2.0)
 STARTS_PER_DECADE = 8
 KEPT_STARTS = 3
-#: Starts whose costs differ by less than this share ended at the same estimate.
-SAME_COST = 1e-6
+#: Starts with ln vs nearer than this ended at the same estimate.
+SAME_VELOCITY = 0.05
+#: An estimate is hardly worse than another if its cost, half the deviance, is within this (p = 0.05 for one parameter).
+HARDLY_WORSE = 1.92
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,9 @@ class Estimate:
         Sum of the loss at `scale`.
     starts, agreeing : int
         Starting points, and how many of them ended at this estimate.
+    rival : float
+        Stribeck velocity of another estimate that is hardly worse, by less than chance makes in one case of 20, m/s;
+        NaN where there is none.
     """
 
     q: Array
@@ -70,6 +75,7 @@ class Estimate:
     cost: float
     starts: int = 1
     agreeing: int = 1
+    rival: float = float("nan")
 
 
 def estimate(
@@ -102,7 +108,7 @@ def estimate(
         near = estimate(model, data, fixed_scale=fixed_scale, start=start)
         q = _polish(model, data, near.q, LOSSES[loss], near.scale)[0]
         found = _describe(model, data, q, near.scale, LOSSES[loss], fixed_scale)
-        return replace(found, starts=near.starts, agreeing=near.agreeing)
+        return replace(found, starts=near.starts, agreeing=near.agreeing, rival=near.rival)
     kind = LINEAR if loss == "linear" else LOSSES[loss]
     dof = _freedom(model, data)
     floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
@@ -110,7 +116,13 @@ def estimate(
     scale = 1.0 if fixed_scale else max(_mad(_residual(model, starts[0], data), dof), floor)
     candidates = [_polish(model, data, q, kind, scale) for q in starts]
     q, best = min(candidates, key=lambda c: c[1])
-    agreeing = sum(cost <= best * (1.0 + SAME_COST) + SAME_COST * floor**2 for _, cost in candidates)
+    near = [c for c in candidates if c[1] <= best + HARDLY_WORSE * scale**2]
+    others = [c[0] for c in near if model.stribeck and abs(c[0][2] - q[2]) > SAME_VELOCITY]
+    told = {
+        "starts": len(starts),
+        "agreeing": len(near) - len(others),
+        "rival": float(np.exp(others[0][2])) if others else float("nan"),
+    }
     for _ in range(0 if fixed_scale else MAX_ROUNDS):
         updated = max(proposal_2(_residual(model, q, data), scale, dof, kind.tuning), floor)
         done = abs(updated / scale - 1.0) < 1e-6
@@ -119,7 +131,7 @@ def estimate(
             break
         q = _polish(model, data, q, kind, scale)[0]
     found = _describe(model, data, q, scale, kind, fixed_scale)
-    return replace(found, starts=len(starts), agreeing=agreeing)
+    return replace(found, **told)
 
 
 def _freedom(model: FrictionModel, data: Observations) -> int:

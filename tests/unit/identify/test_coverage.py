@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from oracle.cramer_rao import half_widths
+from oracle.fit_coverage import CASES as COVERED
+from oracle.fit_coverage import coverage
 from pneudrive import _core
 from pneudrive.identify import fit_friction
 
@@ -49,16 +51,10 @@ def test_intervals_hold_the_truth_as_often_as_stated(make_map, truth, case):
         assert np.median(half_width[name]) <= 1.5 * least, name
 
 
-def test_free_exponent_holds_its_truth(make_map, truth):
-    speed = np.geomspace(1e-3, 0.45, 24)
-    exact = _core.steady_friction("stribeck", truth | {"stribeck_exponent": 1.5}, speed, 0.0, 0.0)
-    inside = 0
-    for seed in range(30):
-        rng = np.random.default_rng([7, seed])
-        noisy = make_map(speed, exact + 0.3 * rng.standard_normal(24), 0.3)
-        low, high = fit_friction(noisy, stribeck_exponent=None).intervals["stribeck_exponent"]
-        inside += low <= 1.5 <= high
-    assert 25 <= inside <= 30
+def test_free_exponent_holds_its_truth():
+    """The bar is 92 to 98 % of 1000 runs (``python -m oracle.fit_coverage``); of 120 at 95 % these are 107 to 120."""
+    for name, share in coverage(COVERED["exponent free"], 120).items():
+        assert 107 / 120 <= share <= 1.0, name
 
 
 def test_prediction_holds_the_truth_as_often_as_stated(make_map, truth):
