@@ -11,7 +11,7 @@ from pneudrive.errors import FitError
 
 
 def test_hyperbolic_law_of_a_known_time_has_its_known_support():
-    """A + B t/(t + c): at c and at both ends, seen in u = t/(t + c) the middle of its range (a Michaelis-Menten law)."""
+    """The law a + B t/(t + c): at both ends and, in u = t/(t + c), in their middle."""
     c, low, high = 5.0, 0.1, 1000.0
     plan = design_stops("hyperbolic", c, stops=12, range_s=(low, high), factor=1.0)
     share = np.array([low, high]) / (np.array([low, high]) + c)
