@@ -90,7 +90,7 @@ class Drive:
         starts: Sequence[int],
         initial: NDArray[float64],
         parameters: Sequence[str],
-        with_initial: bool,
+        with_initial: bool | Sequence[int],
         outputs: Sequence[str],
         rtol: float,
         threads: int = 2,

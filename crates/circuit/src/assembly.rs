@@ -12,4 +12,4 @@ pub use drive::{Drive, Servo};
 pub use friction::{friction_law, steady_sensitivity};
 pub use own_law::own_law;
 pub use rig::{End, Motion, Rig, Start};
-pub use shoot::{DIRECTIONS, Shooting, Shot};
+pub use shoot::{ByStart, DIRECTIONS, Shooting, Shot};

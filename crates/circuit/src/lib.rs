@@ -14,8 +14,8 @@ mod run;
 pub mod specification;
 
 pub use assembly::{
-    ALONG, DIRECTIONS, Drive, End, Motion, Record, Restart, Rig, Servo, Shooting, Shot, Start, friction_law,
-    own_law, steady_sensitivity,
+    ALONG, ByStart, DIRECTIONS, Drive, End, Motion, Record, Restart, Rig, Servo, Shooting, Shot, Start,
+    friction_law, own_law, steady_sensitivity,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
 pub use ledger::{Balance, Channel, Kind, balance};

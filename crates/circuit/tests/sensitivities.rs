@@ -26,7 +26,7 @@ fn asked(seconds: f64, inner: &[f64], parameters: &[&str], with_initial: bool) -
         starts: vec![0],
         initial: START.iter().chain(inner).copied().collect(),
         parameters: parameters.iter().map(ToString::to_string).collect(),
-        with_initial,
+        with_initial: with_initial.into(),
         outputs: OUTPUTS.iter().map(ToString::to_string).collect(),
         options: support::options(1e-6),
         threads: 2,
@@ -44,7 +44,7 @@ fn shoot(description: &Value, asked: &Shooting) -> Shot {
 /// Central differences of the plain run by the number at `path`, Richardson's extrapolation of two steps.
 fn differences(description: &Value, asked: &Shooting, path: &str, step: f64) -> Vec<f64> {
     let pointer = format!("/{}", path.replace('.', "/"));
-    let plain = Shooting { parameters: Vec::new(), with_initial: false, ..asked.clone() };
+    let plain = Shooting { parameters: Vec::new(), with_initial: false.into(), ..asked.clone() };
     let at = |change: f64| {
         let mut changed = description.clone();
         let number = changed.pointer_mut(&pointer).expect("a number");
@@ -91,7 +91,7 @@ fn derivatives_are_those_of_the_discrete_solution() {
     ];
     let asked = asked(0.3, &[1e-6], &paths, true);
     let shot = shoot(&description, &asked);
-    let plain = Shooting { parameters: Vec::new(), with_initial: false, ..asked.clone() };
+    let plain = Shooting { parameters: Vec::new(), with_initial: false.into(), ..asked.clone() };
     let values = shoot(&description, &plain);
     assert_eq!(support::bits(&shot.values), support::bits(&values.values));
     assert_eq!(support::bits(&shot.ends), support::bits(&values.ends));

@@ -1,8 +1,8 @@
 //! The seam to Python: conversion and error mapping, nothing else.
 
 use circuit::{
-    ALONG, Balance, Drive, Error, Kind, Motion, Record, Restart, Rig, Run, Servo, Shooting, Shot, Start,
-    friction_law, own_law, specification, steady_sensitivity,
+    ALONG, Balance, ByStart, Drive, Error, Kind, Motion, Record, Restart, Rig, Run, Servo, Shooting, Shot,
+    Start, friction_law, own_law, specification, steady_sensitivity,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::{Options, Statistics};
@@ -299,7 +299,7 @@ impl PyDrive {
         starts: Vec<usize>,
         initial: PyReadonlyArray2<'py, f64>,
         parameters: Vec<String>,
-        with_initial: bool,
+        with_initial: WithInitial,
         outputs: Vec<String>,
         rtol: f64,
         threads: usize,
@@ -311,7 +311,10 @@ impl PyDrive {
             starts,
             initial: initial.as_array().iter().copied().collect(),
             parameters,
-            with_initial,
+            with_initial: match with_initial {
+                WithInitial::All(all) => all.into(),
+                WithInitial::Of(places) => ByStart::Of(places),
+            },
             outputs,
             options: options(rtol),
             threads,
@@ -369,6 +372,13 @@ fn initial_state(initial: &Bound<'_, PyDict>) -> PyResult<specification::Initial
         temperature_b_k: value("temperature_b_k")?,
         contact_age_s: initial.get_item("contact_age_s")?.map_or(Ok(0.0), |age| age.extract())?,
     })
+}
+
+/// Whether to differentiate by the starts, or by which of their numbers.
+#[derive(FromPyObject)]
+enum WithInitial {
+    All(bool),
+    Of(Vec<usize>),
 }
 
 /// A friction rig, assembled from its description in SI (JSON).

@@ -22,6 +22,34 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Stack of a thread, bytes: numbers with derivatives of derivatives are large.
 const STACK: usize = 16 << 20;
 
+/// By which numbers of the starts to differentiate.
+#[derive(Clone, Debug)]
+pub enum ByStart {
+    None,
+    All,
+    /// These, by their place in [`Drive::start_names`].
+    Of(Vec<usize>),
+}
+
+impl From<bool> for ByStart {
+    fn from(all: bool) -> Self {
+        if all { ByStart::All } else { ByStart::None }
+    }
+}
+
+impl ByStart {
+    fn places(&self, states: usize) -> Result<Vec<usize>, Error> {
+        match self {
+            ByStart::None => Ok(Vec::new()),
+            ByStart::All => Ok((0..states).collect()),
+            ByStart::Of(places) => match places.iter().find(|&&place| place >= states) {
+                Some(place) => refuse(format!("a start has {states} numbers; there is no number {place}")),
+                None => Ok(places.clone()),
+            },
+        }
+    }
+}
+
 /// What is asked: segments of a record, each from a start of its own.
 #[derive(Clone, Debug)]
 pub struct Shooting {
@@ -37,7 +65,7 @@ pub struct Shooting {
     /// Numbers of the description to differentiate by, as paths of its JSON.
     pub parameters: Vec<String>,
     /// Differentiate by the starts as well.
-    pub with_initial: bool,
+    pub with_initial: ByStart,
     /// Columns of a run.
     pub outputs: Vec<String>,
     pub options: Options,
@@ -88,8 +116,9 @@ impl Drive {
         let columns = asked.outputs.iter().map(|name| column(self.columns(), name));
         let columns = columns.collect::<Result<Vec<_>, _>>()?;
         let n_parameters = asked.parameters.len();
-        let directions = n_parameters + if asked.with_initial { states } else { 0 };
-        let all = All { asked, columns: &columns, states, n_parameters, directions };
+        let by_start = asked.with_initial.places(states)?;
+        let directions = n_parameters + by_start.len();
+        let all = All { asked, columns: &columns, states, by_start: &by_start, n_parameters, directions };
         if directions == 0 {
             return all.run(std::slice::from_ref(self), interrupted);
         }
@@ -153,6 +182,7 @@ struct All<'a> {
     asked: &'a Shooting,
     columns: &'a [usize],
     states: usize,
+    by_start: &'a [usize],
     n_parameters: usize,
     directions: usize,
 }
@@ -242,7 +272,8 @@ impl All<'_> {
         let row = &asked.initial[segment * self.states..][..self.states];
         let first = pass * P::DIRECTIONS;
         let seed = |i: usize, direction: usize| {
-            f64::from(u8::from(asked.with_initial && direction == self.n_parameters + i))
+            let of = direction.checked_sub(self.n_parameters).and_then(|k| self.by_start.get(k));
+            f64::from(u8::from(of == Some(&i)))
         };
         let start: Vec<P> = (0..self.states)
             .map(|i| P::from_parts(|part| if part == 0 { row[i] } else { seed(i, first + part - 1) }))
