@@ -66,6 +66,16 @@ def test_real_recordings_that_a_straight_line_misses(tmp_path, capsys):
     assert FrictionFit.from_toml(tmp_path / "fit.toml").model.pressure == "quadratic"
 
 
+def test_several_seals_are_fitted_each_and_surveyed(tmp_path, capsys):
+    files = [str(path) for name in ("NAPN", "PK", "O-ring") for path in sorted(DATA.glob(f"{name}_*.csv.xz"))]
+    assert run(["fit", *files, "--laws", "coulomb", "--pressure", "linear", "--by", "seal",
+                "--out", str(tmp_path / "fit.toml")]) == 0  # fmt: skip
+    said = capsys.readouterr().out
+    assert {path.name for path in tmp_path.glob("*.toml")} == {f"fit-{name}.toml" for name in ("NAPN", "PK", "O-ring")}
+    assert "recordings of one seal scatter by" in said
+    assert "no seal was run twice" in said
+
+
 def test_a_campaign_is_fitted_seal_by_seal(tmp_path, capsys):
     campaign = write_campaign(tmp_path / "campaign", World(samples=200, repeats=1), 1)
     assert run(["fit", str(campaign), "--laws", "coulomb", "--by", "seal", "--out", str(tmp_path / "fit.toml")]) == 0

@@ -77,13 +77,18 @@ def fit(
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
         found.to_toml(target)
         typer.echo(str(target))
+    for said in _seals(curves, by, options["ambient_pressure_pa"], turn[direction]):
+        typer.echo(f"- {said}")
 
 
 def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     """Read a map, or make one."""
+    import numpy as np
+
     from pneudrive.characterise import characterise_recordings, read_map
     from pneudrive.characteristics import characteristics
     from pneudrive.errors import CommandError, PneudriveError
+    from pneudrive.identify.seals import row_seals_and_runs
 
     missing = next((path for path in source if not path.exists()), None)
     if missing is not None:
@@ -98,7 +103,27 @@ def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
         except PneudriveError:
             if source[0].suffix == ".parquet":
                 raise
-    return characterise_recordings(list(source), layout).friction_map
+    found = characterise_recordings(list(source), layout)
+    seals, runs = row_seals_and_runs(found)
+    labels = {"seal": ("row", np.array(seals, dtype=object)), "run": ("row", np.array(runs, dtype=object))}
+    return found.friction_map.assign(labels)
+
+
+def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None) -> list[str]:
+    """Say what several seals of one map share, or that they were averaged over."""
+    from pneudrive.errors import FitError
+    from pneudrive.identify.survey import survey
+
+    count = len(set(curves["seal"].to_numpy().tolist())) if "seal" in curves else 1
+    if count < 2:
+        return []
+    if by != "seal":
+        return [f"the map has {count} seals and the fit averages over them; --by seal fits each"]
+    runs = "run" if "run" in curves else None
+    try:
+        return survey(curves, "seal", runs, direction=direction, ambient_pressure_pa=ambient_pa).statements()
+    except FitError as problem:
+        return [f"the seals are not surveyed: {problem.what}"]
 
 
 def _ambient(curves: xr.Dataset, said: str) -> float:
