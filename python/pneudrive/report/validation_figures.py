@@ -87,7 +87,8 @@ def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
         axes[1:], BALANCES, found.values, found.used, found.scale, units, strict=True
     ):
         shown = np.where(used, factor * values, np.nan)
-        axis.axhspan(-2.0 * factor * scale, 2.0 * factor * scale, color=style.BAND)
+        band = 2.0 * factor * scale[some]
+        axis.fill_between(found.time_s[some], -band, band, color=style.BAND)
         axis.plot(found.time_s[some], shown[some], color=style.BLACK, lw=0.8)
         axis.set_ylabel(f"{name}\nlacks / {unit}")
     axes[-1].set_xlabel("time / s")

@@ -54,9 +54,10 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[Breakaway, ...]:
 
     The peak lies before the piston has moved by as much as bristles bend; both sides are smoothed alike.
     """
-    from pneudrive.validate.residuals import bending_m
+    from pneudrive.validate.residuals import bending_m, near_stops
 
-    rests = _rests(signals)
+    touching = near_stops(drive, signals)
+    rests = [(start, onset) for start, onset in _rests(signals) if not touching[start:onset].any()]
     if not rests:
         return ()
     starts = [max(start, onset - round(MOST_STOP_S / signals.step_s)) for start, onset in rests]

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     Values = tuple[Array, Array, Array]
 
 
+#: Bounds of a change that is a share of the present value.
+SHARE = (-0.95, 20.0)
+
+
 @dataclass(frozen=True)
 class Candidate:
     """One thing that may be wrong.
@@ -55,8 +59,8 @@ class Candidate:
         (scene, signals) -> columns, for what several numbers say together.
     parts : int
         Numbers that the candidate stands for: more of them explain more by chance.
-    most : float
-        Largest amount, either way, that the description takes.
+    bounds : tuple of float
+        Least and greatest amount that the description takes.
     """
 
     key: str
@@ -70,7 +74,7 @@ class Candidate:
     term: Callable[[Terms, Signals, Scene], Values] | None = None
     profile: Callable[[Scene, Signals], list[Values]] | None = None
     parts: int = 1
-    most: float = np.inf
+    bounds: tuple[float, float] = (-np.inf, np.inf)
 
     def effect(self, scene: Scene, signals: Signals, amount: float, base: Values) -> Values:
         """Return what the residuals lose when the model is changed by `amount`."""
@@ -274,26 +278,26 @@ def candidates(drive: Drive) -> list[Candidate]:
         )
     out += [
         Candidate("moving mass", "load", "{size} moving mass", "share", 0.05, 0.03,
-                  "weigh piston, slide and load", mass, most=0.9),
+                  "weigh piston, slide and load", mass, bounds=SHARE),
         Candidate("constant force", "load", "a constant force of {size} in +x that the model lacks", "N", 1.0, 1.0,
                   "look for weight (incline), a cable drag, and the zeros of the pressure sensors",
                   _drive(lambda d, f: {"load.force": write(d.carried.force_n + f, "N")})),
         Candidate("spring", "load", "a spring of {size} around mid stroke that the model lacks", "N/m", 20.0, 10.0,
                   "look for cables, hoses and covers that pull", _drive(_spring)),
         Candidate("conductance", "valve", "{size} conductance C of the valve, all paths", "share", 0.05, 0.03,
-                  "measure C (ISO 6358), or fit valve.conductance to these records", conductance, most=0.95),
+                  "measure C (ISO 6358), or fit valve.conductance to these records", conductance, bounds=SHARE),
         Candidate("conductance to exhaust", "valve", "{size} conductance of the valve towards exhaust", "share",
-                  0.05, 0.04, _PATH_REMEDY, _edges(1, 3), most=0.95),
+                  0.05, 0.04, _PATH_REMEDY, _edges(1, 3), bounds=SHARE),
         Candidate("conductance from supply", "valve", "{size} conductance of the valve from supply", "share",
-                  0.05, 0.04, _PATH_REMEDY, _edges(0, 2), most=0.95),
+                  0.05, 0.04, _PATH_REMEDY, _edges(0, 2), bounds=SHARE),
         Candidate("conductance of a", "valve", "{size} conductance of the paths of chamber a", "share",
-                  0.05, 0.04, _PATH_REMEDY, _edges(0, 1), most=0.95),
+                  0.05, 0.04, _PATH_REMEDY, _edges(0, 1), bounds=SHARE),
         Candidate("conductance of b", "valve", "{size} conductance of the paths of chamber b", "share",
-                  0.05, 0.04, _PATH_REMEDY, _edges(2, 3), most=0.95),
+                  0.05, 0.04, _PATH_REMEDY, _edges(2, 3), bounds=SHARE),
         Candidate("critical pressure ratio", "valve", "critical pressure ratio b {size}", "1", 0.03, 0.03,
                   "measure b (ISO 6358), or fit valve.critical_pressure_ratio to these records",
                   _drive(lambda d, b: {"valve.critical_pressure_ratio": float(
-                      np.clip(d.valve.critical_pressure_ratio + b, 0.01, 0.95))}), most=0.6),
+                      np.clip(d.valve.critical_pressure_ratio + b, 0.01, 0.95))}), bounds=(-0.6, 0.6)),
         Candidate("valve delay", "valve", "a valve that acts {size} late", "s", 2e-3, 1e-3,
                   "measure the valve's step response; delay the command, or fit a delay", _command(_delayed)),
         Candidate("valve zero", "valve", "a valve whose zero lies at a command of {size}", "1", 0.01, 0.005,
@@ -313,18 +317,20 @@ def candidates(drive: Drive) -> list[Candidate]:
         Candidate("leak through the valve", "valve", "a leak of the valve from supply to both chambers, {size} of C",
                   "share of C", 0.005, 0.002, "measure the pressure rise behind the shut valve", _leak(0, 2)),
         *[Candidate(f"dead volume of {c}", "chamber", f"{{size}} dead volume of chamber {c}", "share", 0.1, 0.08,
-                    "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume(c), most=0.95)
+                    "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume(c),
+                    bounds=SHARE)
           for c in "ab"],
         Candidate("dead volumes", "chamber", "{size} dead volume of both chambers", "share", 0.1, 0.08,
                   "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume("ab"),
-                  most=0.95),
+                  bounds=SHARE),
         Candidate("heat transfer", "chamber", "{size} heat transfer to the walls", "share", 0.3, 0.3,
                   "fit cylinder.heat_transfer to the pressure decay after a fast fill with the valve shut",
-                  _scaled("cylinder.heat_transfer", lambda d: d.cylinder.heat_transfer_w_m2_k, "W/(m^2 K)"), most=20.0),
+                  _scaled("cylinder.heat_transfer", lambda d: d.cylinder.heat_transfer_w_m2_k, "W/(m^2 K)"),
+                  bounds=SHARE),
         *[Candidate(f"zero of pressure {c}", "sensor", f"pressure sensor {c} that shows {{size}} too much", "Pa",
                     2e3, 2e3, "tare the sensor at ambient pressure", _sensor(c)) for c in "ab"],
         Candidate("gain of the pressures", "sensor", "pressure sensors that show {size} too much", "share", 0.01, 0.01,
-                  "calibrate the pressure sensors", _gain, most=0.5),
+                  "calibrate the pressure sensors", _gain, bounds=(-0.5, 0.5)),
         Candidate("zero of the position", "sensor", "a position that is shown {size} too large", "m", 2e-3, 2e-3,
                   "tare the position at the end of the stroke", _sensor("position")),
     ]  # fmt: skip
@@ -343,7 +349,7 @@ def _of_friction(drive: Drive) -> list[Candidate]:
                   _drive(_pressure_friction)),
         Candidate("direction of friction", "friction", "{size} friction towards +x and as much the other way "
                   "towards -x", "share", 0.03, 0.03, "fit both directions by themselves (friction.direction)",
-                  _drive(_direction), most=0.9),
+                  _drive(_direction), bounds=(-0.9, 0.9)),
         Candidate("friction along the stroke", "friction", "friction that varies by {size} either way along the stroke",
                   "N", 1.0, 0.04 * level, "measure friction over position; friction.position describes it",
                   profile=_along_stroke, parts=len(PROFILE_ORDERS)),

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 BLOCK_S = 0.25
 #: Normalised residuals below this are sensor noise and what is not worth a name.
 CLEAN = 1.0
+#: Above this a cause is looked for: what is common to many samples shows before it sticks out of the noise.
+SOUGHT = 0.7
 MOST_CULPRITS = 3
 #: A culprit explains at least this share of what is there, at this many standard errors.
 LEAST_SHARE, LEAST_T = 0.15, 4.0
@@ -270,7 +272,7 @@ def diagnose(drive: Drive, signals: Sequence[Signals]) -> Diagnosis:
 
 
 def _is_dirty(search: _Search, e: Array) -> bool:
-    return any(value > CLEAN for value in search.sizes(e).values())
+    return any(value > SOUGHT for value in search.sizes(e).values())
 
 
 def _refined(search: _Search, model: _Model, left: Array, taken: set[str]) -> list[_Refined]:
@@ -288,7 +290,7 @@ def _refined(search: _Search, model: _Model, left: Array, taken: set[str]) -> li
             continue
         column = effect / candidate.step
         power = float(column @ column)
-        amount = float(np.clip(float(column @ left) / power, -candidate.most, candidate.most))
+        amount = float(np.clip(float(column @ left) / power, *candidate.bounds))
         after = left - amount * column
         linear.append(_Refined(candidate, amount, 1.0 - float(after @ after) / whole, column, after))
     linear.sort(key=lambda r: -r.share)
@@ -342,7 +344,7 @@ def _newton(search: _Search, model: _Model, left: Array, start: _Refined) -> _Re
         power = float(column @ column)
         if power == 0.0:
             break
-        amount = float(np.clip(amount + float(column @ after) / power, -candidate.most, candidate.most))
+        amount = float(np.clip(amount + float(column @ after) / power, *candidate.bounds))
     return best or _Refined(candidate, 0.0, 0.0, start.column, left)
 
 

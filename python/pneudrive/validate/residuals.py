@@ -38,6 +38,8 @@ BENT = 4.0
 MOST_BENDING_M, LEAST_BENDING_M = 5e-3, 2e-4
 #: Largest relative change of speed while bristles adapt (assumed).
 LAG = 0.2
+#: Nearer than this to an end, beside so many deviations of its noise, a position does not tell whether it is a contact.
+STOP_MARGIN_M, MARGIN_NOISE = 1e-4, 5.0
 BALANCES = ("force", "pressure a", "pressure b")
 
 
@@ -83,9 +85,10 @@ class Residuals:
     values : tuple of ndarray, shape (n,)
         Force N, pressure rates Pa/s.
     used : tuple of ndarray of bool, shape (n,)
-        Where each balance holds: the force balance in sliding that is past presliding, off the end stops.
-    scale : tuple of float
-        Standard deviation that sensor noise and `FLOOR` of the terms leave to each.
+        Where each balance holds: the force balance in sliding that is past presliding, off the end stops; pressure
+        rates but at impacts.
+    scale : tuple of ndarray, shape (n,)
+        Standard deviation that sensor noise, `FLOOR` of the terms and velocities over a finite time leave to each.
     time_s : ndarray, shape (n,)
     terms : Terms
         At all samples.
@@ -93,7 +96,7 @@ class Residuals:
 
     values: tuple[Array, Array, Array]
     used: tuple[NDArray[np.bool_], ...]
-    scale: tuple[float, float, float]
+    scale: tuple[Array, Array, Array]
     time_s: Array
     terms: Terms
 
@@ -122,9 +125,24 @@ def residuals(drive: Drive, signals: Signals) -> Residuals:
     values, terms = raw_residuals(Scene.of(drive, signals), signals)
     half = half_support(signals)
     inside = slice(half, signals.time_s.size - half)
-    sliding = _whole(_sliding(drive, signals) & (terms.end_stop_n == 0.0), half)
-    free = _whole(terms.end_stop_n == 0.0, half)
+    off_the_stops = ~near_stops(drive, signals)
+    sliding = _whole(_sliding(drive, signals) & off_the_stops, half)
+    # At rest in a stop the pressures tell as much as in motion; what happens at an impact is too short.
+    free = _whole(off_the_stops | ~_widened(signals.moving, signals.half), half)
     return Residuals(values, (sliding, free, free), _scales(drive, signals, terms), signals.time_s[inside], terms)
+
+
+def near_stops(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
+    """Where the piston touches an end stop or may do so, and as long before and after as derivatives see of it."""
+    margin = STOP_MARGIN_M + MARGIN_NOISE * noise_level(signals.position_m)
+    x = signals.position_m
+    touching = (x < margin) | (x > drive.cylinder.stroke_m - margin)
+    return _widened(touching, signals.half)
+
+
+def _widened(mask: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
+    """Where a mask holds, and so many samples before and after."""
+    return np.convolve(mask.astype(float), np.ones(2 * by + 1), "same") > 0.5
 
 
 def _whole(mask: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
@@ -154,18 +172,31 @@ def bending_m(drive: Drive) -> float:
     return float(np.clip(BENT * level / stiffness, LEAST_BENDING_M, MOST_BENDING_M))
 
 
-def _scales(drive: Drive, signals: Signals, terms: Terms) -> tuple[float, float, float]:
-    """Estimate the standard deviations that noise leaves to the residuals, with the floor."""
+def _scales(drive: Drive, signals: Signals, terms: Terms) -> tuple[Array, Array, Array]:
+    """Estimate the standard deviations that noise leaves to the residuals, with the floor and a share of the terms."""
     k0, k1, k2 = kernel(half_support(signals), signals.step_s)
     noise_x = noise_level(signals.position_m)
-    noise_p = [noise_level(p) for p in (signals.pressure_a_pa, signals.pressure_b_pa)]
-    areas = (drive.cylinder.area_a_m2, drive.cylinder.area_b_m2)
+    pressures = (signals.pressure_a_pa, signals.pressure_b_pa)
+    noise_p = [noise_level(p) for p in pressures]
+    cylinder, x, unsure = drive.cylinder, signals.position_m, signals.velocity_unsure_m_s
+    areas = (cylinder.area_a_m2, cylinder.area_b_m2)
     push = float(np.hypot(areas[0] * noise_p[0], areas[1] * noise_p[1]) * np.linalg.norm(k0))
-    inertia = moving_mass(drive) * noise_x * float(np.linalg.norm(k2))
+    weight = moving_mass(drive)
+    inertia = weight * noise_x * float(np.linalg.norm(k2))
     size = float(np.sqrt(np.mean(terms.friction_n**2) + np.mean((terms.force_n - terms.friction_n) ** 2)))
+    force = np.full(x.size - k0.size + 1, float(np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2)))
+    out = []
     rates = (terms.pressure_rate_a_pa_s, terms.pressure_rate_b_pa_s)
-    out = [float(np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2))]
-    for noise, rate in zip(noise_p, rates, strict=True):
+    lengths = (x, cylinder.stroke_m - x)
+    # Where pressures are nearly equal, flow changes steeply with them: noise becomes flow.
+    shaken = evaluate(drive, signals, pressures=(pressures[0] + noise_p[0], pressures[1] + noise_p[1]))
+    others = (shaken.pressure_rate_a_pa_s, shaken.pressure_rate_b_pa_s)
+    for noise, rate, other, p, area, length, dead in zip(
+        noise_p, rates, others, pressures, areas, lengths, cylinder.dead_volume_m3, strict=True
+    ):
+        squeezed = drive.gas.heat_capacity_ratio * p * unsure / np.maximum(length + dead / area, dead / area)
+        smeared = np.convolve(squeezed, k0, "valid")
         slope = noise * float(np.linalg.norm(k1))
-        out.append(float(np.hypot(slope, FLOOR * np.sqrt(np.mean(rate**2)))))
-    return out[0], out[1], out[2]
+        steep = np.convolve(np.abs(other - rate), k0, "valid")
+        out.append(np.sqrt(slope**2 + steep**2 + FLOOR**2 * np.mean(rate**2) + smeared**2))
+    return force, out[0], out[1]

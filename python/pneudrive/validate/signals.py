@@ -73,10 +73,17 @@ class Signals:
         width = min(2 * self.half + 1, (values.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(values, width, 3), dtype=np.float64)
 
-    def _derivative(self, order: int) -> Array:
+    @cached_property
+    def velocity_unsure_m_s(self) -> Array:
+        """How much the velocity depends on the time over which it is taken: the change with half of it, per sample."""
+        if "velocity_m_s" in self.recording:
+            return np.zeros_like(self.position_m)
+        return np.abs(self._derivative(1) - self._derivative(1, max(self.half // 2, LEAST_HALF - 1)))
+
+    def _derivative(self, order: int, half: int | None = None) -> Array:
         from scipy.signal import savgol_filter
 
-        width = min(2 * self.half + 1, (self.position_m.size - 1) // 2 * 2 - 1)
+        width = min(2 * (half or self.half) + 1, (self.position_m.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(self.position_m, width, 3, deriv=order, delta=self.step_s), dtype=np.float64)
 
     @cached_property

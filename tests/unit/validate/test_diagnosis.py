@@ -1,0 +1,82 @@
+"""The diagnosis names the one thing in which the true drive differs from the model, and calls the true model right."""
+
+import numpy as np
+import pytest
+
+from oracle.diagnosis_hits import CASES
+from oracle.drive_records import drive, record
+from pneudrive.validate import diagnose, validate
+from pneudrive.validate.candidates import candidates
+from pneudrive.validate.residuals import residuals
+from pneudrive.validate.signals import Signals
+
+BY_NAME = {case.name: case for case in CASES}
+#: Seeded case -> (amount in SI that the model lacks).
+SEEDED = {
+    "C -20 %": -0.2,
+    "Coulomb +30 %": 9.0,
+    "dead volumes +50 %": 0.5,
+    "mass +20 %": 0.2,
+    "heat transfer x3": 2.0,
+    "pressure a +0.1 bar": 1e4,
+    "valve 5 ms late": 5e-3,
+}
+
+
+@pytest.mark.parametrize("name", SEEDED)
+def test_the_seeded_cause_is_named_with_its_size(name):
+    case = BY_NAME[name]
+    found = case.diagnosed(11, 2e-6, 300.0)
+    assert found.culprits[0].key in case.causes
+    assert found.culprits[0].amount == pytest.approx(SEEDED[name], rel=0.05)
+    assert found.culprits[0].share > 0.85
+    assert "Remedy" in found.culprits[0].text
+
+
+def test_friction_along_the_stroke_is_told_from_friction_over_speed():
+    found = BY_NAME["friction along the stroke +-30 %"].diagnosed(12, 2e-6, 300.0)
+    assert found.culprits[0].key == "friction along the stroke"
+
+
+def test_the_true_model_is_called_right_at_a_laboratorys_noise():
+    for seed in (21, 22):
+        found = BY_NAME["true model"].diagnosed(seed, 1e-5, 2e3)
+        assert found.is_clean
+        assert not found.culprits
+        assert "close" in str(found)
+
+
+def test_two_causes_are_found_one_after_the_other():
+    truth = drive(valve__conductance="1.6 dm3/(s bar)", cylinder__moving_mass="2.6 kg")
+    found = diagnose(drive(), [Signals.of(record(truth, 13))])
+    assert {c.key for c in found.culprits} == {"conductance", "moving mass"}
+    assert found.left < 0.05
+
+
+def test_the_sentence_says_which_way_and_how_sure():
+    text = str(validate(drive(), record(drive(valve__conductance="1.6 dm3/(s bar)"), 11)).diagnosis())
+    assert "less conductance C of the valve" in text
+    assert "+-" in text
+
+
+def test_residuals_of_a_run_against_its_own_equations_are_rounding_and_sampling():
+    truth = drive()
+    made = record(truth, 14, noise_m=0.0, noise_pa=0.0)
+    found = residuals(truth, Signals.of(made))
+    for values, used, scale in zip(found.values, found.used, found.scale, strict=True):
+        assert used.sum() > 100
+        assert np.sqrt(np.mean((values[used] / scale[used]) ** 2)) < 1.0
+
+
+def test_every_candidate_acts_on_some_balance():
+    truth = drive()
+    signals = Signals.of(record(truth, 15, duration_s=3.0))
+    from pneudrive.validate.residuals import Scene, raw_residuals
+
+    scene = Scene.of(truth, signals)
+    base, _ = raw_residuals(scene, signals)
+    for candidate in candidates(truth):
+        if candidate.profile is None:
+            effect = candidate.effect(scene, signals, candidate.step, base)
+            assert max(float(np.abs(v).max()) for v in effect) > 0.0, candidate.key
+            assert all(np.isfinite(v).all() for v in effect), candidate.key
