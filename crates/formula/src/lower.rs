@@ -157,12 +157,12 @@ impl Graph {
     fn elementary(&mut self, name: &str, a: Id, place: Place) -> Lowered {
         let range = self.at(a).range;
         let (operation, range) = match name {
-            "exp" => (Operation::Exponential(a), range.through(f64::exp, 0.0, f64::INFINITY)),
+            "exp" => (Operation::Exponential(a), range.saturating(f64::exp, 0.0, f64::INFINITY)),
             "ln" => {
                 self.above_zero(a, "ln", place)?;
-                (Operation::Logarithm(a), range.through(f64::ln, f64::NEG_INFINITY, f64::INFINITY))
+                (Operation::Logarithm(a), range.through(f64::ln))
             }
-            "tanh" => (Operation::Tangent(a), range.through(f64::tanh, -1.0, 1.0)),
+            "tanh" => (Operation::Tangent(a), range.saturating(f64::tanh, -1.0, 1.0)),
             "sin" => (Operation::Sine(a), Range::closed(-1.0, 1.0)),
             _ => (Operation::Cosine(a), Range::closed(-1.0, 1.0)),
         };
@@ -258,10 +258,11 @@ impl Graph {
     /// curve, say. Intervals alone do not see it, as they forget that both c are the same.
     fn blend(&self, a: Id, b: Id, c: Id) -> Option<Range> {
         let weight = |w: Id| self.at(w).range.within(0.0, 1.0);
-        let complement = |id: Id, w: Id| match self.at(id).operation {
+        let one_less = |id: Id, w: Id| match self.at(id).operation {
             Operation::Subtract(one, own) => own == w && self.number(one) == Some(1.0),
             _ => false,
         };
+        let complement = |id: Id, w: Id| one_less(id, w) || one_less(w, id);
         [(a, b), (b, a)].into_iter().filter(|(_, w)| weight(*w)).find_map(|(x, w)| {
             let between = |x: Id, y: Id| self.at(x).range.or(self.at(y).range);
             match (self.at(x).operation, self.at(c).operation) {
@@ -290,7 +291,7 @@ impl Graph {
     fn root(&mut self, a: Id, place: Place) -> Lowered {
         self.above_zero(a, "sqrt", place)?;
         let dimension = self.dimension(a).map(|own| own.to_power(0.5));
-        Ok(self.make(Operation::Root(a), dimension, self.at(a).range.through(f64::sqrt, 0.0, f64::INFINITY)))
+        Ok(self.make(Operation::Root(a), dimension, self.at(a).range.through(f64::sqrt)))
     }
 
     fn power(&mut self, base: Id, exponent: Id, places: [Place; 2]) -> Lowered {
@@ -311,9 +312,8 @@ impl Graph {
             _ => Dimension::NONE,
         };
         self.above_zero(base, "a power that is no whole number", places[0])?;
-        let ends = (f64::NEG_INFINITY, f64::INFINITY);
-        let logarithm = self.at(base).range.through(f64::ln, ends.0, ends.1);
-        let range = logarithm.times(self.at(exponent).range).through(f64::exp, 0.0, f64::INFINITY);
+        let logarithm = self.at(base).range.through(f64::ln);
+        let range = logarithm.times(self.at(exponent).range).saturating(f64::exp, 0.0, f64::INFINITY);
         Ok(self.make(Operation::Power(base, exponent), Some(dimension), range))
     }
 

@@ -128,13 +128,16 @@ impl Range {
         self.negative().min(other.negative()).negative()
     }
 
-    /// A function that grows with its argument; what underflows to `low` or ends at `high` reaches it.
-    pub(crate) fn through(self, f: impl Fn(f64) -> f64, low: f64, high: f64) -> Self {
-        let end = |end: End| {
-            let out = end.map(&f);
-            if out.at == low || out.at == high { End::new(out.at, true) } else { out }
-        };
-        Range { low: end(self.low), high: end(self.high) }
+    /// A function that grows with its argument.
+    pub(crate) fn through(self, f: impl Fn(f64) -> f64) -> Self {
+        Range { low: self.low.map(&f), high: self.high.map(&f) }
+    }
+
+    /// One that rounds to its limits, which are reached then.
+    pub(crate) fn saturating(self, f: impl Fn(f64) -> f64, low: f64, high: f64) -> Self {
+        let end = |end: End| if end.at == low || end.at == high { End::new(end.at, true) } else { end };
+        let own = self.through(f);
+        Range { low: end(own.low), high: end(own.high) }
     }
 
     pub(crate) fn shown(self) -> String {
