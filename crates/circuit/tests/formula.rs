@@ -3,7 +3,10 @@
 
 mod support;
 
-use circuit::{Drive, specification};
+use circuit::{Circuit, Drive, specification, steady_sensitivity};
+use math::{Lane, Lanes};
+use ode::{NoOutput, Paused, Stepper};
+use physics::friction::At;
 use serde_json::{Value, json};
 use support::*;
 
@@ -65,5 +68,53 @@ fn lugre_as_formulas_is_lugre_bit_for_bit() {
         let (formulas, own_work) = run(&spec);
         assert!(built_in == formulas, "every column at every sample");
         assert_eq!(format!("{work:?}"), format!("{own_work:?}"), "with the same work");
+    }
+}
+
+/// The law as formulas, with other numbers for each lane.
+fn four(spec: &specification::Drive) -> Vec<Drive> {
+    let vary = |factor: f64| {
+        let mut spec = spec.clone();
+        spec.friction.parameters.values_mut().for_each(|value| *value *= factor);
+        Drive::assemble(&spec, false).expect("a drive")
+    };
+    [1.0, 1.1, 0.9, 1.3].map(vary).into_iter().collect()
+}
+
+#[test]
+fn lanes_of_formulas_are_their_scalars_bit_for_bit() {
+    let friction = own(&without_fade(everything("lugre")));
+    let drives = four(&specification::Drive { friction, ..reference() });
+    let each: Vec<_> = drives.iter().map(|drive| drive.start(&at_rest(0.2, 3e5), 0.5)).collect();
+    let lanes = Circuit::<Lanes<4>>::gather(&each.iter().map(|(circuit, _)| circuit).collect::<Vec<_>>());
+    let y: Vec<Lanes<4>> = (0..each[0].1.len()).map(|i| Lane::from_lanes(|l| each[l].1[i])).collect();
+    let mut stepper = Stepper::new(lanes, 0.0, &y, options(1e-6));
+    assert_eq!(stepper.advance(0.7, 100_000, &mut NoOutput), Paused::Arrived);
+    for (l, (circuit, y)) in each.iter().enumerate() {
+        let alone = support::run(circuit, y, 0.7, 1e-6);
+        let own: Vec<f64> = stepper.state().iter().map(|y| y.get(l)).collect();
+        assert_eq!(bits(&own), bits(alone.state()), "lane {l}");
+        assert_eq!(format!("{:?}", stepper.statistics(l)), format!("{:?}", alone.statistics(0)));
+    }
+}
+
+/// Steady sliding is found without a formula of it, with its derivatives by all parameters: those of the
+/// built-in law, which has one.
+#[test]
+fn steady_sliding_settles_where_lugre_slides() {
+    let friction = without_fade(everything("lugre"));
+    let names: Vec<String> = ["coulomb", "breakaway", "stribeck_velocity", "viscous", "bristle_stiffness"]
+        .map(|key| format!("friction.parameters.{key}"))
+        .to_vec();
+    let places: Vec<At<f64>> =
+        [-0.5, -1e-3, 1e-4, 0.02, 0.3].map(|v| At { v, x: 0.1, ..At::at_rest() }.pressed(2e5, 1e5)).to_vec();
+    let found = |spec: &specification::Friction, formula: Value| {
+        let json = json!({ "law": spec.law, "parameters": {}, "formula": formula });
+        steady_sensitivity(&json.to_string(), &spec.parameters, &names, &places).expect("forces")
+    };
+    let (built_in, slopes) = found(&friction, Value::Null);
+    let (formulas, own_slopes) = found(&own(&friction), lugre());
+    for (a, b) in built_in.iter().zip(&formulas).chain(slopes.iter().zip(&own_slopes)) {
+        assert!((a - b).abs() <= 1e-12 * a.abs().max(1e-9), "{a} {b}");
     }
 }

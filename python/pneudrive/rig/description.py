@@ -8,6 +8,7 @@ from typing import Any
 
 from pneudrive.describe import friction_laws
 from pneudrive.describe.geometry import piston_areas
+from pneudrive.describe.law import law_of
 from pneudrive.errors import DescriptionError, nearest
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.keys import KEYS, MOUNTING, NEEDED, RIGID
@@ -137,6 +138,9 @@ def _friction(reader: Reader) -> dict[str, Any]:
 
     given = reader.content.pop("friction", {})
     law = str(given.pop("law", "stribeck"))
+    own = law_of(law, Path(reader.where).parent)
+    if own is not None:
+        return {"law": own.name} | read_friction(reader, own, given)
     if law not in friction_laws():
         what = f"friction.law = {law!r} is unknown"
         raise DescriptionError(what, where=reader.where, remedy=nearest(law, friction_laws()))

@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.friction import Friction, friction_laws
+from pneudrive.describe.law import FrictionLaw
 from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:
@@ -14,36 +15,37 @@ if TYPE_CHECKING:
 _PURE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 
 
-def read_friction(reader: Reader, law: str, given: dict[str, Any]) -> dict[str, Any]:
+def read_friction(reader: Reader, law: str | FrictionLaw, given: dict[str, Any]) -> dict[str, Any]:
     """Read the parameters of a law and the tables of what acts on it.
 
     Parameters
     ----------
     reader : Reader
         Notes the sources.
-    law : str
+    law : str or FrictionLaw
     given : dict
         The friction table without its law.
 
     Returns
     -------
     dict
-        parameters, pressure, dependences: SI, as the core takes them.
+        parameters, pressure, dependences: SI, as the core takes them; a law of one's own is among the last.
 
     Raises
     ------
     DescriptionError
         If a key is unknown or missing, or a value lacks its source or its unit.
     """
-    known = {p["key"] for p in friction_laws()[law]["parameters"]}
-    tables = {key for key in Friction.model_fields if key not in ("law", "parameters", "given")}
+    entry = law.entry if isinstance(law, FrictionLaw) else friction_laws()[law]
+    known = {p["key"] for p in entry["parameters"]}
+    tables = {key for key in Friction.model_fields if key not in ("law", "formula", "parameters", "given")}
     for key in given:
         if key not in known | tables:
             rule = f"keys: {', '.join(sorted(known | tables))}"
             raise DescriptionError(f"friction.{key} is unknown", where=reader.where, rule=rule)
     plain = {key: _plain(reader, f"friction.{key}", entry) for key, entry in given.items()}
     try:
-        friction = Friction(law=law, **plain)
+        friction = Friction.model_validate({"law": law} | plain)
     except DescriptionError as error:
         raise DescriptionError(error.what, where=reader.where, rule=error.rule, remedy=error.remedy) from None
     core = friction.core()

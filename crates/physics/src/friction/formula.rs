@@ -9,6 +9,7 @@ use super::{At, InnerState, Levels, Meta};
 use crate::Bounds;
 use ::formula::{Graph, Program};
 use math::{Dual, Lane, Over, Real};
+use std::sync::Mutex;
 
 pub use text::{ParameterText, Refusal, StateText, Text};
 
@@ -38,6 +39,8 @@ pub struct OwnLaw {
     /// What formulas call the states, and where the states stay.
     keys: Vec<&'static str>,
     kept: Vec<Bounds>,
+    /// The values that were found good last: a fit asks again and again.
+    good: Mutex<Vec<f64>>,
 }
 
 /// A law of the user's own with values for its parameters.

@@ -108,6 +108,7 @@ fn compile(text: &Text) -> Compiled<OwnLaw> {
         levels,
         keys: text.states.iter().map(|state| leak(&state.key)).collect(),
         kept: text.states.iter().map(|state| state.bounds).collect(),
+        good: Mutex::new(Vec::new()),
     };
     law.meta.bristles = law.is_bristles();
     Ok(law)

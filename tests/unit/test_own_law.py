@@ -1,0 +1,261 @@
+"""A friction law of one's own: from files and from Python into a drive, with one message for what is wrong."""
+
+import re
+import shutil
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive import _core
+from pneudrive.describe import FrictionLaw
+from pneudrive.errors import DescriptionError, PneudriveWarning
+
+LAWS = Path(__file__).parents[2] / "examples" / "laws"
+COMMAND = [(0.0, 0.6), (0.5, -0.4), (0.9, 0.05), (1.4, -1.0)]
+FRICTION = """
+drive = "catalogue:reference"
+
+[friction]
+law = "file:laws/lugre.toml"
+coulomb = "30 N"
+breakaway = "45 N"
+stribeck_velocity = "20 mm/s"
+viscous = "200 N s/m"
+bristle_stiffness = "1e5 N/m"
+bristle_damping = "300 N s/m"
+"""
+BUILT_IN = FRICTION.replace("file:laws/lugre.toml", "lugre")
+ON_IT = """
+pressure = { coulomb = { a = "2 N/bar", b = "1 N/bar" }, breakaway = { a = "2 N/bar", b = "1 N/bar" } }
+dwell = { growth = "log", increment = "2 N", time = "50 ms", distance = "50 um" }
+direction = { positive = 1.1, negative = 0.95 }
+position = { slope = "20 %/m", reference = "250 mm" }
+side_load = { force = "20 N", coefficient = 0.1 }
+relaxation = { share = 0.3, time = "0.3 s", distance = "0.2 mm" }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    shutil.copytree(LAWS, tmp_path / "laws")
+    return tmp_path
+
+
+def load(folder, text):
+    path = folder / "drive.toml"
+    path.write_text(text)
+    return pn.Drive.load(path)
+
+
+def run(drive):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PneudriveWarning)
+        return pn.simulate(drive, command=COMMAND, duration="2 s")
+
+
+@pytest.mark.parametrize("more", ["", ON_IT], ids=["alone", "with all that acts on a law"])
+def test_lugre_from_a_file_is_lugre(folder, more):
+    """Every variable at every sample, bit for bit, and the same law again from what the drive writes."""
+    built_in, own = load(folder, BUILT_IN + more), load(folder, FRICTION + more)
+    expected, found = run(built_in), run(own)
+    for name in expected.data_vars:
+        np.testing.assert_array_equal(found[name].to_numpy(), expected[name].to_numpy(), err_msg=str(name))
+    assert found.attrs["statistics"] == expected.attrs["statistics"]
+    assert found.attrs["description_hash"] != expected.attrs["description_hash"]
+    assert "canudas1995" in pn.citations(found)
+    shutil.rmtree(folder / "laws")
+    again = load(folder, own.to_toml())
+    assert again.core_json() == own.core_json()
+    assert again.friction == own.friction
+
+
+def test_from_python(folder):
+    law = FrictionLaw.load(LAWS / "lugre.toml")
+    again = FrictionLaw.of(law.to_dict())
+    assert (again, hash(again)) == (law, hash(law))
+    (folder / "again.toml").write_text(law.to_toml())
+    assert FrictionLaw.load(folder / "again.toml") == law
+    drive = load(folder, FRICTION)
+    values = {key: value for key, value in drive.friction.to_dict().items() if key != "law"}
+    friction = pn.Friction(law=law, **values)
+    assert friction == drive.friction
+    assert drive.replace({"friction": friction}).core_json() == drive.core_json()
+    assert drive.replace({"friction.coulomb": "20 N"}).friction.parameters["coulomb"] == 20.0
+    assert (
+        drive.replace({"friction.law": "lugre"} | {f"friction.{k}": v for k, v in values.items()}).friction.formula
+        is None
+    )
+
+
+def test_a_law_with_a_film_and_pressure_runs_and_feels_them(folder):
+    text = FRICTION.replace("lugre.toml", "pressed_lip.toml")
+    text = re.sub(r"(stribeck_velocity|bristle_\w+) = .*\n", "", text)
+    drive = load(folder, text)
+    film = run(drive).film
+    assert float(film.min()) >= 0.0
+    assert 0.5 < float(film.max()) < 1.0
+    core = drive.friction.core()
+    velocity = np.array([-0.3, 1e-3, 0.3])
+    steady = lambda a: _core.steady_friction(  # noqa: E731
+        core["law"], core["parameters"], velocity, a, 0.0, None, {"formula": core["formula"]}
+    )
+    speed = np.abs(velocity) / 0.02
+    level = (45.0 - 15.0 * speed / (1.0 + speed)) * np.sign(velocity)
+    np.testing.assert_allclose(steady(0.0), level + 200.0 * velocity, rtol=1e-12)
+    np.testing.assert_allclose(steady(4e5), level * (1.0 + 0.5 * np.tanh(2.0)) + 200.0 * velocity, rtol=1e-12)
+
+
+LUGRE = (LAWS / "lugre.toml").read_text()
+# (old, new, what the message says, also), each in the file of lugre
+REFUSED = [
+    ("exp(-(v/stribeck", "exq(-(v/stribeck", "let.g: the function 'exq' is unknown (column 33)", "Did you mean 'exp'?"),
+    (
+        "bristle_damping*z_rate",
+        "bristle_dumping*z_rate",
+        "output.force: the name 'bristle_dumping' is unknown",
+        "bristle_damping",
+    ),
+    ('"elastic + ', '"z + ', "+ needs the same unit on both sides, not m and N", "^^^"),
+    (
+        "v - abs(v)*elastic/g",
+        "v - abs(v)*elastic/v",
+        "states.z.rate: this divisor can be zero",
+        "                       ^",
+    ),
+    ("*z*z", "*z", "output.energy: the formula gives N; J is needed", ""),
+    ('rate = "v -', 'rate = "elastic*v -', "- needs the same unit on both sides", ""),
+    ('rate = "v - abs(v)*elastic/g"', 'rate = "elastic"', "states.z.rate: the formula gives N; m/s is needed", ""),
+    ("^2)", "^2", "let.g: this ( is not closed", "Add a )."),
+    ("breakaway - coulomb", "breakaway coulomb", "a sign or ) is missing before this", "2*v"),
+    ('elastic = "bristle_stiffness*z"', 'elastic = "g*z/z0"', "'g' comes later in [let]", "in their order"),
+    ('elastic = "bristle', 'elastic = "elastic*bristle', "'elastic' is made of itself", ""),
+    ("abs(v)*elastic/g", "abs(v)*z_rate", "'z_rate' is not known yet here", "force and slip"),
+    ('unit = "N/m"', 'unit = "N/mm"', 'parameters.bristle_stiffness.unit: unit "N/mm"', "20 mm/s"),
+    ("[states]", "[states]\nv = { unit = 'm', rate = '0' }", 'the name "v" has a meaning already', ""),
+    ("[let]", "[let]\nviscous = '1'", 'the name "viscous" is given twice', ""),
+    ('name = "own-lugre"', 'name = "lugre"', '"lugre" is a law that pneudrive has', ""),
+    ("coulomb = {", "dwell = {", '"dwell" is a key of the friction table', ""),
+    ("above = 0, meaning", "over = 0, meaning", "parameters.coulomb.over is not a known key", "above"),
+    ("[output]", "", "force stands under [let]", "[output]"),
+    ("[output]", "[outputs]", "outputs is not a known key of a law", "'output'"),
+    ('force = "elastic', 'forse = "elastic', "output.forse is not a known key", "force"),
+    (
+        "[states]",
+        '[levels]\ncoulomb = "viscous"\n[states]',
+        "'viscous' has the unit N s/m; a coulomb level needs N",
+        "",
+    ),
+    ("[states]", '[levels]\ncoulomb = "colomb"\n[states]', "levels.coulomb: 'colomb' is no parameter", "coulomb"),
+    ('scale = "1 mm"', 'scale = "1 mm", above = 0', "starts at 0, which is not greater than 0", ""),
+    ('scale = "1 mm"', 'scale = "1 N"', "states.z.scale", "a length is needed"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "what", "also"), REFUSED, ids=[row[2][:50] for row in REFUSED])
+def test_a_wrong_law_gets_one_message_with_its_place(folder, old, new, what, also):
+    assert old in LUGRE
+    (folder / "laws" / "lugre.toml").write_text(LUGRE.replace(old, new, 1))
+    with pytest.raises(DescriptionError) as caught:
+        load(folder, FRICTION)
+    assert what in str(caught.value)
+    assert also in str(caught.value)
+    assert re.match(rf"{re.escape(str(folder))}/laws/lugre\.toml:\d+$", caught.value.where)
+
+
+def law(force, states=None, let=None, **more):
+    parameters = {
+        "Fc": {"unit": "N", "above": 0, "default": 30},
+        "k": {"unit": "N/m", "above": 0, "default": 1e5},
+        "d": {"unit": "N s/m", "above": 0, "default": 300},
+        "v0": {"unit": "m/s", "above": 0, "default": "1 mm/s"},
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PneudriveWarning)  # parameters that a case does not use
+        return FrictionLaw(name="mine", parameters=parameters, force=force, states=states or {}, let=let or {}, **more)
+
+
+DAHL = {"z": {"unit": "m", "rate": "v - abs(v)*k*z/Fc"}}
+# laws that are well written, but not what friction is with the values given
+UNUSABLE = [
+    (law("Fc*tanh(v/v0)*exp(v/v0)"), "force is not finite at v = 5 m/s"),
+    (law("Fc*sign(v)"), "the force jumps by 60.0000 N where v changes its sign"),
+    (law("-Fc*tanh(v/v0)"), "pushes along at every speed"),
+    (
+        law("k*z", {"z": {"unit": "m", "rate": "v"}}),
+        "state z does not come to rest in steady sliding at 0.1 mm/s: its rate is",
+    ),
+    (law("k*z", DAHL, steady="0.5*Fc*tanh(v/v0)"), "but the force settles at"),
+    (law("Fc*tanh(v/v0) + Fc*(v/v0)^2*exp(-(v/v0)^2)", odd=True), "says odd = true, but"),
+]
+
+
+@pytest.mark.parametrize(("own", "what"), UNUSABLE, ids=[row[1][:40] for row in UNUSABLE])
+def test_a_law_that_cannot_be_friction_is_refused(own, what):
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": pn.Friction(law=own)})
+    with pytest.raises(DescriptionError, match=re.escape(what)):
+        pn.simulate(drive, command=COMMAND, duration="10 ms")
+
+
+def messages(own):
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": pn.Friction(law=own)})
+    return _core.Drive(drive.core_json()).warnings
+
+
+def test_what_may_be_a_mistake_is_said():
+    with pytest.warns(PneudriveWarning, match="parameter 'k' is not used by force or rates"):
+        FrictionLaw(name="a", parameters={"k": {"unit": "N/m"}, "c": {"unit": "N s/m", "default": 1}}, force="c*v")
+    assert messages(law("k*z", DAHL, energy="0.5*k*z^2")) == []
+    assert messages(law("k*z", DAHL)) == []
+    (pushes,) = messages(law("Fc*tanh(v/v0) - 3*Fc*exp(-((v - 20*v0)/(4*v0))^2)"))
+    assert "pushes along" in pushes
+    assert "in steady sliding at 20 mm/s" in pushes
+    # A damper with the wrong sign: seen by its power where an energy is given, else by motions at random.
+    (power,) = messages(law("k*z - d*z_rate", DAHL, energy="0.5*k*z^2"))
+    assert re.search(r"not passive: when sliding at .* changes suddenly to .* W more than its states lose", power)
+    (motion,) = messages(law("k*z - d*z_rate", DAHL))
+    assert re.search(r"not passive: a random motion of .* s got .* mJ more .* when v = .* mm/s, z = .* m;", motion)
+
+
+def test_levels_are_needed_by_what_acts_on_them():
+    own = law("Fc*tanh(v/v0)")
+    friction = pn.Friction(law=own, side_load={"force": "10 N", "coefficient": 0.1})
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": friction})
+    with pytest.raises(DescriptionError, match=r"side_load acts on levels, but law \"mine\" has none.*\[levels\]"):
+        pn.simulate(drive, command=COMMAND, duration="10 ms")
+    with pytest.raises(DescriptionError, match="needs elastic bristles"):
+        pn.Friction(law=own, relaxation={"share": 0.3, "time": "5 s", "distance": "0.2 mm"})
+    with pytest.raises(DescriptionError, match="needs a Stribeck curve"):
+        pn.Friction(law=own, stribeck_shape="gaussian")
+    with pytest.raises(DescriptionError, match=r"friction\.Fc: \"0 N\" is out of bounds"):
+        pn.Friction(law=own, Fc="0 N")
+
+
+def test_units_of_parameters_are_any_of_their_dimension():
+    about = {
+        "c2": {"unit": "N s2/m2", "at_least": 0},
+        "area": {"unit": "m2", "above": 0, "at_most": "10 cm2"},
+        "fall": {"unit": "1/Pa", "default": "10 %/bar"},
+    }
+    own = FrictionLaw(name="square", parameters=about, force="c2*v*abs(v) + area*fall*pressure_a*c2*v*abs(v)/area")
+    friction = pn.Friction(law=own, c2="3 N s2/m2", area="4 cm2")
+    assert dict(friction.parameters) == {"c2": 3.0, "area": 4e-4, "fall": 1e-6}
+    with pytest.raises(DescriptionError, match=r"not more than 0\.001"):
+        pn.Friction(law=own, c2="3 N s2/m2", area="11 cm2")
+
+
+def test_a_rig_file_takes_it(folder):
+    from pneudrive.rig.core import core_friction, steady_friction_n
+    from pneudrive.rig.description import DEFAULT, read_description
+
+    text = Path(DEFAULT).read_text()
+    table = text[text.index("[friction]") :].split("\n[", 1)[0]
+    values = re.sub(r"law = .*\n", "", FRICTION[FRICTION.index("coulomb") :])
+    sourced = re.sub(r'= ("[^"]*")', r'= { value = \1, source = "assumed", reason = "a test" }', values)
+    (folder / "rig.toml").write_text(text.replace(table, f'[friction]\nlaw = "file:laws/lugre.toml"\n{sourced}'))
+    rig = read_description(folder / "rig.toml")
+    assert rig.law == "own-lugre"
+    force = steady_friction_n(core_friction(rig), 0.3)
+    np.testing.assert_allclose(force, 30.0 + 0.3 * 200.0, rtol=1e-12)
