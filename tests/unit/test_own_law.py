@@ -141,7 +141,7 @@ REFUSED = [
     ("above = 0, meaning", "over = 0, meaning", "parameters.coulomb.over is not a known key", "above"),
     ("[output]", "", "force stands under [let]", "[output]"),
     ("[output]", "[outputs]", "outputs is not a known key of a law", "'output'"),
-    ('force = "elastic', 'forse = "elastic', "output.forse is not a known key", "force"),
+    ('force = "elastic', 'forces = "elastic', "output.forces is not a known key", "force"),
     (
         "[states]",
         '[levels]\ncoulomb = "viscous"\n[states]',

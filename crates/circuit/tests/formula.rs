@@ -94,7 +94,8 @@ fn lanes_of_formulas_are_their_scalars_bit_for_bit() {
         let alone = support::run(circuit, y, 0.7, 1e-6);
         let own: Vec<f64> = stepper.state().iter().map(|y| y.get(l)).collect();
         assert_eq!(bits(&own), bits(alone.state()), "lane {l}");
-        assert_eq!(format!("{:?}", stepper.statistics(l)), format!("{:?}", alone.statistics(0)));
+        let steps = [stepper.statistics(l), alone.statistics(0)].map(|work| (work.steps, work.rejected));
+        assert_eq!(steps[0], steps[1], "lane {l}");
     }
 }
 
