@@ -137,6 +137,8 @@ REFUSED = [
     ("[states]", "[states]\nv = { unit = 'm', rate = '0' }", 'the name "v" has a meaning already', ""),
     ("[let]", "[let]\nviscous = '1'", 'the name "viscous" is given twice', ""),
     ('name = "own-lugre"', 'name = "lugre"', '"lugre" is a law that pneudrive has', ""),
+    ('name = "own-lugre"', 'name = ""', "name: the law has no name", ""),
+    ('"bristle_deflection_m"', '"position_m"', 'a trajectory has a column "position_m" already', "another name"),
     ("coulomb = {", "dwell = {", '"dwell" is a key of the friction table', ""),
     ("above = 0, meaning", "over = 0, meaning", "parameters.coulomb.over is not a known key", "above"),
     ("[output]", "", "force stands under [let]", "[output]"),

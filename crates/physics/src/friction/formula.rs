@@ -11,7 +11,7 @@ use ::formula::{Graph, Program};
 use math::{Dual, Lane, Over, Real};
 use std::sync::Mutex;
 
-pub use text::{ParameterText, Refusal, StateText, Text};
+pub use text::{ParameterText, Problem, Refusal, StateText, Text};
 
 /// The most inner states of a law of one's own.
 pub const MOST_STATES: usize = 8;

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe.friction import friction_laws
 from pneudrive.errors import FitError, nearest
 
 if TYPE_CHECKING:
@@ -88,7 +87,7 @@ class Parameter:
 def numbers_of(drive: Drive) -> dict[str, Parameter]:
     """Return every number of a drive that can be free, by its name in the drive file."""
     form = json.loads(drive.core_json())
-    laws = {p["key"]: p for p in friction_laws()[drive.friction.law]["parameters"]}
+    laws = {p["key"]: p for p in drive.friction.entry["parameters"]}
     found = (_parameter(path, value, laws) for path, value in _leaves(form, ""))
     return {p.name: p for p in found}
 

@@ -10,6 +10,7 @@ use std::sync::Mutex;
 
 const MOST_PARAMETERS: usize = 48;
 const MOST_LETS: usize = 64;
+const MOST_NAME: usize = 80;
 /// Laws that a process keeps: each stays until its end.
 const MOST_LAWS: usize = 10_000;
 /// Gauge pressure is not below vacuum, Pa: with room for places below the sea.
@@ -144,6 +145,9 @@ fn names(text: &Text) -> Compiled<()> {
         if count > most {
             return refuse(what, format!("the law has {count} of them; at most {most} are taken"), "");
         }
+    }
+    if !(1..=MOST_NAME).contains(&text.name.trim().chars().count()) {
+        return refuse("name", "the law has no name, or a very long one", "Give it a short name.");
     }
     if LAWS.iter().any(|meta| meta.key == text.name) {
         let what = format!("\"{}\" is a law that pneudrive has", text.name);

@@ -1,5 +1,5 @@
 use crate::parameter::Bounds;
-use ::formula::Problem;
+pub use ::formula::Problem;
 use std::fmt;
 
 /// A law as its author writes it, quantities in SI.
