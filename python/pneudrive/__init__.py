@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.design import design as design
     from pneudrive.identify.dynamic import Sensor as Sensor
     from pneudrive.identify.dynamic import identify as identify
+    from pneudrive.identify.dynamic import identify_presliding as identify_presliding
     from pneudrive.identify.laws import compare_laws as compare_laws
     from pneudrive.identify.survey import survey as survey
     from pneudrive.simulate import citations as citations
@@ -66,6 +67,7 @@ _HOME = {
     "design": "pneudrive.identify.design",
     "identify": "pneudrive.identify.dynamic",
     "Sensor": "pneudrive.identify.dynamic",
+    "identify_presliding": "pneudrive.identify.dynamic",
     "validate": "pneudrive.validate",
     "PneudriveError": "pneudrive.errors",
 }

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pneudrive.identify.dynamic.fit import identify
+from pneudrive.identify.dynamic.presliding import Presliding, identify_presliding
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.dynamic.search import Progress
 from pneudrive.identify.dynamic.sensors import Sensor
 
-__all__ = ["DriveFit", "Progress", "Sensor", "identify"]
+__all__ = ["DriveFit", "Presliding", "Progress", "Sensor", "identify", "identify_presliding"]

@@ -297,10 +297,9 @@ def _renew_noise(problem: Problem, at: Joined, stated: list[NDArray[np.bool_]], 
             size = float(np.sqrt(np.mean(r**2)))
             if np.isfinite(problem.huber_k):
                 size = float(np.median(np.abs(r))) / 0.6745
-            new = float(np.hypot(size * experiment.noise[c], 0.0))
-            new = max(new, _least_noise(channel, rtol))
-            changed = changed or abs(new / experiment.noise[c] - 1.0) > NOISE_CHANGE
-            experiment.noise[c] = new
+            new = max(size * experiment.noise[c], _least_noise(channel, rtol))
+            if abs(new / experiment.noise[c] - 1.0) > NOISE_CHANGE:
+                experiment.noise[c], changed = new, True
     return changed
 
 

@@ -90,6 +90,8 @@ class Problem:
             if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
                 self.prior[i] = (s.size / s.uncertainty) ** 2
         self.huber_k = np.inf
+        #: Coordinate that stays as it is, for profiles.
+        self.held: int | None = None
 
     @property
     def names(self) -> list[str]:
@@ -144,12 +146,16 @@ class Problem:
             ]
         )
 
-    def run(self, point: Point, *, derivatives: bool = True) -> list[Shot] | str:
-        """Run all recordings; a text says why a segment could not be run."""
+    def run(self, point: Point, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
+        """Run all recordings; a text says why a segment could not be run.
+
+        With `reset`, derivatives by the starts are by what nothing measures, as only that is carried over.
+        """
         values = self.coordinates.natural(point.eta[: self.drive_size])
         shots = []
         for experiment, states in zip(self.experiments, point.states, strict=True):
-            shot = experiment.shooter.run(values, states, derivatives=derivatives)
+            hidden = np.flatnonzero(~experiment.starts.measured) if reset else None
+            shot = experiment.shooter.run(values, states, derivatives=derivatives, by_start=hidden)
             if shot.failures:
                 j, why = next(iter(shot.failures.items()))
                 record = experiment.shooter.recording

@@ -272,7 +272,7 @@ def predict_segments(problem: Problem, point: Point, watcher: Watcher) -> Point:
     """
     least = [e.noise.copy() for e in problem.experiments]
     believed = [s.copy() for s in point.states]
-    shots = _run(problem, point, "the recordings cannot be simulated from the start values")
+    shots = _run(problem, point, "the recordings cannot be simulated from the start values", reset=True)
     longest, closings = LONGEST, 0
     for _ in range(MOST_STEPS):
         _take_misfit_as_noise(problem, judge(problem, point, believed, shots, reset=True).residuals, least)
@@ -285,14 +285,14 @@ def predict_segments(problem: Problem, point: Point, watcher: Watcher) -> Point:
                 break
             states = [s + closing for s, (_, closing) in zip(point.states, at.carried, strict=True)]
             point, longest, closings = problem.possible(replace(point, states=states)), LONGEST, closings + 1
-            shots = _run(problem, point, "the search came to where the drive cannot be simulated")
+            shots = _run(problem, point, "the search came to where the drive cannot be simulated", reset=True)
             continue
         gain = 1.0 - found.standing.cost / at.cost
         point, longest, closings = found.point, found.longest, 0
         watcher.step(problem, "segments apart", found.standing, point)
         if gain < SMALL_GAIN:
             break
-        shots = _run(problem, point, "the search came to where the drive cannot be simulated")
+        shots = _run(problem, point, "the search came to where the drive cannot be simulated", reset=True)
     for experiment, noise in zip(problem.experiments, least, strict=True):
         experiment.noise = noise
     return point
@@ -305,8 +305,8 @@ def _take_misfit_as_noise(problem: Problem, residuals: list[Array], least: list[
         experiment.noise = np.maximum(floor, off)
 
 
-def _run(problem: Problem, point: Point, otherwise: str) -> list[Shot]:
-    shots = problem.run(point)
+def _run(problem: Problem, point: Point, otherwise: str, *, reset: bool = False) -> list[Shot]:
+    shots = problem.run(point, reset=reset)
     if isinstance(shots, str):
         remedy = "shorter segments (segment=...), other start values; or look at the units of the recordings"
         raise FitError(otherwise, value=shots, remedy=remedy)
@@ -351,6 +351,9 @@ def equations(problem: Problem, point: Point, at: Joined) -> tuple[Array, Array]
     information, gradient = reduced(at.blocks, problem.size)
     information += np.diag(problem.prior)
     gradient -= problem.prior * (point.eta - problem.prior_mean)
+    if problem.held is not None:
+        information[problem.held], information[:, problem.held], gradient[problem.held] = 0.0, 0.0, 0.0
+        information[problem.held, problem.held] = 1.0
     return information, gradient
 
 

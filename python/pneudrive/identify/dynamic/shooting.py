@@ -86,7 +86,9 @@ class Shooter:
         """Return the same with segments that begin at other samples."""
         return Shooter(self.recording, self.outputs, starts, self._candidates, self._rtol, self._threads)
 
-    def run(self, values: Array, initial: Array, *, derivatives: bool = True, by_start: bool = True) -> Shot:
+    def run(
+        self, values: Array, initial: Array, *, derivatives: bool = True, by_start: NDArray[np.int64] | None = None
+    ) -> Shot:
         """Run all segments.
 
         Parameters
@@ -95,8 +97,10 @@ class Shooter:
             Free values of the drive, SI.
         initial : ndarray, shape (k, s)
             Starts of the segments.
-        derivatives, by_start : bool
-            Derivatives by the values, and by the starts.
+        derivatives : bool
+            Derivatives by the values and by the starts.
+        by_start : ndarray of int, optional
+            Columns of the starts by which to differentiate, all where nothing is said; by the others they are zero.
 
         Raises
         ------
@@ -112,7 +116,7 @@ class Shooter:
                 self.starts.tolist(),
                 np.ascontiguousarray(initial),
                 self._candidates.paths if derivatives else [],
-                derivatives and by_start,
+                derivatives if by_start is None or not derivatives else by_start.tolist(),
                 self.outputs,
                 self._rtol,
                 self._threads,
@@ -121,6 +125,8 @@ class Shooter:
             raise FitError(f"the core refuses a drive of the search: {error}") from None
         p = len(self._candidates.paths) if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
+        if derivatives and by_start is not None:
+            sensitivities, ends = (_spread(d, p, by_start, initial.shape[1]) for d in (sensitivities, ends))
         return Shot(
             outputs=found["values"],
             by_parameter=sensitivities[:, :, :p],
@@ -130,6 +136,14 @@ class Shooter:
             ends_by_start=ends[:, :, p:],
             failures={j: why for j, why in enumerate(found["failures"]) if why is not None},
         )
+
+
+def _spread(derivatives: Array, p: int, columns: NDArray[np.int64], states: int) -> Array:
+    """Put derivatives by some columns of the starts where those by all would stand."""
+    out = np.zeros((*derivatives.shape[:-1], p + states))
+    out[..., :p] = derivatives[..., :p]
+    out[..., p + columns] = derivatives[..., p:]
+    return out
 
 
 def segment_starts(time_s: Array, length_s: float | None) -> NDArray[np.int64]:

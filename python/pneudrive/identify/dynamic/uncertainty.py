@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -185,18 +185,14 @@ def profile(
 def _constrained(
     problem: Problem, point: Point, believed: list[Array], value: float, index: int
 ) -> tuple[float, Point]:
-    """Best cost with one coordinate held, by a precision that holds it."""
-    from dataclasses import replace
-
-    prior, mean = problem.prior.copy(), problem.prior_mean.copy()
+    """Best cost with one coordinate held."""
     eta = point.eta.copy()
     eta[index] = value
+    problem.held = index
     try:
-        problem.prior_mean[index], problem.prior[index] = value, 1e14
         moved, at, _ = join_segments(problem, replace(point, eta=eta), believed, None, most=PROFILE_FITS)
-        held = problem.prior[index] * (moved.eta[index] - value) ** 2
-        return at.cost - held, moved
     except FitError:
         return np.inf, point
     finally:
-        problem.prior, problem.prior_mean = prior, mean
+        problem.held = None
+    return at.cost, moved

@@ -1,0 +1,154 @@
+"""Identification: ours beside the same fit with SciPy's LSODA and finite differences.
+
+``python -m benches.identify`` prints what the tests do not have time for, all on synthetic records:
+
+- speed: five friction parameters from 10 s of servo motion at 1 kHz, 1 um and 200 Pa of noise, from starts 50 % off,
+  against output error with LSODA in plain Python and finite differences. One simulation of theirs is timed and taken
+  times what a Gauss-Newton step needs (one run, and one for each parameter and each number of the start) times the
+  steps that ours took: in its favour, as single shooting from such starts needs more, or does not arrive.
+- coverage: a laboratory's noise (10 um, 2 kPa), unknown offsets of 0.5 % of full scale on all sensors, valve C and b
+  free.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+
+import pneudrive as pn
+from benches.problem import SCALE
+from pneudrive import _core
+
+START = {"position_m": 0.25, "velocity_m_s": 0.0} | {f"pressure_{c}_pa": 3e5 for c in "ab"}
+START |= {f"temperature_{c}_k": 293.15 for c in "ab"}
+UNITS = {
+    "coulomb": "N",
+    "breakaway": "N",
+    "stribeck_velocity": "m/s",
+    "viscous": "N s/m",
+    "bristle_stiffness": "N/m",
+}
+FRICTION = [f"friction.{name}" for name in UNITS]
+FACTORS = [[0.5] * 5, [1.5] * 5, [0.5, 0.5, 1.5, 1.5, 0.5], [1.5, 0.5, 0.5, 1.5, 1.5], [0.5, 1.5, 0.5, 0.5, 1.5]]
+FULL_SCALE = {"position": 0.5, "pressure_a": 1e6, "pressure_b": 1e6}
+OFFSET_SHARE = 0.005
+STATES = 7
+
+
+def servo(drive: Any, seconds: float, noise: tuple[float, float], seed: int) -> dict[str, np.ndarray]:
+    """Record a servo that follows a sine, at 1 kHz."""
+    core = _core.Drive(drive.core_json())
+    run = core.servo(8.0, 0.25, 0.1, 0.5, seconds, 1000.0, START, 1e-8)
+    gas, n = core.chambers(run["states"]), len(run["commands"])
+    rng = np.random.default_rng(seed)
+    columns = {"time_s": np.arange(n) * 1e-3, "command": run["commands"]}
+    for name, values, size in (
+        ("position_m", run["states"][:, 0], noise[0]),
+        ("pressure_a_pa", gas[:, 0], noise[1]),
+        ("pressure_b_pa", gas[:, 2], noise[1]),
+    ):
+        columns[name] = values + size * rng.standard_normal(n)
+    return columns
+
+
+def away(drive: Any, factors: np.ndarray) -> Any:
+    """Return the drive with friction off by factors, breakaway at least a little above Coulomb friction."""
+    values = dict(drive.friction.parameters)
+    start = {name: float(values[name] * f) for name, f in zip(UNITS, factors, strict=True)}
+    start["breakaway"] = max(start["breakaway"], 1.02 * start["coulomb"])
+    return drive.replace({f"friction.{n}": f"{v!r} {UNITS[n]}" for n, v in start.items()})
+
+
+def scipy_seconds(columns: dict[str, np.ndarray], share: float) -> float:
+    """Time one simulation of the record with LSODA (`odeint`) and plain Python equations, from a share of it."""
+    from benches.solvers import lsoda, rhs
+
+    solver = lsoda.OdeInt("LSODA", rhs.python_derivative)
+    n = round(share * (len(columns["time_s"]) - 1))
+    y = np.array([0.25, 0.0, 3e5, 293.15, 3e5, 293.15, 0.0])
+    begin = time.perf_counter()
+    for i in range(n):
+        y = solver.segment(y, float(columns["command"][i]), columns["time_s"][i : i + 2], 1e-6)[-1]
+    seconds = time.perf_counter() - begin
+    assert np.isfinite(y / SCALE).all()
+    return seconds / share
+
+
+def speed() -> None:
+    """Print seconds of ours from several starts, and of the other."""
+    drive = pn.Drive.load("catalogue:reference")
+    columns = servo(drive, 10.0, (1e-6, 200.0), 0)
+    pn.identify(drive, {k: v[:300] for k, v in columns.items()}, FRICTION)  # imports
+    steps, ours = [], []
+    for factors in FACTORS:
+        wall, cpu = time.perf_counter(), time.process_time()
+        fit = pn.identify(away(drive, np.array(factors)), columns, FRICTION)
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        worst = max(abs(fit.values[f"friction.{n}"] / drive.friction.parameters[n] - 1.0) for n in UNITS)
+        steps.append(fit.statistics["iterations"])
+        ours.append(wall)
+        print(
+            f"starts x {factors}: {wall:.2f} s ({cpu:.2f} s of processor time), {steps[-1]:.0f} steps, "
+            f"worst parameter off by {100 * worst:.3f} %, converged: {fit.converged}"
+        )
+    one = scipy_seconds(columns, 0.2)
+    theirs = one * (1 + len(UNITS) + STATES) * float(np.median(steps))
+    count = np.median(steps)
+    print(f"LSODA, plain Python: {one:.1f} s a simulation (from 2 s of it), {theirs:.0f} s for {count:.0f} steps")
+    print(f"ratio: {theirs / np.median(ours):.0f}")
+
+
+def coverage(count: int) -> None:
+    """Print how often intervals hold the truth at a laboratory's noise."""
+    drive = pn.Drive.load("catalogue:reference")
+    free = [*FRICTION, "valve.conductance", "valve.critical_pressure_ratio"]
+    true = {f"friction.{n}": drive.friction.parameters[n] for n in UNITS}
+    true |= {"valve.conductance": 2e-8, "valve.critical_pressure_ratio": 0.3}
+    held, named, worst = dict.fromkeys(free, 0), dict.fromkeys(free, 0), dict.fromkeys(free, 0.0)
+    done = 0
+    for seed in range(count):
+        rng = np.random.default_rng(1000 + seed)
+        columns = servo(drive, 10.0, (1e-5, 2e3), seed)
+        sensors = {}
+        for name, scale in FULL_SCALE.items():
+            key = f"{name}_{'m' if name == 'position' else 'pa'}"
+            columns[key] = columns[key] + OFFSET_SHARE * scale * rng.uniform(-1.0, 1.0)
+            sensors[name] = {"offset": "free", "offset_uncertainty": OFFSET_SHARE * scale}
+        start = away(drive, np.where(rng.random(5) < 0.5, 0.5, 1.5)).replace(
+            {
+                "valve.conductance": f"{float(2e-8 * rng.choice([0.7, 1.3]))!r} m3/(s Pa)",
+                "valve.critical_pressure_ratio": float(rng.choice([0.2, 0.4])),
+            }
+        )
+        fit = pn.identify(start, columns, free, sensors=sensors)
+        lost = {u.parameter for u in fit.undetermined}
+        if not fit.converged:
+            print(f"seed {seed}: not converged, {sorted(lost)} named")
+            continue
+        done += 1
+        for name in free:
+            lower, upper = fit.intervals[name]
+            held[name] += lower <= true[name] <= upper
+            named[name] += name in lost
+            worst[name] = max(worst[name], abs(fit.values[name] / true[name] - 1.0))
+    for name in free:
+        print(f"{name:<32} held {held[name]}/{done}, named undetermined {named[name]}, worst {100 * worst[name]:.3f} %")
+
+
+def main() -> None:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--coverage", type=int, default=0, help="seeds of the coverage study; 0 leaves it out")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")
+    speed()
+    if arguments.coverage:
+        coverage(arguments.coverage)
+
+
+if __name__ == "__main__":
+    main()

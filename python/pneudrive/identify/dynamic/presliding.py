@@ -1,0 +1,282 @@
+"""Bristle stiffness and damping from presliding: force over displacement right after slow reversals.
+
+After a reversal the contact is elastic before it slips: friction grows from -F to +F over a few bristle deflections.
+The slope there is the bristle stiffness times a factor of the law: 2 for LuGre, whose bristles were slipping before, 1
+for bristles that are elastic below breakaway. The factor is not written down here: the core drags the same law through
+such a loop, and the same evaluation of that loop says what it gives for a known stiffness.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.characterise.spread import student
+from pneudrive.errors import FitError
+from pneudrive.identify.diagnose import Undetermined
+from pneudrive.identify.dynamic.states import white_noise
+from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, unresolved_damping
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.characterise import Recording
+    from pneudrive.describe import Drive
+
+    Array = NDArray[np.float64]
+
+#: Share of the whole swing of friction over which the slope is evaluated.
+SWING_SHARE = 0.35
+#: Samples that a reversal needs within that share.
+LEAST_SAMPLES = 6
+#: A reversal counts when friction swings by this share of the greatest swing.
+WHOLE_SWING = 0.6
+#: Steps of the search for the stiffness whose simulated loop is as steep as the measured one.
+ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Presliding:
+    """Bristles from reversals; SI.
+
+    Attributes
+    ----------
+    stiffness_n_m : float
+        sigma0.
+    stiffness_interval : (float, float)
+        95 %, from the scatter between reversals; infinite where there is only one.
+    damping_n_s_m : float or None
+        sigma1; None where it is not determined.
+    damping_interval : (float, float)
+    breakaway_n : float
+        Half the swing of friction between both directions: the level to which the bristles were loaded.
+    reversals : int
+        That were evaluated.
+    undetermined : tuple of Undetermined
+    """
+
+    stiffness_n_m: float
+    stiffness_interval: tuple[float, float]
+    damping_n_s_m: float | None
+    damping_interval: tuple[float, float]
+    breakaway_n: float
+    reversals: int
+    undetermined: tuple[Undetermined, ...]
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """Displacement, gain of friction and speed since a reversal, in the new direction; swing is that of friction."""
+
+    displacement: Array
+    gain: Array
+    speed: Array
+    swing: float
+
+
+def identify_presliding(
+    drive: Drive,
+    loops: Recording | Mapping[str, Any] | Sequence[Recording | Mapping[str, Any]],
+    *,
+    resolution_m: float = 0.0,
+) -> Presliding:
+    """Identify the bristle stiffness, and the damping where the encoder resolves it, from force-displacement loops.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its friction law and that law's other parameters.
+    loops
+        Recordings of a rig that reverses slowly, or mappings with ``time_s``, ``position_m`` and ``friction_n`` (the
+        force that opposes motion in +x), shape (n,).
+    resolution_m : float
+        Step of the encoder.
+
+    Returns
+    -------
+    Presliding
+
+    Raises
+    ------
+    FitError
+        The law has no bristles, or no reversal can be evaluated.
+    """
+    law = drive.friction.law
+    if "bristle_stiffness" not in drive.friction.parameters:
+        raise FitError(f"law {law} has no bristle stiffness", remedy="take lugre or elasto-plastic")
+    given = [_columns(g) for g in (loops if isinstance(loops, (list, tuple)) else [loops])]
+    step = max([resolution_m, *(white_noise(position) for _, position, _ in given)])
+    found = [loop for columns in given for loop in _reversals(*columns, step)]
+    most = max((loop.swing for loop in found), default=0.0)
+    found = [loop for loop in found if loop.swing >= WHOLE_SWING * most]
+    fits = [fit for loop in found if (fit := _slope(loop, step)) is not None]
+    if not fits:
+        raise FitError(
+            "no reversal shows the bristles",
+            value=f"{len(found)} reversals, position known to {1e6 * step:.3g} um",
+            rule=f"{LEAST_SAMPLES} samples within {100 * SWING_SHARE:.0f} % of the swing of friction",
+            remedy="reverse more slowly, or sample faster",
+        )
+    slopes, dampings = np.array(fits).T
+    level = 0.5 * float(np.median([loop.swing for loop in found]))
+    top = float(np.median([loop.speed.max() for loop in found]))
+    factor = _factor(drive, float(slopes.mean()), level, top)
+    stiffness, s_interval = _pooled(slopes / factor)
+    damping, d_interval = _pooled(dampings / factor)
+    lost = _lost(step, level, (stiffness, s_interval), (damping, d_interval))
+    return Presliding(
+        stiffness_n_m=stiffness,
+        stiffness_interval=s_interval,
+        damping_n_s_m=None if any(u.parameter == "friction.bristle_damping" for u in lost) else damping,
+        damping_interval=d_interval,
+        breakaway_n=level,
+        reversals=len(fits),
+        undetermined=lost,
+    )
+
+
+def _lost(
+    step: float,
+    level: float,
+    stiffness: tuple[float, tuple[float, float]],
+    damping: tuple[float, tuple[float, float]],
+) -> tuple[Undetermined, ...]:
+    out = []
+    for name, (value, (low, high)), remedy in (
+        ("friction.bristle_stiffness", stiffness, "reverse more slowly and more often, with a finer encoder"),
+        ("friction.bristle_damping", damping, "reverse at several speeds, some of them ten times faster"),
+    ):
+        if not (value > 0.0 and 0.5 * (high - low) <= LARGEST_REACH * value):
+            reason = f"its 95 % interval over the reversals reaches from {low:.3g} to {high:.3g}"
+            out.append(Undetermined(name, reason, remedy))
+    unresolved = unresolved_damping(step, level, stiffness[0])
+    if unresolved is not None:
+        out = [u for u in out if u.parameter != unresolved.parameter] + [unresolved]
+    return tuple(out)
+
+
+def _columns(given: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recording or a mapping, told here
+    """Time, position and friction."""
+    if hasattr(given, "balance_n"):
+        return given.time_s, given.position_m, given.balance_n()
+    names = ("time_s", "position_m", "friction_n")
+    missing = [c for c in names if c not in given]
+    if missing:
+        raise FitError(f"a loop lacks {', '.join(missing)}", rule="time_s, position_m and friction_n of one length")
+    time, position, friction = (np.asarray(given[c], dtype=np.float64) for c in names)
+    return time, position, friction
+
+
+def _reversals(time: Array, position: Array, friction: Array, step: float) -> list[_Loop]:
+    """Find the loops that begin at each turning point of the position."""
+    threshold = max(5.0 * step, 1e-9)
+    turns = _turning_points(position, threshold)
+    out = []
+    for begin, end in pairwise(turns):
+        if end - begin < LEAST_SAMPLES:
+            continue
+        part = slice(begin, end + 1)
+        sign = np.sign(position[end] - position[begin])
+        x = sign * (position[part] - position[begin])
+        f = sign * (friction[part] - friction[begin])
+        speed = sign * np.gradient(position[part], time[part])
+        swing = float(np.median(f[len(f) * 3 // 4 :]))
+        if swing > 0.0:
+            out.append(_Loop(x, f, speed, swing))
+    return out
+
+
+def _turning_points(position: Array, threshold: float) -> list[int]:
+    """Find the samples at which the position turns back by more than a threshold."""
+    turns, low, high, rising = [], 0, 0, 0
+    for i, x in enumerate(position):
+        if x > position[high]:
+            high = i
+        if x < position[low]:
+            low = i
+        if rising >= 0 and position[high] - x > threshold:
+            turns.append(high)
+            rising, low = -1, i
+        elif rising <= 0 and x - position[low] > threshold:
+            turns.append(low)
+            rising, high = 1, i
+    turns.append(high if rising > 0 else low)
+    return sorted(set(turns))
+
+
+def _slope(loop: _Loop, step: float) -> tuple[float, float] | None:
+    """Slope of friction over displacement at the reversal, and over speed; by least squares of the displacement.
+
+    x = b (F - s v) + c F^2: friction is known better than a displacement of some steps of the encoder.
+    """
+    begin = loop.gain <= SWING_SHARE * loop.swing
+    stop = int(np.argmin(begin)) if not begin.all() else begin.size
+    if stop < LEAST_SAMPLES or loop.displacement[stop - 1] < 2.0 * step:
+        return None
+    f, v, x = loop.gain[:stop], loop.speed[:stop], loop.displacement[:stop]
+    sizes = np.array([f.max(), f.max() ** 2, max(np.abs(v).max(), 1e-12), 1.0])
+    design = np.stack([f, f**2, v, np.ones_like(f)], axis=1) / sizes
+    b, _, d, _ = np.linalg.lstsq(design, x, rcond=1e-8)[0] / sizes
+    return (1.0 / b, -d / b) if b > 0.0 else None
+
+
+def _pooled(values: Array) -> tuple[float, tuple[float, float]]:
+    """Mean and 95 % interval over reversals."""
+    mean, n = float(values.mean()), values.size
+    if n == 1:
+        return mean, (-np.inf, np.inf)
+    reach = float(student(n - 1) * values.std(ddof=1) / np.sqrt(n))
+    return mean, (mean - reach, mean + reach)
+
+
+def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
+    """Slope over stiffness of the drive's law in a loop of this level, evaluated as the measured ones."""
+    stiffness = slope
+    factor = 1.0
+    for _ in range(ROUNDS):
+        loops = _reversals(*_simulated_loop(drive, stiffness, level, speed), 0.0)
+        fits = [fit[0] for loop in loops[1:] if (fit := _slope(loop, 0.0)) is not None]
+        if not fits:
+            break
+        factor = float(np.mean(fits)) / stiffness
+        stiffness = slope / factor
+    return factor
+
+
+def _simulated_loop(drive: Drive, stiffness: float, level: float, speed: float) -> tuple[Array, Array, Array]:
+    """Drag the law to and fro by many bristle deflections, as a stiff rig without air does."""
+    from pneudrive import _core
+
+    law = drive.friction.core()
+    parameters = dict(law["parameters"])
+    ratio = level / max(parameters.get("breakaway", parameters.get("coulomb", level)), 1e-12)
+    for name in ("coulomb", "breakaway"):
+        if name in parameters:
+            parameters[name] *= ratio
+    parameters["bristle_stiffness"] = stiffness
+    travel = 12.0 * level / stiffness
+    ambient = 1.0e5
+    rig = {
+        "friction": {**law, "parameters": parameters, "pressure": None},
+        **dict.fromkeys(("area_a_m2", "area_b_m2"), 1e-9),
+        **dict.fromkeys(("ambient_pressure_pa", "pressure_a_pa", "pressure_b_pa"), ambient),
+        "moving_mass_kg": 1e-2,
+        "stroke_m": 10.0 * travel,
+        "sensor_stiffness_n_m": 1e3 * stiffness,
+        "sensor_damping_n_s_m": 1e2,
+    }
+    cruise, turn = travel / speed, 0.02 * travel / speed
+    jerk = 4.0 * speed / turn**2
+    durations, jerks = [], []
+    for change in (1.0, -2.0, 2.0, -2.0):
+        durations += [0.5 * turn, 0.5 * turn, cruise]
+        jerks += [change * jerk, -change * jerk, 0.0]
+    times = np.linspace(0.0, sum(durations), 20000, endpoint=False)
+    columns = _core.Rig(json.dumps(rig)).run(durations, jerks, times, 5.0 * travel, 1e-8)["columns"]
+    return columns["time_s"], columns["position_m"], columns["friction_force_n"]

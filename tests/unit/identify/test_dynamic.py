@@ -1,0 +1,254 @@
+"""Numbers of a drive from records of its motion: what was simulated is found again, from far off, with true intervals.
+
+All records are synthetic: the drive of the catalogue, or one with elasto-plastic bristles, and noise from a seed.
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive import _core
+from pneudrive.errors import FitError, PneudriveWarning
+from pneudrive.identify.dynamic.sensors import lagged
+
+pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
+
+UNITS = {
+    "coulomb": "N",
+    "breakaway": "N",
+    "stribeck_velocity": "m/s",
+    "viscous": "N s/m",
+    "bristle_stiffness": "N/m",
+}
+FRICTION = [f"friction.{name}" for name in UNITS]
+START = {
+    "position_m": 0.25,
+    "velocity_m_s": 0.0,
+    **{f"pressure_{c}_pa": 3e5 for c in "ab"},
+    **{f"temperature_{c}_k": 293.15 for c in "ab"},
+}
+
+
+@cache
+def reference() -> pn.Drive:
+    return pn.Drive.load("catalogue:reference")
+
+
+def off(drive: pn.Drive, factor: float) -> pn.Drive:
+    values = drive.friction.parameters
+    return drive.replace({f"friction.{n}": f"{factor * values[n]!r} {unit}" for n, unit in UNITS.items()})
+
+
+def servo(
+    drive: pn.Drive,
+    seconds: float,
+    *,
+    amplitude: float = 0.1,
+    frequency: float = 0.5,
+    noise=(1e-6, 200.0),
+    seed: int = 0,
+) -> dict:
+    """Record a servo that follows a sine at 1 kHz."""
+    core = _core.Drive(drive.core_json())
+    run = core.servo(8.0, 0.25, amplitude, frequency, seconds, 1000.0, START, 1e-8)
+    gas, n = core.chambers(run["states"]), len(run["commands"])
+    rng = np.random.default_rng(seed)
+    return {
+        "time_s": np.arange(n) * 1e-3,
+        "command": run["commands"],
+        "position_m": run["states"][:, 0] + noise[0] * rng.standard_normal(n),
+        "pressure_a_pa": gas[:, 0] + noise[1] * rng.standard_normal(n),
+        "pressure_b_pa": gas[:, 2] + noise[1] * rng.standard_normal(n),
+    }
+
+
+def truth(drive: pn.Drive, names: list[str]) -> dict[str, float]:
+    from pneudrive.identify.dynamic.parameters import numbers_of
+
+    known = numbers_of(drive)
+    return {name: known[name].value for name in names}
+
+
+@cache
+def servo_fit() -> object:
+    return pn.identify(off(reference(), 1.5), servo(reference(), 4.0), FRICTION)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.5])
+def test_friction_is_found_again_from_starts_that_are_half_off(factor: float) -> None:
+    fit = servo_fit() if factor == 1.5 else pn.identify(off(reference(), factor), servo(reference(), 4.0), FRICTION)
+    assert fit.converged
+    assert not fit.undetermined
+    for name, value in truth(reference(), FRICTION).items():
+        assert fit.values[name] == pytest.approx(value, rel=0.01), name
+    assert fit.statistics["rms.position"] == pytest.approx(1e-6, rel=0.05)
+    assert fit.statistics["rms.pressure_a"] == pytest.approx(200.0, rel=0.05)
+
+
+def test_three_ways_to_an_interval_agree_where_the_model_is_right() -> None:
+    fit = servo_fit()
+    name = "friction.coulomb"
+    lower, upper = fit.intervals[name]
+    for other in (fit.profile([name])[name], fit.bootstrap(300, names=[name])[name]):
+        assert other[1] - other[0] == pytest.approx(upper - lower, rel=0.35)
+        assert other[0] < fit.values[name] < other[1]
+    assert np.all(np.linalg.eigvalsh(fit.correlation) > -1e-9)
+
+
+def test_stick_slip_needs_multiple_shooting() -> None:
+    drive = reference()
+    run = pn.simulate(
+        drive, [(0.0, 0.0016)], 6.0, initial="position = 50 mm, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
+    )
+    rng = np.random.default_rng(0)
+    cols = {"time_s": run.time.values, "command": run.command.values}
+    for name, unit, noise in (("position", "m", 1e-6), ("pressure_a", "pa", 200.0), ("pressure_b", "pa", 200.0)):
+        cols[f"{name}_{unit}"] = run[name].values + noise * rng.standard_normal(run.sizes["time"])
+    free = ["friction.coulomb", "friction.breakaway", "friction.stribeck_velocity"]
+    start = off(drive, 1.5)
+    fit = pn.identify(
+        start.replace({"friction.viscous": "40 N s/m", "friction.bristle_stiffness": "1e5 N/m"}), cols, free
+    )
+    assert fit.converged
+    for name, value in truth(drive, free).items():
+        assert fit.values[name] == pytest.approx(value, rel=0.01), name
+    single = pn.identify(
+        start.replace({"friction.viscous": "40 N s/m", "friction.bristle_stiffness": "1e5 N/m"}),
+        cols,
+        free,
+        segment=None,
+    )
+    assert single.statistics["rms.position"] > 100.0 * fit.statistics["rms.position"]
+
+
+def test_two_recordings_with_offsets_of_their_own_share_the_drive() -> None:
+    table = {k: v for k, v in reference().friction.to_dict().items() if k != "law"}
+    drive = reference().replace({"friction": {"law": "elasto-plastic", **table}})
+    records, offsets = [], [(1e-3, 3e3), (-5e-4, -2e3)]
+    for i, (ox, oa) in enumerate(offsets):
+        cols = servo(drive, 3.0, amplitude=(0.1, 0.2)[i], frequency=(0.5, 0.8)[i], noise=(5e-6, 500.0), seed=i)
+        records.append({**cols, "position_m": cols["position_m"] + ox, "pressure_a_pa": cols["pressure_a_pa"] + oa})
+    free = ["cylinder.dead_volume.a", "cylinder.dead_volume.b", "cylinder.heat_transfer", "cylinder.moving_mass"]
+    free += ["friction.coulomb"]
+    start = drive.replace(
+        {
+            "cylinder.dead_volume": {"a": "15 cm3", "b": "7 cm3"},
+            "cylinder.heat_transfer": "45 W/(m2 K)",
+            "cylinder.moving_mass": "2.6 kg",
+            "friction.coulomb": "24 N",
+        }
+    )
+    sensors = {"position": {"offset": "free", "offset_uncertainty": "1 mm"}, "pressure_a": {"offset": "free"}}
+    fit = pn.identify(start, records, free, sensors=sensors)
+    assert fit.converged
+    for name, value in truth(drive, free).items():
+        lower, upper = fit.intervals[name]
+        assert fit.values[name] == pytest.approx(value, rel=0.1), name
+        assert lower - (upper - lower) < value < upper + (upper - lower), name
+    for i, (ox, oa) in enumerate(offsets):
+        assert fit.sensors[f"position.offset [recording {i + 1}]"] == pytest.approx(ox, abs=3e-4)
+        assert fit.sensors[f"pressure_a.offset [recording {i + 1}]"] == pytest.approx(oa, abs=100.0)
+    assert fit.sources["friction.coulomb"] == ("recording 1", "recording 2")
+
+
+def test_lag_and_gain_of_a_sensor_are_found() -> None:
+    cols = servo(reference(), 2.0)
+    late = lagged(cols["time_s"], servo(reference(), 2.0, noise=(0.0, 0.0))["pressure_a_pa"], 6e-3)
+    cols["pressure_a_pa"] = 1.02 * late + 200.0 * np.random.default_rng(5).standard_normal(late.size)
+    sensors = {"pressure_a": {"lag": "free", "gain": "free"}}
+    fit = pn.identify(reference(), cols, ["friction.coulomb"], sensors=sensors)
+    assert fit.sensors["pressure_a.lag"] == pytest.approx(6e-3, rel=0.02)
+    assert fit.sensors["pressure_a.gain"] == pytest.approx(1.02, rel=1e-3)
+    assert fit.values["friction.coulomb"] == pytest.approx(30.0, rel=1e-3)
+
+
+def test_lag_of_a_ramp_is_the_ramp_late_by_its_time_constant() -> None:
+    time = np.array([0.0, 0.1, 0.15, 0.4, 1.0])
+    assert lagged(time, 3.0 * time, 0.2) == pytest.approx(3.0 * (time - 0.2))
+    even = np.linspace(0.0, 1.0, 101)
+    assert lagged(even, 3.0 * even, 0.2) == pytest.approx(3.0 * (even - 0.2))
+
+
+def test_what_cannot_be_told_apart_is_named_with_a_remedy_and_not_applied() -> None:
+    free = ["cylinder.moving_mass", "load.mass", "friction.coulomb"]
+    start = reference().replace({"load.mass": "0.5 kg", "cylinder.moving_mass": "1.6 kg", "friction.coulomb": "27 N"})
+    fit = pn.identify(start, servo(reference(), 2.0), free)
+    lost = {u.parameter: u for u in fit.undetermined}
+    assert set(lost) == {"cylinder.moving_mass", "load.mass"}
+    assert "load.mass" in lost["cylinder.moving_mass"].reason
+    assert "weigh" in lost["load.mass"].remedy
+    assert fit.values["cylinder.moving_mass"] + fit.values["load.mass"] == pytest.approx(2.0, rel=1e-3)
+    applied = fit.apply()
+    assert applied.cylinder.moving_mass_kg == 1.6
+    assert applied.friction.parameters["coulomb"] == pytest.approx(30.0, rel=1e-3)
+
+
+def test_bristle_damping_is_held_where_the_encoder_does_not_see_the_bristles() -> None:
+    free = ["friction.coulomb", "friction.bristle_damping"]
+    sensors = {"position": {"resolution": "100 um"}}
+    fit = pn.identify(reference(), servo(reference(), 2.0), free, sensors=sensors)
+    assert tuple(fit.values) == ("friction.coulomb",)
+    assert "a tenth" in fit.undetermined[0].reason
+    assert any("held at 300" in note for note in fit.notes)
+
+
+def test_a_search_that_is_interrupted_keeps_the_best_so_far() -> None:
+    def stop(progress: object) -> None:
+        if progress.step == 3:
+            raise KeyboardInterrupt
+
+    fit = pn.identify(off(reference(), 1.5), servo(reference(), 2.0), FRICTION, progress=stop)
+    assert not fit.converged
+    assert any("interrupted" in note for note in fit.notes)
+    assert abs(fit.values["friction.coulomb"] - 30.0) < 5.0
+
+
+@pytest.mark.parametrize("law", ["lugre", "elasto-plastic"])
+def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str) -> None:
+    from pneudrive.identify.dynamic.presliding import _simulated_loop
+
+    table = {k: v for k, v in reference().friction.to_dict().items() if k != "law"}
+    drive = reference().replace({"friction": {"law": law, **table}})
+    loops = []
+    for speed in (1e-3, 3e-3):
+        time, position, friction = _simulated_loop(drive, 1e5, 45.0, speed)
+        loops.append({"time_s": time, "position_m": position, "friction_n": friction})
+    start = drive.replace({"friction.bristle_stiffness": "4e5 N/m"})
+    found = pn.identify_presliding(start, loops)
+    assert found.stiffness_n_m == pytest.approx(1e5, rel=0.03)
+    coarse = pn.identify_presliding(start, loops, resolution_m=60e-6)
+    assert coarse.damping_n_s_m is None
+    assert any("60 um" in u.reason for u in coarse.undetermined)
+
+
+def test_wrong_input_gets_one_message() -> None:
+    cols = servo(reference(), 0.3)
+    with pytest.raises(FitError, match=r"friction\.columb is no number of this drive") as error:
+        pn.identify(reference(), cols, ["friction.columb"])
+    assert "friction.coulomb" in str(error.value)
+    with pytest.raises(FitError, match=r"sensor pressure_a\.noise"):
+        pn.identify(reference(), cols, ["friction.coulomb"], sensors={"pressure_a": {"noise": "1 mm"}})
+    with pytest.raises(FitError, match="a sensor is described for velocity"):
+        pn.identify(reference(), cols, ["friction.coulomb"], sensors={"velocity": {}})
+    with pytest.raises(FitError, match="nothing is free"):
+        pn.identify(reference(), cols, [])
+
+
+def test_command_line_writes_a_fit(tmp_path) -> None:
+    import tomllib
+
+    from pneudrive.cli.main import run
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PneudriveWarning)
+        pn.save(pn.simulate(reference(), "0 s: 0.2, 0.3 s: -0.2", "0.6 s"), tmp_path / "run.parquet")
+    arguments = ["identify", "catalogue:reference", str(tmp_path / "run.parquet"), "--free", "friction.viscous"]
+    assert run([*arguments, "--sensor", "position: offset = free", "--out", str(tmp_path / "fit.toml")]) == 0
+    written = tomllib.loads((tmp_path / "fit.toml").read_text())
+    assert written["values"]["friction.viscous"]["value"] == pytest.approx(40.0, rel=1e-4)
+    assert written["values"]["friction.viscous"]["sources"] == ["run"]
