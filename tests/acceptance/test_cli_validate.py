@@ -1,0 +1,105 @@
+"""A user validates a drive and exports its friction from the command line: files, words, exit status."""
+
+from __future__ import annotations
+
+import csv
+import re
+
+import numpy as np
+import polars as pl
+import pytest
+
+from oracle.drive_records import drive, record
+from pneudrive.cli.main import run
+from pneudrive.describe import toml
+from pneudrive.validate.static import law_n
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "drive.toml").write_text(drive().to_toml())
+    own = record(drive(valve__conductance="1.6 dm3/(s bar)"), 3, duration_s=4.0)
+    pl.DataFrame(own.columns).write_parquet(folder / "run.parquet")
+    return folder
+
+
+def test_validate_says_what_is_wrong_and_writes_report_and_numbers(bench, capsys):
+    out = bench / "validation"
+    assert run(["validate", str(bench / "drive.toml"), str(bench / "run.parquet"), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "less conductance C of the valve" in said
+    page = (out / "report.html").read_text()
+    assert "Why is the model off?" in page
+    assert page.count("<figure>") >= 3
+    assert not re.search(r"(src|href)=\"https?:", page)
+    kept = toml.tomllib.loads((out / "validation.toml").read_text())
+    assert kept["diagnosis"]["culprit"][0]["what"] == "conductance"
+    low, high = kept["diagnosis"]["culprit"][0]["interval"]
+    assert low < -0.2 < high
+    assert kept["record"][0]["position_m"]["free"]["fit_percent"] < 90.0
+    assert [v["what"] for v in kept["verdict"]] == ["position", "pressure", "breakaway"]
+
+
+def test_a_friction_map_is_validated_against_the_law(bench, capsys):
+    truth = drive()
+    speed = np.tile(np.geomspace(2e-3, 0.4, 12), 2)
+    direction = np.repeat([1, -1], 12)
+    friction = 1.3 * law_n(truth, direction * speed, 2e5, 0.0)
+    rows = {
+        "recording": ["a"] * 24,
+        "direction": direction,
+        "velocity_m_s": direction * speed,
+        "pressure_a_pa": np.full(24, 2e5 + truth.ambient.pressure_pa),
+        "pressure_b_pa": np.full(24, truth.ambient.pressure_pa),
+        "balance_n": direction * friction,
+        "friction_n": friction,
+        **{c: np.full(24, 0.3) for c in ("offset_n", "stderr_n", "u_systematic_n")},
+        "samples": np.full(24, 100),
+        "strokes": np.full(24, 5),
+        **{c: np.zeros(24) for c in ("position_from_m", "position_to_m", "breakaway_n", "dwell_s", "loading_rate_n_s")},
+        "flags": [""] * 24,
+    }
+    pl.DataFrame(rows).write_csv(bench / "map.csv")
+    out = bench / "friction"
+    assert run(["validate", str(bench / "drive.toml"), str(bench / "map.csv"), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "! fit" in said
+    assert "0 % of the points hold the law in their band" in said
+    table = list(csv.DictReader((out / "friction.csv").read_text().splitlines()))
+    ratio = [float(row["friction_n"]) / float(row["model_n"]) for row in table]
+    assert ratio == pytest.approx([1.3] * 24)
+    assert (out / "report.html").is_file()
+
+
+def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys):
+    source = [str(bench / "drive.toml"), "--speeds", "1 mm/s .. 400 mm/s"]
+    assert run(["export", *source, "--to", "simscape"]) == 0
+    assert "brkwy_frc = " in capsys.readouterr().out
+    target = bench / "friction.mo"
+    assert run(["export", *source, "--to", "modelica", "--pressure-a", "3 bar gauge", "--out", str(target)]) == 0
+    told = capsys.readouterr()
+    assert str(target) in told.out
+    assert "lost: dependence on the chamber pressures" in told.err
+    assert "MassWithStopAndFriction" in target.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["validate", "DRIVE", "nowhere.parquet"], "there is no such file"),
+        (["validate", "DRIVE", "RUN", "--window", "5 mm"], "--window"),
+        (["validate", "DRIVE", "RUN", "MAP"], "validated by itself"),
+        (["export", "DRIVE", "--to", "simscape"], "does not say which speeds"),
+        (["export", "DRIVE", "--to", "amesim", "--speeds", "1 mm/s .. 2 mm/s"], "no export to 'amesim'"),
+        (["export", "DRIVE", "--to", "csv", "--pressure-a", "3 bar abs"], "is absolute"),
+        (["export", "RUN", "--to", "csv"], "binary file"),
+    ],
+)
+def test_wrong_wishes_end_with_one_message_and_status_2(bench, capsys, words, message):
+    files = {"DRIVE": "drive.toml", "RUN": "run.parquet", "MAP": "map.csv"}
+    given = [str(bench / files[w]) if w in files else w for w in words]
+    assert run(given) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
