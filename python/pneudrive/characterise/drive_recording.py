@@ -201,6 +201,10 @@ def read_drive_recordings(
 def _read(item: Given | DriveRecording, name: str, layout: Layout | None) -> DriveRecording:
     if isinstance(item, DriveRecording):
         return item
+    if hasattr(item, "channels") and hasattr(item, "command"):  # a recording as identification reads it
+        names = {meaning(column)[0]: column for column in (*NEEDED, *OPTIONAL)}
+        given = {names[channel]: values for channel, values in item.channels.items() if channel in names}  # type: ignore[union-attr]
+        return drive_recording({"time_s": item.time_s, "command": item.command, **given}, item.name)  # type: ignore[union-attr]
     if is_run(item):
         known = {variable: column for column in (*NEEDED, *OPTIONAL, *_SIMULATED) for variable in [meaning(column)[0]]}
         columns = {known[str(v)]: item[v].to_numpy() for v in item.variables if str(v) in known}

@@ -55,7 +55,7 @@ def _shown(found: Validation) -> list[RecordResult]:
 
 def _lines(found: Validation) -> list[str]:
     lines = [f"{sentence(v.text)} {MARKS[v.met]}".strip() for v in found.verdicts]
-    lines += [sentence(line) for line in str(found.diagnosis()).splitlines()]
+    lines += [sentence(line) for line in found.why()]
     return [*lines, *map(sentence, found.notes)]
 
 
@@ -113,7 +113,10 @@ def _why(found: Validation) -> Section:
     else:
         blocks.append(Text(sentence(str(diagnosis)), "holds" if diagnosis.is_clean else "fails"))
     for i, r in enumerate(_shown(found)[:2]):
-        caption = f"Terms of the force balance and of the pressure rates along {r.recording.name}, and what they leave."
+        caption = (
+            f"{r.recording.name}: terms of the force balance, and what each balance lacks; the band is twice what noise, "
+            "1 % of the terms and velocities over a finite time leave."
+        )
         where = next(k for k, own in enumerate(found.records) if own is r)
         drawn = figures.balance(found.drive, r.signals, diagnosis.residuals[where])
         blocks.append(Picture(f"balance-{i + 1}", caption, drawn, found.synthetic))

@@ -16,7 +16,7 @@ from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import ModelRun, run_model
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -209,9 +209,20 @@ class Validation:
     def __str__(self) -> str:
         """Return the verdicts and the diagnosis in words."""
         marks = {True: "+", False: "!", None: "-"}
-        lines = [f"{self.drive.name} against {len(self.records)} recordings"]
+        lines = [f"{self.drive.name} against {len(self.records)} recording{'s' * (len(self.records) > 1)}"]
         lines += [f"  {marks[v.met]} {v.text}" for v in self.verdicts]
-        return "\n".join([*lines, *(f"  {line}" for line in str(self.diagnosis()).splitlines())])
+        return "\n".join([*lines, *(f"  {line}" for line in (*self.why(), *self.notes))])
+
+    def why(self) -> list[str]:
+        """Return what the residuals point to, in sentences."""
+        said = str(self.diagnosis()).splitlines()
+        missed = any(v.met is False for v in self.verdicts)
+        if missed and self.diagnosis().is_clean and not self.diagnosis().culprits:
+            said.append(
+                "so what is missed lies in what the balances leave out (presliding, stops, impacts, the first state), "
+                "or in small errors that the free run adds up"
+            )
+        return said
 
 
 def validate(
@@ -261,7 +272,18 @@ def validate(
     if not (np.isfinite(window_s) and window_s > 0.0):
         raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
     read = read_drive_recordings(recordings, layout)
-    return Validation(drive, tuple(_record(drive, Signals.of(r), window_s) for r in read), window_s)
+    records = tuple(_record(drive, Signals.of(r), window_s) for r in read)
+    return Validation(drive, records, window_s, tuple(_notes(records)))
+
+
+def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
+    """Say where the model could not go on: metrics count only what it gave."""
+    for r in records:
+        for run, words in ((r.free, "free run"), (r.restarted, "runs from measured states")):
+            if run.failures:
+                lost = int(np.isnan(run["position_m"]).sum())
+                where = f"{r.recording.name}, {words}"
+                yield f"{where}: no result at {lost} samples, which no metric counts: {run.failures[0]}"
 
 
 def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:

@@ -306,6 +306,12 @@ def read_source(path: str | Path) -> FrictionFit | Drive:
     if str(path).startswith("catalogue:"):
         return Drive.load(path)
     tables, _ = toml.read(path, FitError, "pneudrive fit writes a fit.toml.")
+    if tables.get("kind") == "drive":
+        raise FitError(
+            "a fit of whole records goes over through its drive",
+            where=str(path),
+            remedy="export the drive file that it was put into (fit.apply), with --speeds",
+        )
     return Drive.load(path) if "friction" in tables or "drive" in tables else read_fit(path)
 
 
