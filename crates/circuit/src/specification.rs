@@ -258,6 +258,23 @@ pub struct Formula {
     pub odd: bool,
 }
 
+/// One spring with slider of a law of elements.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SlipElement {
+    pub stiffness_n_m: f64,
+    /// Of the level of the law.
+    pub share: f64,
+}
+
+/// How the state of a contact of rate and state evolves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Evolution {
+    Ageing,
+    Slip,
+}
+
 /// A law with its parameters, and what acts on it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -270,6 +287,11 @@ pub struct Friction {
     /// Absent: that of the exponent.
     #[serde(default)]
     pub stribeck_shape: Option<StribeckShape>,
+    /// Empty: those that the law makes of its stiffness.
+    #[serde(default)]
+    pub elements: Vec<SlipElement>,
+    #[serde(default)]
+    pub evolution: Option<Evolution>,
     #[serde(default)]
     pub pressure: Option<SealPressure>,
     #[serde(default)]
@@ -292,6 +314,8 @@ impl Friction {
             parameters,
             formula: None,
             stribeck_shape: None,
+            elements: Vec::new(),
+            evolution: None,
             pressure: None,
             dwell: None,
             relaxation: None,

@@ -10,10 +10,13 @@ mod direction;
 mod dry;
 mod dwell;
 mod elasto_plastic;
+mod film_lugre;
 pub mod formula;
 mod karnopp;
 mod lugre;
+mod maxwell_slip;
 mod position;
+mod rate_and_state;
 mod relaxation;
 mod seal_lips;
 mod side_load;
@@ -30,10 +33,13 @@ pub use dahl::Dahl;
 pub use direction::Direction;
 pub use dwell::{Dwell, Growth};
 pub use elasto_plastic::ElastoPlastic;
+pub use film_lugre::FilmLuGre;
 pub use formula::Formula;
 pub use karnopp::Karnopp;
 pub use lugre::LuGre;
+pub use maxwell_slip::{ELEMENTS, Element, MaxwellSlip};
 pub use position::{Harmonic, Position};
+pub use rate_and_state::{Evolution, RateAndState};
 pub use relaxation::Relaxation;
 pub use seal_lips::SealLips;
 pub use side_load::SideLoad;
@@ -139,6 +145,10 @@ pub const MOST_INNER: usize = 16;
 pub struct Choices {
     /// Shape of the Stribeck curve, where it is not given by the exponent.
     pub shape: Option<Shape>,
+    /// Elements of a law of elements, stiffness in N/m; none: those of the law.
+    pub elements: Vec<Element<f64>>,
+    /// How the state of a rate-and-state contact evolves.
+    pub evolution: Evolution,
 }
 
 /// What a law says of itself; the conformance tests hold it to that.
@@ -175,6 +185,10 @@ pub trait Law<P: Real> {
     const CREEPS: bool = false;
     /// An event of the mode leaves the velocity at zero exactly.
     const STOPS: bool = true;
+    /// A description may list its elements.
+    const ELEMENTS: bool = false;
+    /// A description may choose how its state evolves.
+    const EVOLVES: bool = false;
     const CLAIMS: Claims = Claims::USUAL;
 
     /// Fc, Fs and Fv before any dependence. A law without one of them gives what stands for it: without Fs
@@ -233,6 +247,11 @@ pub trait Law<P: Real> {
 
     /// Steady sliding at velocity `v` (after any transient), N.
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S;
+
+    /// The same where more than the levels depends on where the contact is.
+    fn steady_at<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
+        self.steady(at.v, levels)
+    }
 }
 
 /// A law's entry in the registry.
@@ -247,6 +266,8 @@ pub struct Meta {
     pub bristles: bool,
     pub creeps: bool,
     pub stops: bool,
+    pub elements: bool,
+    pub evolves: bool,
     pub claims: Claims,
 }
 
@@ -301,6 +322,8 @@ macro_rules! laws {
             bristles: <$name<f64> as Law<f64>>::BRISTLES,
             creeps: <$name<f64> as Law<f64>>::CREEPS,
             stops: <$name<f64> as Law<f64>>::STOPS,
+            elements: <$name<f64> as Law<f64>>::ELEMENTS,
+            evolves: <$name<f64> as Law<f64>>::EVOLVES,
             claims: <$name<f64> as Law<f64>>::CLAIMS,
         },)*];
 
@@ -396,16 +419,9 @@ macro_rules! laws {
             pub fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.heat(v, force, z, dz),)* AnyLaw::Formula(law) => law.heat(v, force, z, dz) }
             }
-            pub fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-                match self { $(AnyLaw::$name(law) => law.steady(v, levels),)* AnyLaw::Formula(law) => law.steady(&At { v, ..At::at_rest() }, levels) }
-            }
-
-            /// [`AnyLaw::steady`] at a place and pressures, which count where a law of the user's own names them.
+            /// Steady sliding at a place and pressures, which count where the law names them.
             pub fn steady_at<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
-                match self {
-                    AnyLaw::Formula(law) => law.steady(at, levels),
-                    _ => self.steady(at.v, levels),
-                }
+                match self { $(AnyLaw::$name(law) => law.steady_at(at, levels),)* AnyLaw::Formula(law) => law.steady(at, levels) }
             }
         }
     };
@@ -413,5 +429,5 @@ macro_rules! laws {
 
 laws! {
     usual: Coulomb, Stribeck, LuGre;
-    others: ElastoPlastic, Karnopp, Dahl, BoucWen, Armstrong,
+    others: ElastoPlastic, Karnopp, Dahl, BoucWen, Armstrong, MaxwellSlip, RateAndState, FilmLuGre,
 }

@@ -449,6 +449,8 @@ fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> 
     law.set_item("source", meta.source)?;
     law.set_item("states", meta.states.iter().map(|state| state.name).collect::<Vec<_>>())?;
     law.set_item("bristles", meta.bristles)?;
+    law.set_item("elements", meta.elements)?;
+    law.set_item("evolves", meta.evolves)?;
     let parameters = PyList::empty(py);
     for p in meta.parameters {
         let parameter = PyDict::new(py);

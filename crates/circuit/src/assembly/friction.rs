@@ -9,13 +9,16 @@ use math::{Dual, Lane};
 use physics::Parameter;
 use physics::friction::formula::{Formula, OwnLaw};
 use physics::friction::{
-    self, AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, Harmonic, LAWS, Meta, Position,
-    Relaxation, SealLips, Shape, SideLoad,
+    self, AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, ELEMENTS, Element, Harmonic, LAWS,
+    Meta, Position, Relaxation, SealLips, Shape, SideLoad,
 };
 use std::collections::BTreeMap;
 
 /// Harmonics of position that a description may have: more would describe the noise of a recording.
 const MOST_HARMONICS: usize = 4;
+
+/// How far from 1 the sum of shares may be: that of numbers rounded to four digits.
+const SHARES_WITHIN: f64 = 1e-3;
 
 fn refuse<T>(message: String) -> Result<T, Error> {
     Err(Error::Specification(message))
@@ -124,7 +127,15 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
         choices.shape = Some(Shape::Power);
     }
     let plain = AnyLaw::build(meta.key, &mut |parameter| number(lifted, parameter), &choices);
-    Ok(plain.expect("the name is registered").lifted(&mut |parameter| number(lifted, parameter)))
+    let mut law = plain.expect("the name is registered").lifted(&mut |parameter| number(lifted, parameter));
+    if let (AnyLaw::MaxwellSlip(law), false) = (&mut law, spec.elements.is_empty()) {
+        let element = |i: usize| Element {
+            stiffness: lifted.number(|spec| spec.elements[i].stiffness_n_m),
+            level: lifted.number(|spec| spec.elements[i].share),
+        };
+        law.set_elements((0..spec.elements.len()).map(element).collect());
+    }
+    Ok(law)
 }
 
 /// The values of all parameters, which have been checked.
@@ -146,7 +157,12 @@ fn number<P: Lane>(lifted: &Lifted<specification::Friction>, parameter: &Paramet
 
 /// What the description chooses beside numbers.
 fn choices(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Choices, Error> {
-    let Some(shape) = spec.stribeck_shape else { return Ok(Choices::default()) };
+    let (elements, evolution) = (elements(spec, law)?, evolution(spec, law)?);
+    Ok(Choices { shape: shape(spec, law, own)?, elements, evolution })
+}
+
+fn shape(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Option<Shape>, Error> {
+    let Some(shape) = spec.stribeck_shape else { return Ok(None) };
     let takes = |key: &str| law.parameters.iter().any(|parameter| parameter.key == key);
     if own || !takes("stribeck_exponent") {
         return refuse(format!(
@@ -163,7 +179,66 @@ fn choices(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Choi
         StribeckShape::Lorentzian => Some(Shape::Lorentzian),
         StribeckShape::Free => None,
     };
-    Ok(Choices { shape })
+    Ok(shape)
+}
+
+/// The elements that a description lists, in N/m and shares of the level.
+fn elements(spec: &specification::Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
+    let listed = &spec.elements;
+    let stiffness = spec.parameters.get("bristle_stiffness").filter(|k| k.is_finite());
+    match (law.elements, listed.is_empty(), stiffness) {
+        (false, false, _) => {
+            return refuse(format!("friction.elements belongs to law \"gms\"; law \"{}\" has none", law.key));
+        }
+        (false, true, _) | (true, true, Some(_)) => return Ok(Vec::new()),
+        (true, true, None) => {
+            return refuse(
+                "friction.bristle_stiffness is missing: give it, or the elements themselves as friction.elements"
+                    .into(),
+            );
+        }
+        (true, false, Some(_)) => {
+            return refuse(
+                "friction.bristle_stiffness is that of friction.elements: give one of the two".into(),
+            );
+        }
+        (true, false, None) => {}
+    }
+    if !ELEMENTS.contains(&listed.len()) {
+        return refuse(format!(
+            "friction.elements has {} elements; {} to {} are taken",
+            listed.len(),
+            ELEMENTS.start(),
+            ELEMENTS.end()
+        ));
+    }
+    for (i, element) in listed.iter().enumerate() {
+        for (key, value) in [("stiffness", element.stiffness_n_m), ("share", element.share)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return refuse(format!("friction.elements[{i}].{key} = {value} must be greater than 0"));
+            }
+        }
+    }
+    let total: f64 = listed.iter().map(|element| element.share).sum();
+    if (total - 1.0).abs() > SHARES_WITHIN {
+        return refuse(format!("friction.elements: the shares add up to {total}; they must add up to 1"));
+    }
+    let scaled =
+        |e: &specification::SlipElement| Element { stiffness: e.stiffness_n_m, level: e.share / total };
+    Ok(listed.iter().map(scaled).collect())
+}
+
+fn evolution(spec: &specification::Friction, law: &Meta) -> Result<friction::Evolution, Error> {
+    if spec.evolution.is_some() && !law.evolves {
+        return refuse(format!(
+            "friction.evolution belongs to law \"rate-and-state\"; law \"{}\" has no such state",
+            law.key
+        ));
+    }
+    Ok(match spec.evolution {
+        None | Some(specification::Evolution::Ageing) => friction::Evolution::Ageing,
+        Some(specification::Evolution::Slip) => friction::Evolution::Slip,
+    })
 }
 
 /// Refuses a value out of the bounds of its parameter.

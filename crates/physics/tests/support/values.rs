@@ -25,6 +25,15 @@ const BASE: &[(&str, f64)] = &[
     ("loop_shape", 0.8),
     ("memory_time", 0.02),
     ("recovery_time", 1.0),
+    ("attraction", 2000.0),
+    ("direct_effect", 0.1),
+    ("evolution_effect", 0.03),
+    ("distance", 5e-5),
+    ("reference_velocity", 1e-3),
+    ("film_velocity", 0.05),
+    ("film_growth_time", 0.03),
+    ("film_decay_time", 0.2),
+    ("film_rest_time", 20.0),
 ];
 
 /// Parameters that select code or count states: the same in all lanes.
@@ -54,7 +63,8 @@ pub fn sets(meta: &Meta) -> Vec<Set> {
     let own: &[&[(&'static str, f64)]] = match meta.key {
         "dahl" => &[&[("dahl_exponent", 1.7)]],
         "bouc-wen" => &[&[("bouc_wen_exponent", 2.3), ("loop_shape", 0.5)]],
-        "lugre" | "elasto-plastic" => &[&[("viscous", 0.0), ("bristle_damping", 1e3)]],
+        "lugre" | "elasto-plastic" | "film-lugre" => &[&[("viscous", 0.0), ("bristle_damping", 1e3)]],
+        "rate-and-state" => &[&[("direct_effect", 0.04), ("evolution_effect", 0.06)]],
         _ => &[],
     };
     sets.extend(own.iter().map(|changes| with(changes)));
@@ -103,6 +113,7 @@ pub enum Range {
 impl Range {
     pub fn of(state: &InnerState) -> Self {
         match (state.name, state.unit) {
+            ("contact_log_age", _) => Range::Share(3.0),
             ("relaxed_deflection_m", _) => Range::Signed(5e-4),
             (_, "m") => Range::Signed(4.5e-4),
             (_, "N") => Range::Signed(45.0),

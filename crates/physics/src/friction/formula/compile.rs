@@ -396,6 +396,8 @@ fn meta(text: &Text) -> Meta {
         states: Vec::leak(states.collect()),
         sticks: false,
         bristles: false,
+        elements: false,
+        evolves: false,
         creeps: false,
         stops: true,
         claims: Claims { odd: text.odd, ..Claims::USUAL },

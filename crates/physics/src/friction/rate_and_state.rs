@@ -1,0 +1,154 @@
+use super::bristles::DEFLECTION;
+use super::{At, Choices, Claims, InnerState, Law, Levels};
+use crate::parameter::{above, at_least, between};
+use math::{Over, Real};
+
+/// How the state of the contact evolves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Evolution {
+    /// dtheta/dt = 1 - |w| theta/L: the contact ages with time, also at rest. Source: [dieterich1979].
+    #[default]
+    Ageing,
+    /// dtheta/dt = -(|w| theta/L) ln(|w| theta/L): it changes only by slip. Source: [ruina1983].
+    Slip,
+}
+
+/// The state psi = ln(v0 theta/L): 0 in steady sliding at the reference velocity.
+const STATE: InnerState = InnerState { name: "contact_log_age", unit: "-", scale: 1.0 };
+
+/// Exponents above this are taken as this: slip of 1e43 reference velocities, and contacts as much younger than
+/// that of the reference velocity, which no motion reaches.
+const LARGEST_EXPONENT: f64 = 100.0;
+
+/// |w|/v0 below this is taken as this in its logarithm, where it is multiplied by |w|.
+const SMALLEST_RATIO: f64 = 1e-300;
+
+/// Sliding slower than this, m/s, is as steady as this.
+const SLOWEST: f64 = 1e-18;
+
+/// ln of the largest argument of asinh in steady sliding: its square is still finite.
+const LARGEST_LOG: f64 = 340.0;
+
+crate::parameters! {
+    /// Rate and state: friction that grows with the logarithm of the velocity at once, and with that of the age
+    /// of the contact, over an elastic contact.
+    ///
+    ///   F = sigma0 z + Fv v,    dz/dt = v - w                            [N], opposes v > 0
+    ///   sigma0 z = a F0 asinh( w/(2 v0) exp((1 + b psi)/a) ),   psi = ln(v0 theta/L)
+    ///   w = 2 v0 sinh(sigma0 z/(a F0)) exp(-(1 + b psi)/a)         the same solved for the slip rate
+    ///   ageing:  dpsi/dt = (v0/L) exp(-psi) - |w|/L          slip:  dpsi/dt = -(|w|/L)(psi + ln(|w|/v0))
+    ///
+    /// F0   level: steady friction at v0, mu0 times the normal force                   N
+    /// a    direct effect over F0 (a/mu0 of the source)                                -
+    /// b    evolution effect over F0 (b/mu0 of the source)                             -
+    /// psi  logarithm of the age theta over that of steady sliding at v0, so that the age stays positive
+    ///
+    /// Steady sliding: F0 [1 + (a - b) ln(|v|/v0)] + Fv v where the logarithm is far from -1/a. What acts on the
+    /// level scales a F0 and b F0 with it, as a normal force does. asinh is the logarithm of the source, made
+    /// finite at rest: it differs by exp(-2 F/(a F0))/4 of a F0. The contact is elastic because slip is then given by
+    /// the force: solved the other way round, a velocity of 1e-20 m/s would have to be resolved to know the
+    /// force at rest. In steps of velocity the elastic contact delays the direct effect by a F0/sigma0.
+    ///
+    /// It creeps at rest under any load, at v0 exp(-(1 + b psi - F/F0)/a), and has no breakaway force of its own: the
+    /// peak grows by b F0 for each e-fold of the time of rest (ageing). It never gives energy: w has the sign of z.
+    /// Sources: [dieterich1979], [ruina1983]; values of rock: [marone1998].
+    pub struct RateAndState {
+        /// Level F0: steady friction at the reference velocity
+        coulomb: "N", above(0.0);
+        /// Direct effect a, share of the level for each e-fold of the velocity
+        direct_effect: "-", between(0.004, 1.0);
+        /// Evolution effect b, share of the level for each e-fold of the age
+        evolution_effect: "-", at_least(0.0);
+        /// Sliding distance L that renews the contact
+        distance: "m", above(0.0);
+        /// Reference velocity v0
+        reference_velocity: "m/s", above(0.0);
+        /// Stiffness sigma0 of the contact
+        bristle_stiffness: "N/m", above(0.0);
+        /// Viscous coefficient Fv
+        viscous: "N s/m", at_least(0.0), default 0.0;
+    } with {
+        evolution: Evolution,
+    }
+}
+
+impl RateAndState<f64> {
+    pub(super) fn build(values: &[f64], choices: &Choices) -> Self {
+        RateAndState::from_values(values, choices.evolution)
+    }
+
+    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
+        None
+    }
+}
+
+impl<P: Real> RateAndState<P> {
+    /// (1 + b psi)/a: by how many e-folds the contact holds at the state psi.
+    fn hold<S: Over<P>>(&self, psi: S) -> S {
+        S::from(self.evolution_effect).fma(psi, S::one()) / S::from(self.direct_effect)
+    }
+
+    /// w, m/s, under the elastic force on a contact of state psi.
+    fn slip_rate<S: Over<P>>(&self, elastic: S, psi: S, levels: &Levels<S>) -> S {
+        let push = (elastic / (S::from(self.direct_effect) * levels.coulomb)).abs();
+        let hold = self.hold(psi);
+        let folds = |exponent: S| exponent.min(S::c(LARGEST_EXPONENT)).exp();
+        let ratio = folds(push - hold) - folds(-push - hold);
+        S::from(self.reference_velocity) * S::select(elastic.lt(S::zero()), -ratio, ratio)
+    }
+
+    /// dpsi/dt, 1/s.
+    fn evolve<S: Over<P>>(&self, psi: S, slip: S) -> S {
+        let (v0, distance) = (S::from(self.reference_velocity), S::from(self.distance));
+        let renewal = slip.abs() / distance;
+        match self.evolution {
+            Evolution::Ageing => (-psi).min(S::c(LARGEST_EXPONENT)).exp() * v0 / distance - renewal,
+            Evolution::Slip => -renewal * (psi + (slip.abs() / v0).max(S::c(SMALLEST_RATIO)).ln()),
+        }
+    }
+}
+
+impl<P: Real> Law<P> for RateAndState<P> {
+    const KEY: &'static str = "rate-and-state";
+    const TITLE: &'static str = "Rate and state: logarithmic in velocity and in the age of the contact";
+    const SOURCE: &'static str = "ruina1983";
+    const STATES: &'static [InnerState] = &[DEFLECTION, STATE];
+    const CREEPS: bool = true;
+    const EVOLVES: bool = true;
+    const CLAIMS: Claims = Claims { always_passive: true, ..Claims::USUAL };
+
+    fn levels(&self) -> Levels<P> {
+        Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }
+    }
+
+    fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
+        let elastic = S::from(self.bristle_stiffness) * z[0];
+        let slip = self.slip_rate(elastic, z[1], levels);
+        dz[0] = at.v - slip;
+        dz[1] = self.evolve(z[1], slip);
+        levels.viscous.fma(at.v, elastic)
+    }
+
+    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
+        v - dz[0]
+    }
+
+    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
+        S::c(0.5) * S::from(self.bristle_stiffness) * z[0] * z[0]
+    }
+
+    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
+        force * v - S::from(self.bristle_stiffness) * z[0] * dz[0]
+    }
+
+    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
+        let speed = (v.abs() / S::from(self.reference_velocity))
+            .max(S::c(SLOWEST) / S::from(self.reference_velocity));
+        let log = speed.ln();
+        // asinh of exp(log) / 2.
+        let half = S::c(0.5) * (log + self.hold(-log)).min(S::c(LARGEST_LOG)).exp();
+        let push = (half + half.fma(half, S::one()).sqrt()).ln();
+        let level = S::from(self.direct_effect) * levels.coulomb * push;
+        super::sliding(v, level, levels.viscous)
+    }
+}
