@@ -23,6 +23,16 @@ VALUES = {
     "dead_zone": "0.1 mm/s",
     "memory_time": "20 ms",
     "recovery_time": "1 s",
+    "attraction": "2000 N/s",
+    "direct_effect": 0.05,
+    "evolution_effect": 0.04,
+    "distance": "50 um",
+    "reference_velocity": "1 mm/s",
+    "film_velocity": "50 mm/s",
+    "film_growth_time": "30 ms",
+    "film_decay_time": "200 ms",
+    "film_rest_time": "20 s",
+    "fluid_lead_time": "5 ms",
 }
 
 

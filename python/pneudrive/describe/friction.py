@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import field_serializer, model_validator
+from pydantic import Field, field_serializer, model_validator
 
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Described, Quantity, WrongValueError, wrong
@@ -51,6 +51,30 @@ def has_stribeck_curve(law: str) -> bool:
     return any(p["key"] == "stribeck_exponent" for p in friction_laws()[law]["parameters"])
 
 
+#: How the state of a contact of rate and state evolves: with time and slip, or with slip alone.
+Evolution = Literal["ageing", "slip"]
+
+#: elements of a law that a description may list
+MOST_ELEMENTS = 10
+#: how far from 1 the sum of their shares may be: that of numbers rounded to four digits
+SHARES_WITHIN = 1e-3
+
+#: What a description chooses of a law, beside its parameters and what acts on it.
+CHOICES = ("stribeck_shape", "elements", "evolution")
+
+
+class SlipElement(Described):
+    """One spring with slider of law ``gms``: its stiffness, and its share of the friction level."""
+
+    table: ClassVar[str] = "friction.elements"
+    stiffness_n_m: Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))] = Field(alias="stiffness")
+    share: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=1.0))]
+
+    def core(self) -> dict[str, Any]:
+        """Return the element as the core takes it."""
+        return {"stiffness_n_m": self.stiffness_n_m, "share": self.share}
+
+
 # how the core writes units -> (unit of pneudrive.units, unit preferred for reading)
 _UNITS = {
     "N": ("N", "N"),
@@ -58,6 +82,8 @@ _UNITS = {
     "N s/m": ("N s/m", "N s/m"),
     "N/m": ("N/m", "N/m"),
     "s": ("s", "s"),
+    "m": ("m", "mm"),
+    "m/(s Pa)": ("m/(s Pa)", "mm/(s bar)"),
     "-": ("", None),
 }
 
@@ -111,6 +137,8 @@ class Friction(Described):
     parameters: Parameters = Parameters()
     given: frozenset[str] = frozenset()
     stribeck_shape: StribeckShape | None = None
+    elements: tuple[SlipElement, ...] = ()
+    evolution: Evolution | None = None
     pressure: SealPressure | None = None
     dwell: Dwell | None = None
     relaxation: Relaxation | None = None
@@ -139,12 +167,12 @@ class Friction(Described):
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
         entry = laws[name] if own is None else own.entry
         parameters = {p["key"]: p for p in entry["parameters"]}
-        rest = {key: value for key, value in data.items() if key not in ("law", "stribeck_shape", *DEPENDENCES)}
+        rest = {key: value for key, value in data.items() if key not in ("law", *CHOICES, *DEPENDENCES)}
         values: dict[str, float] = {}
         for key, given in rest.items():
             full = f"friction.{key}"
             if key not in parameters:
-                remedy = nearest(key, [*parameters, "law", *DEPENDENCES])
+                remedy = nearest(key, [*parameters, "law", *CHOICES, *DEPENDENCES])
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
             try:
                 values[key] = _parameter_quantity(parameters[key]).read(given)
@@ -160,7 +188,7 @@ class Friction(Described):
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
         out = {"law": name, "formula": own, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
-        return out | {key: data[key] for key in ("stribeck_shape", *DEPENDENCES) if data.get(key) is not None}
+        return out | {key: data[key] for key in (*CHOICES, *DEPENDENCES) if data.get(key) is not None}
 
     @model_validator(mode="after")
     def _levels(self) -> Friction:
@@ -185,6 +213,33 @@ class Friction(Described):
         return self
 
     @model_validator(mode="after")
+    def _elements(self) -> Friction:
+        key, stiffness = "friction.elements", "friction.bristle_stiffness"
+        has_elements = self.entry["elements"]
+        if not self.elements:
+            if has_elements and "bristle_stiffness" not in self.parameters:
+                what = f'{stiffness} is missing; law "{self.law}" needs it or elements'
+                raise wrong(stiffness, what, remedy=f"{units.needed('N/m')}, or {key} = [{{ stiffness, share }}, ...].")
+            return self
+        if not has_elements:
+            raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has none')
+        if "bristle_stiffness" in self.given:
+            raise wrong(stiffness, f"{stiffness} is that of {key}", remedy="Give one of the two.")
+        if not 2 <= len(self.elements) <= MOST_ELEMENTS:
+            raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
+        total = sum(element.share for element in self.elements)
+        if abs(total - 1.0) > SHARES_WITHIN:
+            raise wrong(key, f"the shares of {key} add up to {total:g}", rule="they add up to 1")
+        return self
+
+    @model_validator(mode="after")
+    def _evolves(self) -> Friction:
+        if self.evolution is not None and not self.entry["evolves"]:
+            what = f'friction.evolution belongs to law "rate-and-state"; law "{self.law}" has no such state'
+            raise wrong("friction.evolution", what)
+        return self
+
+    @model_validator(mode="after")
     def _bristles_relax(self) -> Friction:
         if self.relaxation is not None and not self.entry["bristles"]:
             what = f'friction.relaxation needs elastic bristles, which law "{self.law}" has not'
@@ -204,16 +259,22 @@ class Friction(Described):
     def core(self) -> dict[str, Any]:
         """Return the SI form that the core takes: law, parameters, pressure, and what else acts on the law."""
         tables = {key: value.core() for key, value in self._dependences().items()}
-        shape = {} if self.stribeck_shape is None else {"stribeck_shape": self.stribeck_shape}
+        law = {"law": self.law, "parameters": dict(self.parameters), "pressure": None}
         formula = {} if self.formula is None else {"formula": self.formula.core()}
-        return {"law": self.law, "parameters": dict(self.parameters), "pressure": None} | formula | shape | tables
+        elements = {"elements": [element.core() for element in self.elements]} if self.elements else {}
+        return law | formula | self._words() | elements | tables
+
+    def _words(self) -> dict[str, str]:
+        """Return the choices that are a word, by key."""
+        return {key: value for key in ("stribeck_shape", "evolution") if (value := getattr(self, key)) is not None}
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table as users would."""
         by_key = {p["key"]: p for p in self.entry["parameters"]}
-        out: dict[str, Any] = {"law": self.law if self.formula is None else self.formula.to_dict()}
-        if self.stribeck_shape is not None:
-            out["stribeck_shape"] = self.stribeck_shape
+        law = self.law if self.formula is None else self.formula.to_dict()
+        out: dict[str, Any] = {"law": law} | self._words()
+        if self.elements:
+            out["elements"] = [element.to_dict() for element in self.elements]
         out |= {key: _parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
         return out | {key: value.to_dict() for key, value in self._dependences().items()}
 
@@ -227,6 +288,11 @@ class Friction(Described):
             properties: dict[str, Any] = {"law": {"const": name}, **own}
             if has_stribeck_curve(name):
                 properties["stribeck_shape"] = {"enum": list(get_args(StribeckShape))}
+            if law["evolves"]:
+                properties["evolution"] = {"enum": list(get_args(Evolution))}
+            if law["elements"]:
+                one = SlipElement.model_json_schema(by_alias=True)
+                properties["elements"] = {"type": "array", "items": one, "minItems": 2, "maxItems": MOST_ELEMENTS}
             for p in law["parameters"]:
                 one = _parameter_quantity(p).__get_pydantic_json_schema__(None, None)
                 properties[p["key"]] = one | {"title": p["meaning"]}
