@@ -123,8 +123,8 @@ fn a_drive_with_exact_sticking() {
 
 #[test]
 fn drives_with_friction_that_remembers() {
-    for (law, least_events) in
-        [("elasto-plastic", 0), ("stribeck", 15), ("karnopp", 15), ("armstrong", 10), ("bouc-wen", 0)]
+    let laws = [("elasto-plastic", 0), ("stribeck", 15), ("karnopp", 15), ("armstrong", 10), ("bouc-wen", 0)];
+    for (law, least_events) in laws.into_iter().chain([("gms", 0), ("rate-and-state", 0), ("film-lugre", 0)])
     {
         lanes_equal_scalars(&specification::Drive { friction: everything(law), ..reference() }, least_events);
     }

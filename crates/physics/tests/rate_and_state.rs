@@ -131,7 +131,7 @@ fn it_creeps_at_rest_by_the_logarithm_of_the_load() {
     };
     for share in [0.7, 0.8, 0.9] {
         let by_hand = REFERENCE * ((share - 1.0) / A).exp();
-        assert!((creep(share) / by_hand - 1.0).abs() < 1e-9, "{share}");
+        assert!((creep(share) / by_hand - 1.0).abs() < 1e-6, "{share}");
     }
 }
 

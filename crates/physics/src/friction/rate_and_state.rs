@@ -26,6 +26,9 @@ const SMALLEST_RATIO: f64 = 1e-300;
 /// Sliding slower than this, m/s, is as steady as this.
 const SLOWEST: f64 = 1e-18;
 
+/// Steady sliding is known up to this share of vc.
+const FASTEST: f64 = 0.999;
+
 /// ln of the largest argument of asinh in steady sliding: its square is still finite.
 const LARGEST_LOG: f64 = 340.0;
 
@@ -35,7 +38,7 @@ crate::parameters! {
     ///
     ///   F = sigma0 z + Fv v,    dz/dt = v - w                            [N], opposes v > 0
     ///   sigma0 z = a F0 asinh( w/(2 v0) exp((1 + b psi)/a) ),   psi = ln(v0 theta/L)
-    ///   w = 2 v0 sinh(sigma0 z/(a F0)) exp(-(1 + b psi)/a)         the same solved for the slip rate
+    ///   u = 2 v0 sinh(sigma0 z/(a F0)) exp(-(1 + b psi)/a),  w = u/(1 + |u|/vc)    the same solved for the slip rate
     ///   ageing:  dpsi/dt = (v0/L) exp(-psi) - |w|/L          slip:  dpsi/dt = -(|w|/L)(psi + ln(|w|/v0))
     ///
     /// F0   level: steady friction at v0, mu0 times the normal force                   N
@@ -47,7 +50,9 @@ crate::parameters! {
     /// level scales a F0 and b F0 with it, as a normal force does. asinh is the logarithm of the source, made
     /// finite at rest: it differs by exp(-2 F/(a F0))/4 of a F0. The contact is elastic because slip is then given by
     /// the force: solved the other way round, a velocity of 1e-20 m/s would have to be resolved to know the
-    /// force at rest. In steps of velocity the elastic contact delays the direct effect by a F0/sigma0.
+    /// force at rest. In steps of velocity the elastic contact delays the direct effect by a F0/sigma0. Softer than
+    /// b F0/L the contact can stick and slip by itself, without any mass; there vc keeps it finite. In sliding vc
+    /// adds the share a |v|/vc of the level, 1e-4 at 1 m/s for a = 0.1.
     ///
     /// It creeps at rest under any load, at v0 exp(-(1 + b psi - F/F0)/a), and has no breakaway force of its own: the
     /// peak grows by b F0 for each e-fold of the time of rest (ageing). It never gives energy: w has the sign of z.
@@ -67,6 +72,8 @@ crate::parameters! {
         bristle_stiffness: "N/m", above(0.0);
         /// Viscous coefficient Fv
         viscous: "N s/m", at_least(0.0), default 0.0;
+        /// Velocity vc that slip stays below
+        slip_velocity: "m/s", above(0.0), default 1000.0;
     } with {
         evolution: Evolution,
     }
@@ -77,8 +84,15 @@ impl RateAndState<f64> {
         RateAndState::from_values(values, choices.evolution)
     }
 
-    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
-        None
+    pub(super) fn warning(&self, levels: &Levels<f64>) -> Option<String> {
+        let needed = self.evolution_effect * levels.coulomb / self.distance;
+        (self.bristle_stiffness < needed).then(|| {
+            format!(
+                "this rate-and-state contact can stick and slip by itself: bristle_stiffness = {:.3e} N/m is below \
+                 evolution_effect coulomb/distance = {needed:.3e} N/m; a stiffer contact or a longer distance avoids it",
+                self.bristle_stiffness
+            )
+        })
     }
 }
 
@@ -94,7 +108,9 @@ impl<P: Real> RateAndState<P> {
         let hold = self.hold(psi);
         let folds = |exponent: S| exponent.min(S::c(LARGEST_EXPONENT)).exp();
         let ratio = folds(push - hold) - folds(-push - hold);
-        S::from(self.reference_velocity) * S::select(elastic.lt(S::zero()), -ratio, ratio)
+        let speed = S::from(self.reference_velocity) * ratio;
+        let slip = speed / (S::one() + speed / S::from(self.slip_velocity));
+        S::select(elastic.lt(S::zero()), -slip, slip)
     }
 
     /// dpsi/dt, 1/s.
@@ -142,11 +158,12 @@ impl<P: Real> Law<P> for RateAndState<P> {
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        let speed = (v.abs() / S::from(self.reference_velocity))
-            .max(S::c(SLOWEST) / S::from(self.reference_velocity));
-        let log = speed.ln();
-        // asinh of exp(log) / 2.
-        let half = S::c(0.5) * (log + self.hold(-log)).min(S::c(LARGEST_LOG)).exp();
+        let (v0, vc) = (S::from(self.reference_velocity), S::from(self.slip_velocity));
+        let speed = v.abs().max(S::c(SLOWEST)).min(S::c(FASTEST) * vc);
+        let held = self.hold(-(speed / v0).ln());
+        // asinh of half of u/v0 exp(held).
+        let log = (speed / (v0 * (S::one() - speed / vc))).ln() + held;
+        let half = S::c(0.5) * log.min(S::c(LARGEST_LOG)).exp();
         let push = (half + half.fma(half, S::one()).sqrt()).ln();
         let level = S::from(self.direct_effect) * levels.coulomb * push;
         super::sliding(v, level, levels.viscous)

@@ -193,8 +193,8 @@ pub fn curve(meta: &Meta, set: &Set, levels: &Levels<f64>, v: f64) -> f64 {
         "coulomb" | "dahl" | "bouc-wen" => coulomb,
         "stribeck" | "karnopp" | "lugre" | "elasto-plastic" => stribeck(),
         "armstrong" => coulomb + (breakaway - coulomb) / (1.0 + ratio * ratio),
-        // Slip is viscous: 1000 m/s double the level.
-        "gms" => stribeck() * (1.0 + v.abs() / 1000.0),
+        // Slip is viscous: 1e5 m/s double the level.
+        "gms" => stribeck() * (1.0 + (v.abs() / 1e5).sqrt()),
         "film-lugre" => {
             let film =
                 (1.0 - coulomb / breakaway) * (v.abs() / set["film_velocity"]).min(1.0).powf(2.0 / 3.0);
@@ -204,7 +204,7 @@ pub fn curve(meta: &Meta, set: &Set, levels: &Levels<f64>, v: f64) -> f64 {
         "rate-and-state" => {
             let (a, b, v0) = (set["direct_effect"], set["evolution_effect"], set["reference_velocity"]);
             let held = ((1.0 + b * (v0 / v.abs()).ln()) / a).exp();
-            a * coulomb * (v.abs() / (2.0 * v0) * held).asinh()
+            a * coulomb * (v.abs() / (1.0 - v.abs() / 1000.0) / (2.0 * v0) * held).asinh()
         }
         key => panic!("the steady curve of the new law {key}, worked out by hand"),
     };
