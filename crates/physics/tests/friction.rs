@@ -150,8 +150,8 @@ fn odd_in_the_direction_of_motion() {
             let signs = states.iter().map(|state| if Range::of(state).is_signed() { -1.0 } else { 1.0 });
             values.iter().zip(signs).map(|(value, sign)| sign * value).collect()
         };
-        // At rest there is no direction: either factor is taken.
-        let directed = subject.kind == "everything";
+        // At rest there is no direction, neither for a factor nor for the slip that renews a contact.
+        let directed = !["alone", "relaxation"].contains(&subject.kind);
         for p in grid(&subject).into_iter().filter(|p| p.v != 0.0 || !directed) {
             let turned =
                 Point { v: -p.v, applied: -p.applied, inner: turn(&p.inner), mode: -p.mode, ..p.clone() };

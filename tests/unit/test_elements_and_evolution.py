@@ -1,0 +1,69 @@
+"""Elements of generalised Maxwell slip and the evolution of rate and state: as users write them, kept and refused."""
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive import _core
+from pneudrive.errors import DescriptionError
+
+COMMON = {
+    "law": "gms",
+    "coulomb": "30 N",
+    "breakaway": "40 N",
+    "stribeck_velocity": "20 mm/s",
+    "attraction": "2000 N/s",
+}
+ELEMENTS = [{"stiffness": "40000 N/m", "share": 0.15}, {"stiffness": "60000 N/m", "share": 0.85}]
+ROCK = {
+    "law": "rate-and-state",
+    "coulomb": "30 N",
+    "direct_effect": 0.04,
+    "evolution_effect": 0.05,
+    "distance": "50 um",
+    "reference_velocity": "1 mm/s",
+    "bristle_stiffness": "100000 N/m",
+}
+
+
+def test_elements_go_through_the_drive_file_to_the_states_of_a_run():
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": COMMON | {"elements": ELEMENTS}})
+    assert pn.Drive.from_dict(drive.to_dict()) == drive
+    assert drive.to_dict()["friction"]["elements"] == ELEMENTS
+    run = pn.simulate(drive, "0 s: 0.3, 0.3 s: 0", "0.5 s")
+    springs = run.element_1_deflection_m.to_numpy() * 4e4, run.element_2_deflection_m.to_numpy() * 6e4
+    # The two slide with 15 and 85 % of the level: without viscous friction their sum is all there is.
+    sliding = np.abs(run.velocity.to_numpy()) > 0.1
+    assert sliding.any()
+    np.testing.assert_allclose(springs[0][sliding] / springs[1][sliding], 15 / 85, rtol=1e-3)
+    np.testing.assert_allclose(sum(springs), run.friction_force.to_numpy(), rtol=1e-6, atol=1e-6)
+    assert "element_3_deflection_m" not in run
+
+
+def test_both_evolutions_of_rate_and_state_slide_alike():
+    ageing, slip = (pn.Friction(**ROCK, evolution=word) for word in ("ageing", "slip"))
+    assert ageing != slip
+    assert slip.to_dict()["evolution"] == "slip"
+    v = np.array([1e-4, 1e-3, 1e-2])
+    steady = [_core.steady_friction(f.law, dict(f.parameters), v) for f in (ageing, slip)]
+    np.testing.assert_array_equal(*steady)
+    # (a - b) F0 for each e-fold of the velocity.
+    np.testing.assert_allclose(np.diff(steady[0]), (0.04 - 0.05) * 30.0 * np.log(10.0), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("friction", "message"),
+    [
+        (COMMON, "bristle_stiffness is missing.*or elements"),
+        (COMMON | {"elements": ELEMENTS, "bristle_stiffness": "1e5 N/m"}, "bristle_stiffness is that of"),
+        (COMMON | {"elements": ELEMENTS[:1]}, "has 1 entries.*\n?.*2 to 10"),
+        (COMMON | {"elements": [ELEMENTS[0], ELEMENTS[0]]}, "add up to 0.3"),
+        (COMMON | {"elements": [{"stiffness": "1 mm", "share": 0.5}, ELEMENTS[0]]}, "stiffness"),
+        (ROCK | {"elements": ELEMENTS}, 'belongs to law "gms"'),
+        (COMMON | {"bristle_stiffness": "1e5 N/m", "evolution": "slip"}, 'belongs to law "rate-and-state"'),
+        (ROCK | {"evolution": "healing"}, "evolution"),
+    ],
+)
+def test_what_does_not_fit_is_refused(friction, message):
+    with pytest.raises(DescriptionError, match=message):
+        pn.Friction(**friction)
