@@ -59,7 +59,9 @@ fn passive_sets_give_no_energy() {
             let contact = composed(kind, meta, law(meta, set));
             let warnings = contact.warnings(6e5, 0.2);
             assert_eq!(warnings, Vec::<String>::new(), "{} {kind}: passive", meta.key);
-            for seed in 0..5 {
+            // Many states take their time.
+            let motions = if contact.states().len() > 4 { 2 } else { 5 };
+            for seed in 0..motions {
                 let Energy { least, turned, coldest } = moved(&contact, &random_motion(seed));
                 assert!(least > -1e-9 * turned, "{} {kind} {seed}: {least} of {turned}", meta.key);
                 assert!(coldest > -1e-9, "{} {kind} {seed}: heat {coldest} of the power", meta.key);
