@@ -1,7 +1,7 @@
 use super::stribeck::stribeck_parameters;
 use super::{At, Choices, Claims, FLOOR, InnerState, Law, Levels, Shape, sliding};
 use crate::Parameter;
-use crate::parameter::above;
+use crate::parameter::{above, at_least};
 use math::{Lane, Over, Real};
 
 /// Elements where a description lists none.
@@ -67,7 +67,7 @@ stribeck_parameters! {
     /// The numbers of [`MaxwellSlip`] that all its elements share.
     pub struct Common {
         /// Stiffness sigma0 of all elements together; where elements are listed, it is theirs
-        bristle_stiffness: "N/m", above(0.0), default f64::INFINITY;
+        bristle_stiffness: "N/m", at_least(f64::MIN_POSITIVE), default f64::INFINITY;
         /// Attraction C: how fast the level follows the Stribeck curve
         attraction: "N/s", above(0.0);
         /// Velocity vc at which the viscosity of slip would double the level
