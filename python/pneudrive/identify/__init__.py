@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from pneudrive.identify.any_law import LawFit, fit_any_law
 from pneudrive.identify.diagnose import Undetermined
 from pneudrive.identify.fit import fit_directions, fit_friction
 from pneudrive.identify.result import FrictionFit, Prediction
 
-__all__ = ["FrictionFit", "Prediction", "Undetermined", "fit_directions", "fit_friction"]
+__all__ = ["FrictionFit", "LawFit", "Prediction", "Undetermined", "fit_any_law", "fit_directions", "fit_friction"]

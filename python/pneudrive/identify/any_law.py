@@ -1,0 +1,302 @@
+"""Fit any law of the core, or a law of one's own, to a friction map: values and derivatives come from the core.
+
+`fit_friction` knows the laws that are linear in their forces and uses it: profile intervals, a smaller law where the
+data carry no more. Here nothing is known of the law but its bounds, so that the search starts from several places and
+the intervals are first order, in the logarithm of what is positive. What steady sliding does not show stays as given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.characterise.spread import student
+from pneudrive.errors import FitError
+from pneudrive.identify.fit import ambient_of
+from pneudrive.identify.observations import observations
+from pneudrive.identify.robust import deviance, estimate
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    import xarray as xr
+    from numpy.typing import ArrayLike, NDArray
+
+    from pneudrive.describe import Friction
+    from pneudrive.identify.model import Observations
+    from pneudrive.identify.robust import Estimate
+
+    Array = NDArray[np.float64]
+
+#: Starts: the given values, and as many more within this factor of them.
+STARTS, FACTOR = 5, 5.0
+#: A derivative below this share of the largest friction, over the parameter's whole size, is none.
+NO_EFFECT = 1e-9
+#: Singular values of the scaled Jacobian below this share of the largest are directions without information.
+SINGULAR_SHARE = 1e-4
+
+
+@dataclass(frozen=True)
+class AnyLaw:
+    """A law of the core as a function of its free parameters; what `estimate` asks of a model.
+
+    Parameters
+    ----------
+    friction : Friction
+        Law, and the values of what is not free.
+    names : tuple of str
+        Free parameters of the law.
+    """
+
+    friction: Friction
+    names: tuple[str, ...]
+    stribeck: bool = field(default=False, init=False)  # no shortcuts of the Stribeck laws
+    chosen: int = field(default=0, init=False)
+
+    @cached_property
+    def _core(self) -> tuple[str, dict[str, float], dict[str, Any]]:
+        tables = self.friction.core()
+        law, values = tables.pop("law"), tables.pop("parameters")
+        return law, values, {key: value for key, value in tables.items() if value is not None}
+
+    @cached_property
+    def positive(self) -> NDArray[np.bool_]:
+        """Parameters whose logarithm is the coordinate, shape (p,)."""
+        lower = {p["key"]: p["lower"] for p in self.friction.entry["parameters"]}
+        return np.array([lower[n] is not None and lower[n] >= 0.0 for n in self.names])
+
+    @cached_property
+    def excess(self) -> tuple[int, int] | None:
+        """Places of Coulomb and breakaway force, where both are free: the coordinate is then ln(Fs - Fc)."""
+        both = {"coulomb", "breakaway"} <= set(self.names)
+        return (self.names.index("coulomb"), self.names.index("breakaway")) if both else None
+
+    def natural(self, q: Array) -> Array:
+        """Convert coordinates to parameters."""
+        theta = np.where(self.positive, np.exp(np.where(self.positive, q, 0.0)), q)
+        if self.excess is not None:
+            c, s = self.excess
+            theta[s] += theta[c]
+        return theta
+
+    def internal(self, theta: Array) -> Array:
+        """Convert parameters to coordinates."""
+        theta = np.array(theta, dtype=float)
+        if self.excess is not None:
+            c, s = self.excess
+            theta[s] = max(theta[s] - theta[c], 1e-6 * theta[c])
+        return np.where(self.positive, np.log(np.where(self.positive, np.maximum(theta, 1e-12), 1.0)), theta)
+
+    def natural_jacobian(self, q: Array) -> Array:
+        """Differentiate parameters by coordinates, shape (p, p)."""
+        jac = np.diag(np.where(self.positive, np.exp(np.where(self.positive, q, 0.0)), 1.0))
+        if self.excess is not None:
+            c, s = self.excess
+            jac[s, c] = jac[c, c]
+        return jac
+
+    def bounds(self, data: Observations) -> tuple[Array, Array]:
+        """Bounds of the coordinates: the law's own, and six decades about the given values."""
+        del data
+        given = self.internal(np.array([self.friction.parameters[n] for n in self.names]))
+        lower, upper = np.full(given.size, -np.inf), np.full(given.size, np.inf)
+        lower[self.positive], upper[self.positive] = given[self.positive] - 14.0, given[self.positive] + 14.0
+        for k, entry in enumerate(self._entries()):
+            if entry["upper"] is not None and np.isfinite(entry["upper"]):
+                top = self.internal(np.full(given.size, float(entry["upper"])))[k]
+                upper[k] = min(upper[k], top)
+        if self.excess is None:  # one of both is fixed and bounds the other
+            for k, name in enumerate(self.names):
+                if name == "coulomb" and "breakaway" in self.friction.parameters:
+                    upper[k] = min(upper[k], np.log(self.friction.parameters["breakaway"]))
+                if name == "breakaway" and "coulomb" in self.friction.parameters:
+                    lower[k] = max(lower[k], np.log(self.friction.parameters["coulomb"]))
+        return lower, upper
+
+    def value(self, q: Array, data: Observations) -> Array:
+        """Friction at the rows of `data`, shape (n,), N."""
+        return self.value_and_jacobian(q, data)[0]
+
+    def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
+        """Friction and its derivative by the coordinates, shapes (n,) and (n, p)."""
+        from pneudrive import _core
+
+        law, values, tables = self._core
+        theta = self.natural(q)
+        at = values | dict(zip(self.names, theta.tolist(), strict=True))
+        names = [f"friction.parameters.{n}" for n in self.names]
+        zero = np.zeros(len(data))
+        force, slopes = _core.steady_friction_sensitivity(
+            law, at, names, data.speed_m_s, data.gauge_a_pa, data.gauge_b_pa, zero, tables
+        )
+        return force, slopes @ self.natural_jacobian(q)
+
+    def _entries(self) -> list[dict[str, Any]]:
+        by_key = {p["key"]: p for p in self.friction.entry["parameters"]}
+        return [by_key[n] for n in self.names]
+
+    def __str__(self) -> str:
+        """Return the law's name."""
+        return self.friction.law
+
+
+@dataclass(frozen=True)
+class LawFit:
+    """Parameters of any law with their uncertainty.
+
+    Attributes
+    ----------
+    model : AnyLaw
+    parameters : dict
+        Free parameter -> value, SI.
+    intervals : dict
+        Free parameter -> 95 % interval, first order in the logarithm of what is positive; open where undetermined.
+    covariance : ndarray, shape (p, p)
+    undetermined : tuple of str
+        Free parameters in directions that the data do not determine.
+    unseen : tuple of str
+        Parameters of the law that steady sliding does not show.
+    statistics : dict
+        values, degrees_of_freedom, scale, rms_n, aicc, bic, starts, starts_agreeing.
+    """
+
+    model: AnyLaw
+    parameters: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    covariance: Array
+    undetermined: tuple[str, ...]
+    unseen: tuple[str, ...]
+    statistics: dict[str, float]
+
+    def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
+        """Friction at these speeds and gauge pressures, N."""
+        from pneudrive.identify.model import at_conditions
+
+        speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
+        q = self.model.internal(np.array([self.parameters[n] for n in self.model.names]))
+        return self.model.value(q, at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(speed.shape)
+
+
+def fit_any_law(
+    friction_map: xr.Dataset,
+    friction: Friction,
+    free: Sequence[str] | None = None,
+    *,
+    direction: int | None = None,
+    ambient_pressure_pa: float | None = None,
+    exclude_flags: Collection[str] = (),
+    loss: str = "huber",
+    seed: int = 1,
+) -> LawFit:
+    """Fit the steady sliding of any law to a friction map.
+
+    Parameters
+    ----------
+    friction_map : xarray.Dataset
+        As of :func:`fit_friction`.
+    friction : Friction
+        The law, one's own too, with guesses of its parameters; what acts on it (pressure, direction) is kept.
+    free : sequence of str, optional
+        Parameters to be fitted; by default all that steady sliding shows.
+    direction, ambient_pressure_pa, exclude_flags, loss
+        As of :func:`fit_friction`.
+    seed : int
+        Of the further starts, within a factor of five of the guesses.
+
+    Returns
+    -------
+    LawFit
+    """
+    ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
+    data, _ = observations(friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags)
+    known = tuple(friction.parameters)
+    unknown = [n for n in free or () if n not in known]
+    if unknown:
+        raise FitError(
+            f"law {friction.law!r} has no parameter {unknown[0]!r}", rule="its parameters: " + ", ".join(known)
+        )
+    seen = _seen(AnyLaw(friction, known), data)
+    model = AnyLaw(friction, tuple(free) if free else seen)
+    if not model.names:
+        raise FitError("steady sliding shows none of the free parameters", value=", ".join(free or known))
+    if len(data) <= len(model.names):
+        raise FitError(
+            "the friction map has too few values for this law",
+            value=f"{len(data)} values, {len(model.names)} parameters",
+        )
+    found, starts, agreeing = _best(model, data, loss, seed)
+    return _described(model, data, found, tuple(n for n in known if n not in seen), (starts, agreeing))
+
+
+def _seen(model: AnyLaw, data: Observations) -> tuple[str, ...]:
+    q = model.internal(np.array([model.friction.parameters[n] for n in model.names]))
+    value, jac = model.value_and_jacobian(q, data)
+    size = np.abs(jac).max(axis=0)
+    return tuple(n for n, s in zip(model.names, size, strict=True) if s > NO_EFFECT * np.abs(value).max())
+
+
+def _best(model: AnyLaw, data: Observations, loss: str, seed: int) -> tuple[Estimate, int, int]:
+    """Estimate from the guesses and from places about them; the most likely one."""
+    given = model.internal(np.array([model.friction.parameters[n] for n in model.names]))
+    noise = np.random.default_rng(seed).uniform(-1.0, 1.0, (STARTS, given.size)) * np.log(FACTOR)
+    lower, upper = model.bounds(data)
+    found = []
+    for step in np.vstack([np.zeros(given.size), noise]):
+        start = np.clip(given + np.where(model.positive, step, 0.0), lower, upper)
+        found.append(estimate(model, data, loss=loss, start=start))  # pyright: ignore[reportArgumentType]
+    sizes = np.array([deviance(data, one) for one in found])
+    agreeing = int(np.sum(sizes < sizes.min() + 0.01))
+    return found[int(np.argmin(sizes))], len(found), agreeing
+
+
+def _described(
+    model: AnyLaw, data: Observations, found: Estimate, unseen: tuple[str, ...], starts: tuple[int, int]
+) -> LawFit:
+    size = np.linalg.norm(found.jacobian, axis=0)
+    dead = size == 0.0
+    scaled = found.jacobian / np.where(dead, 1.0, size)
+    _, singular, vt = np.linalg.svd(scaled, full_matrices=False)
+    weak = vt[singular < SINGULAR_SHARE * singular[0]]
+    open_ones = dead | found.active | (np.abs(weak) > 0.3).any(axis=0)
+    inner = found.variance * np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_SHARE**2, hermitian=True)
+    inner = inner / np.outer(np.where(dead, 1.0, size), np.where(dead, 1.0, size))
+    dof = len(data) - len(model.names)
+    to_natural = model.natural_jacobian(found.q)
+    low, high = _interval(model, found.q, inner, student(dof))
+    low = np.where(open_ones, np.where(model.positive, 0.0, -np.inf), low)
+    high = np.where(open_ones, np.inf, high)
+    count, fit = len(model.names) + 1, deviance(data, found)
+    small = 2.0 * count * (count + 1) / (len(data) - count - 1) if len(data) > count + 1 else np.inf
+    statistics = {
+        "values": float(len(data)),
+        "degrees_of_freedom": float(dof),
+        "scale": found.scale,
+        "rms_n": float(np.sqrt(np.mean((found.residual * data.stderr_n) ** 2))),
+        "aicc": fit + 2.0 * count + small,
+        "bic": fit + count * float(np.log(len(data))),
+        "starts": float(starts[0]),
+        "starts_agreeing": float(starts[1]),
+    }
+    return LawFit(
+        model=model,
+        parameters=dict(zip(model.names, model.natural(found.q).tolist(), strict=True)),
+        intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
+        covariance=to_natural @ inner @ to_natural.T,
+        undetermined=tuple(n for n, is_open in zip(model.names, open_ones, strict=True) if is_open),
+        unseen=unseen,
+        statistics=statistics,
+    )
+
+
+def _interval(model: AnyLaw, q: Array, inner: Array, quantile: float) -> tuple[Array, Array]:
+    """First-order intervals: of what is positive, in its logarithm."""
+    theta, jac = model.natural(q), model.natural_jacobian(q)
+    reach = quantile * np.sqrt(np.diag(jac @ inner @ jac.T))
+    safe = np.where(model.positive, theta, 1.0)
+    factor = np.exp(np.minimum(reach / safe, 50.0))
+    return np.where(model.positive, theta / factor, theta - reach), np.where(
+        model.positive, theta * factor, theta + reach
+    )
