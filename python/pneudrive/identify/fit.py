@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -141,7 +142,8 @@ def fit_values(
     said += _remarks(support)
     provenance = {"version": __version__, "map_sha256": fingerprint(data), "loss": loss, **_ranges(data)}
     provenance |= options or {}
-    return assembled(wanted.law, support, lost, said, provenance)
+    fit = assembled(wanted.law, support, lost, said, provenance)
+    return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
 
 #: More recordings than these are told by their number, with the first and the last one.

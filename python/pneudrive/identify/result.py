@@ -280,7 +280,6 @@ class FrictionFit:
                 continue
             lines.append("  " + _line(self, name, value, name in lost))
         lines += [f"  ! {statement}" for statement in self.statements()]
-        lines += [f"  ~ {statement}" for statement in self.correlated()]
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)
 
