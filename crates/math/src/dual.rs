@@ -1,7 +1,6 @@
 //! Forward-mode automatic differentiation.
 
 use crate::real::{Lane, Real};
-use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// `re + sum_i eps[i] e_i` with `e_i e_j = 0`: a value with `N` directional derivatives, over any
@@ -13,6 +12,17 @@ pub struct Dual<R, const N: usize> {
 }
 
 impl<R: Real, const N: usize> Dual<R, N> {
+    /// This value with derivatives made from those of `self`, in its place: numbers of derivatives of
+    /// derivatives are large.
+    #[inline(always)]
+    fn with(mut self, re: R, f: impl Fn(usize, R) -> R) -> Self {
+        self.re = re;
+        for (i, eps) in self.eps.iter_mut().enumerate() {
+            *eps = f(i, *eps);
+        }
+        self
+    }
+
     /// The independent variable of direction `i`.
     #[inline(always)]
     pub fn variable(re: R, i: usize) -> Self {
@@ -24,7 +34,7 @@ impl<R: Real, const N: usize> Dual<R, N> {
     /// `f` with value `re` and derivative `slope` with respect to `self`.
     #[inline(always)]
     fn chain(self, re: R, slope: R) -> Self {
-        Dual { re, eps: from_fn(|i| self.eps[i] * slope) }
+        R::once(|| self.with(re, |_, eps| eps * slope))
     }
 }
 
@@ -39,7 +49,7 @@ impl<R: Real, const N: usize> Add for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
-        Dual { re: self.re + o.re, eps: from_fn(|i| self.eps[i] + o.eps[i]) }
+        R::once(|| self.with(self.re + o.re, |i, eps| eps + o.eps[i]))
     }
 }
 
@@ -47,7 +57,7 @@ impl<R: Real, const N: usize> Sub for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
-        Dual { re: self.re - o.re, eps: from_fn(|i| self.eps[i] - o.eps[i]) }
+        R::once(|| self.with(self.re - o.re, |i, eps| eps - o.eps[i]))
     }
 }
 
@@ -55,7 +65,7 @@ impl<R: Real, const N: usize> Mul for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        Dual { re: self.re * o.re, eps: from_fn(|i| self.eps[i].fma(o.re, self.re * o.eps[i])) }
+        R::once(|| self.with(self.re * o.re, |i, eps| eps.fma(o.re, self.re * o.eps[i])))
     }
 }
 
@@ -63,9 +73,11 @@ impl<R: Real, const N: usize> Div for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn div(self, o: Self) -> Self {
-        let re = self.re / o.re;
-        let inverse = R::one() / o.re;
-        Dual { re, eps: from_fn(|i| (self.eps[i] - re * o.eps[i]) * inverse) }
+        R::once(|| {
+            let re = self.re / o.re;
+            let inverse = R::one() / o.re;
+            self.with(re, |i, eps| (eps - re * o.eps[i]) * inverse)
+        })
     }
 }
 
@@ -73,7 +85,7 @@ impl<R: Real, const N: usize> Neg for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Dual { re: -self.re, eps: from_fn(|i| -self.eps[i]) }
+        R::once(|| self.with(-self.re, |_, eps| -eps))
     }
 }
 
@@ -101,16 +113,24 @@ impl<R: Real, const N: usize> MulAssign for Dual<R, N> {
 impl<R: Real, const N: usize> Real for Dual<R, N> {
     type Mask = R::Mask;
 
+    /// Derivatives of derivatives: in line, a right-hand side would not fit the processor's caches.
+    #[inline(never)]
+    fn once<T>(operation: impl FnOnce() -> T) -> T {
+        operation()
+    }
     #[inline(always)]
     fn c(x: f64) -> Self {
         Self::from(R::c(x))
     }
     #[inline(always)]
     fn fma(self, a: Self, b: Self) -> Self {
-        Dual {
-            re: self.re.fma(a.re, b.re),
-            eps: from_fn(|i| self.eps[i].fma(a.re, self.re.fma(a.eps[i], b.eps[i]))),
-        }
+        R::once(|| {
+            self.with(self.re.fma(a.re, b.re), |i, eps| eps.fma(a.re, self.re.fma(a.eps[i], b.eps[i])))
+        })
+    }
+    #[inline(always)]
+    fn fma_c(self, a: f64, b: Self) -> Self {
+        b.with(self.re.fma_c(a, b.re), |i, eps| self.eps[i].fma_c(a, eps))
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -128,9 +148,11 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     }
     #[inline(always)]
     fn pow(self, exponent: Self) -> Self {
-        let re = self.re.pow(exponent.re);
-        let (by_base, by_exponent) = (exponent.re / self.re, self.re.ln());
-        Dual { re, eps: from_fn(|i| re * self.eps[i].fma(by_base, exponent.eps[i] * by_exponent)) }
+        R::once(|| {
+            let re = self.re.pow(exponent.re);
+            let (by_base, by_exponent) = (exponent.re / self.re, self.re.ln());
+            self.with(re, |i, eps| re * eps.fma(by_base, exponent.eps[i] * by_exponent))
+        })
     }
     #[inline(always)]
     fn sin(self) -> Self {
@@ -151,14 +173,31 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     }
     #[inline(always)]
     fn select(mask: R::Mask, a: Self, b: Self) -> Self {
-        Dual { re: R::select(mask, a.re, b.re), eps: from_fn(|i| R::select(mask, a.eps[i], b.eps[i])) }
+        R::once(|| a.with(R::select(mask, a.re, b.re), |i, eps| R::select(mask, eps, b.eps[i])))
     }
 }
 
 /// Step control and events look at the value alone.
 impl<const N: usize> Lane for Dual<f64, N> {
+    type Plain = f64;
     const L: usize = 1;
     const DIRECTIONS: usize = N;
+    #[inline(always)]
+    fn plain(&self) -> f64 {
+        self.re
+    }
+    #[inline(always)]
+    fn with_value(self, re: f64) -> Self {
+        Dual { re, ..self }
+    }
+    #[inline(always)]
+    fn scale(self, a: f64) -> Self {
+        self.with(self.re * a, |_, eps| eps * a)
+    }
+    #[inline(always)]
+    fn fma_plain(self, a: f64, b: Self) -> Self {
+        self.fma_c(a, b)
+    }
     #[inline(always)]
     fn get(&self, _lane: usize) -> f64 {
         self.re
@@ -177,6 +216,6 @@ impl<const N: usize> Lane for Dual<f64, N> {
     }
     #[inline(always)]
     fn from_parts(part: impl Fn(usize) -> f64) -> Self {
-        Dual { re: part(0), eps: from_fn(|i| part(i + 1)) }
+        Self::zero().with(part(0), |i, _| part(i + 1))
     }
 }

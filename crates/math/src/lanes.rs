@@ -106,7 +106,12 @@ impl<const N: usize> Real for Lanes<N> {
 }
 
 impl<const N: usize> Lane for Lanes<N> {
+    type Plain = Self;
     const L: usize = N;
+    #[inline(always)]
+    fn plain(&self) -> Self {
+        *self
+    }
     #[inline(always)]
     fn get(&self, lane: usize) -> f64 {
         self.0[lane]

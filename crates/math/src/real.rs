@@ -27,6 +27,11 @@ pub trait Real:
     /// The truth values of a comparison, one for each lane.
     type Mask: Copy;
 
+    /// Carries out an operation of a dual number over this type; out of line where such numbers are large.
+    #[inline(always)]
+    fn once<T>(operation: impl FnOnce() -> T) -> T {
+        operation()
+    }
     /// The constant `x`.
     fn c(x: f64) -> Self;
     /// `self * a + b`, rounded once (in the value; a derivative is rounded as it comes).
@@ -40,6 +45,11 @@ pub trait Real:
     fn cos(self) -> Self;
     fn tanh(self) -> Self;
     fn lt(self, other: Self) -> Self::Mask;
+    /// `self * a + b` with a constant `a`.
+    #[inline(always)]
+    fn fma_c(self, a: f64, b: Self) -> Self {
+        self.fma(Self::c(a), b)
+    }
     /// `a` where `mask` holds, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
 
@@ -71,7 +81,9 @@ impl<P: Real, S: Real<Mask = P::Mask> + From<P>> Over<P> for S {}
 
 /// A number made of `L` independent `f64` lanes, or of one `f64` and its derivatives; used by step control
 /// and loading only.
-pub trait Lane: Real {
+pub trait Lane: Real + From<Self::Plain> {
+    /// The number without its derivatives.
+    type Plain: Lane<Mask = Self::Mask, Plain = Self::Plain>;
     /// How many lanes.
     const L: usize;
     /// How many derivatives the number carries.
@@ -79,6 +91,26 @@ pub trait Lane: Real {
     fn get(&self, lane: usize) -> f64;
     /// Sets one lane to a constant.
     fn put(&mut self, lane: usize, value: f64);
+
+    fn plain(&self) -> Self::Plain;
+
+    /// The same derivatives with another value.
+    #[inline(always)]
+    fn with_value(self, value: Self::Plain) -> Self {
+        Self::from(value)
+    }
+
+    /// `self * a`.
+    #[inline(always)]
+    fn scale(self, a: Self::Plain) -> Self {
+        self * Self::from(a)
+    }
+
+    /// `self * a + b`.
+    #[inline(always)]
+    fn fma_plain(self, a: Self::Plain, b: Self) -> Self {
+        self.fma(Self::from(a), b)
+    }
 
     /// Takes one lane over as it is, derivatives included.
     #[inline(always)]
@@ -159,7 +191,12 @@ impl Real for f64 {
 }
 
 impl Lane for f64 {
+    type Plain = f64;
     const L: usize = 1;
+    #[inline(always)]
+    fn plain(&self) -> f64 {
+        *self
+    }
     #[inline(always)]
     fn get(&self, _lane: usize) -> f64 {
         *self

@@ -60,13 +60,12 @@ impl<R: Lane> Step<R> {
     /// The state at `t0 + theta h`, of the method's dense order; `prepare` comes first. A state that
     /// does not change keeps its bits.
     pub fn interpolate(&mut self, theta: f64) -> &[R] {
-        let th = R::c(theta);
         for (at, c) in self.at.iter_mut().zip(&self.c) {
             // One coefficient of a whole block at a time: vector code.
             let mut sum = c[4];
             for coefficient in [&c[3], &c[2], &c[1], &c[0]] {
                 for l in 0..BLOCK {
-                    sum[l] = sum[l].fma(th, coefficient[l]);
+                    sum[l] = sum[l].fma_c(theta, coefficient[l]);
                 }
             }
             *at = sum;

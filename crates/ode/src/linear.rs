@@ -1,5 +1,7 @@
 //! The linear systems of a step: W = I/(h gamma) - J, factorised once and solved for each stage.
 
+mod sensitive;
+
 use crate::stages::{BLOCK, Block, zeros};
 use crate::structure::{Entry, Structure};
 use math::{Lane, Real};
@@ -14,30 +16,31 @@ pub(crate) fn blocks(n: usize) -> usize {
 
 /// The Jacobian and the factors of W, in the slots of a [`Structure`].
 #[derive(Clone, Debug)]
-pub(crate) struct Linear<R> {
+pub(crate) struct Linear<R: Lane> {
     pub jacobian: Vec<R>,
-    lu: Vec<R>,
-    reciprocal: Vec<Block<R>>,
-    inverse: [[R; SMALL]; SMALL],
+    lu: Vec<R::Plain>,
+    reciprocal: Vec<Block<R::Plain>>,
+    inverse: [[R::Plain; SMALL]; SMALL],
 }
 
 impl<R: Lane> Linear<R> {
     pub fn new(structure: &Structure) -> Self {
         Linear {
             jacobian: vec![R::zero(); structure.n_slots],
-            lu: vec![R::zero(); structure.n_slots],
+            lu: vec![R::Plain::zero(); structure.n_slots],
             reciprocal: zeros(blocks(structure.n)),
-            inverse: [[R::zero(); SMALL]; SMALL],
+            inverse: [[R::Plain::zero(); SMALL]; SMALL],
         }
     }
 
     /// Factorises W in the fixed order; the values below the diagonal and, divided by their pivot,
     /// above it are stored with the sign in which the substitutions add them.
     #[inline(never)] // One body of this size in `attempt` is enough: more spill registers.
-    pub fn factorise(&mut self, structure: &Structure, h_gamma: R) {
-        let diagonal = R::one() / h_gamma;
+    pub fn factorise(&mut self, structure: &Structure, h_gamma: R::Plain) {
+        let one = R::Plain::one();
+        let diagonal = one / h_gamma;
         for (w, j) in self.lu.iter_mut().zip(&self.jacobian) {
-            *w = -*j;
+            *w = -j.plain();
         }
         let (lower, upper) = (structure.lower.len(), structure.upper.len());
         let first_diagonal = self.lu.len() - structure.n_coupled;
@@ -52,7 +55,7 @@ impl<R: Lane> Linear<R> {
             *w = -(*w * h_gamma);
         }
         for pivot in &structure.pivots {
-            let inverse = R::one() / self.lu[pivot.diagonal as usize];
+            let inverse = one / self.lu[pivot.diagonal as usize];
             reciprocal[pivot.row as usize] = inverse;
             for below in &pivot.below {
                 let negative = -(self.lu[below.slot as usize] * inverse);
@@ -78,9 +81,9 @@ impl<R: Lane> Linear<R> {
         let (lower, upper) = (&structure.lower[..], &structure.upper[..]);
         let (lower_values, rest) = self.lu.split_at(lower.len());
         let z = &mut self.inverse;
-        *z = [[R::zero(); SMALL]; SMALL];
+        *z = [[R::Plain::zero(); SMALL]; SMALL];
         for (k, row) in z.iter_mut().enumerate() {
-            row[k] = R::one();
+            row[k] = R::Plain::one();
         }
         substitute_transposed(z, upper, &rest[..upper.len()]);
         for (row, d) in z.iter_mut().zip(self.reciprocal.as_flattened()) {
@@ -94,7 +97,9 @@ impl<R: Lane> Linear<R> {
     /// W x = known + rhs in two parts. First x = W^-1 known for a small system, or x = known: this can
     /// be done while the right-hand side is evaluated.
     pub fn begin(&self, structure: &Structure, x: &mut [Block<R>]) {
-        if structure.n_coupled <= SMALL {
+        if R::DIRECTIONS > 0 {
+            self.begin_sensitive(structure, x);
+        } else if structure.n_coupled <= SMALL {
             let x = x.as_flattened_mut().first_chunk_mut().expect("at least SMALL entries are stored");
             let known = std::mem::replace(x, [R::zero(); SMALL]);
             add_product(x, &self.inverse, &known);
@@ -105,6 +110,9 @@ impl<R: Lane> Linear<R> {
     #[inline(always)]
     pub fn finish(&self, structure: &Structure, x: &mut [Block<R>], rhs: &[Block<R>]) {
         let (x, rhs) = (x.as_flattened_mut(), rhs.as_flattened());
+        if R::DIRECTIONS > 0 {
+            return self.finish_sensitive(structure, x, rhs);
+        }
         if structure.n_coupled <= SMALL {
             let first = x.first_chunk_mut().expect("at least SMALL entries are stored");
             add_product(first, &self.inverse, rhs.first_chunk().expect("as many"));
@@ -118,7 +126,7 @@ impl<R: Lane> Linear<R> {
 
     /// x = W^-1 (x + rhs) by substitution, for the coupled states.
     #[inline(never)]
-    fn eliminate(&self, structure: &Structure, x: &mut [R], rhs: &[R]) {
+    fn eliminate<T: Lane<Plain = R::Plain>>(&self, structure: &Structure, x: &mut [T], rhs: &[T]) {
         let coupled = structure.n_coupled;
         let (lower, rest) = self.lu.split_at(structure.lower.len());
         for (x, r) in x.iter_mut().zip(rhs).take(coupled) {
@@ -126,7 +134,7 @@ impl<R: Lane> Linear<R> {
         }
         substitute(x, &structure.lower, lower);
         for (x, d) in x.iter_mut().zip(self.reciprocal.as_flattened()).take(coupled) {
-            *x *= *d;
+            *x = x.scale(*d);
         }
         substitute(x, &structure.upper, &rest[..structure.upper.len()]);
     }
@@ -138,7 +146,7 @@ impl<R: Lane> Linear<R> {
         let first = if structure.n_coupled <= SMALL { SMALL } else { structure.n_coupled };
         let rows = x.iter_mut().zip(rhs).zip(self.reciprocal.as_flattened());
         for ((x, r), d) in rows.skip(first) {
-            *x = (*x + *r) * *d;
+            *x = (*x + *r).scale(*d);
         }
         let values = &self.lu[structure.lower.len() + structure.upper.len()..];
         substitute(x, &structure.quadratures, values);
@@ -147,9 +155,9 @@ impl<R: Lane> Linear<R> {
 
 /// x[row] += value * x[column] for each entry in turn.
 #[inline(always)]
-fn substitute<R: Real>(x: &mut [R], entries: &[Entry], values: &[R]) {
+fn substitute<R: Lane>(x: &mut [R], entries: &[Entry], values: &[R::Plain]) {
     for (e, value) in entries.iter().zip(values) {
-        x[e.row as usize] = value.fma(x[e.column as usize], x[e.row as usize]);
+        x[e.row as usize] = x[e.column as usize].fma_plain(*value, x[e.row as usize]);
     }
 }
 
@@ -170,12 +178,12 @@ fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry]
 /// sum += sum_j x_j columns_j, in four chains. The x_j are read one by one: they were just written so,
 /// and a wide load of what narrow stores wrote would have to wait for them.
 #[inline(always)]
-fn add_product<R: Real>(sum: &mut [R; SMALL], columns: &[[R; SMALL]; SMALL], x: &[R; SMALL]) {
+fn add_product<R: Lane>(sum: &mut [R; SMALL], columns: &[[R::Plain; SMALL]; SMALL], x: &[R; SMALL]) {
     let mut chains = [*sum, [R::zero(); SMALL], [R::zero(); SMALL], [R::zero(); SMALL]];
     for j in 0..SMALL / 4 {
         for (c, chain) in chains.iter_mut().enumerate() {
             for (value, column) in chain.iter_mut().zip(columns[4 * j + c]) {
-                *value = column.fma(x[4 * j + c], *value);
+                *value = x[4 * j + c].fma_plain(column, *value);
             }
         }
     }

@@ -20,23 +20,23 @@ pub(crate) fn combine<R: Lane, const I: usize>(
     stage: &mut [Block<R>],
     b: &mut [Block<R>],
     y: &[Block<R>],
-    inverse_h: R,
+    inverse_h: R::Plain,
     u: &[Block<R>],
 ) {
     let blocks = y.len();
     for k in 0..blocks {
         let (mut sum_a, mut sum_c) = (y[k], [R::zero(); BLOCK]);
         for j in 0..I {
-            let (a, c) = (R::c(METHOD.a[I][j]), R::c(METHOD.c[I][j]));
+            let (a, c) = (METHOD.a[I][j], METHOD.c[I][j]);
             let row = &u[j * blocks + k];
             for l in 0..BLOCK {
-                sum_a[l] = row[l].fma(a, sum_a[l]);
-                sum_c[l] = row[l].fma(c, sum_c[l]);
+                sum_a[l] = row[l].fma_c(a, sum_a[l]);
+                sum_c[l] = row[l].fma_c(c, sum_c[l]);
             }
         }
         stage[k] = sum_a;
         for l in 0..BLOCK {
-            b[k][l] = sum_c[l] * inverse_h;
+            b[k][l] = sum_c[l].scale(inverse_h);
         }
     }
 }
@@ -51,9 +51,9 @@ pub(crate) fn sum_of_stages<R: Lane>(
 ) -> Block<R> {
     let mut sum = [R::zero(); BLOCK];
     for j in 0..S {
-        let (row, c) = (&u[j * blocks + b], R::c(coefficients[j]));
+        let (row, c) = (&u[j * blocks + b], coefficients[j]);
         for l in 0..BLOCK {
-            sum[l] = row[l].fma(c, sum[l]);
+            sum[l] = row[l].fma_c(c, sum[l]);
         }
     }
     sum

@@ -81,7 +81,7 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     stage: Vec<Block<R>>,
     rhs: Vec<Block<R>>,
     step: Step<R>,
-    scale: Vec<Block<R>>,
+    scale: Vec<Block<R::Plain>>,
     g0: Vec<R>,
     g1: Vec<R>,
     g_look: Vec<R>,
@@ -106,8 +106,10 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let blocks = blocks(n);
         let mut y = zeros(blocks);
         y.as_flattened_mut()[..n].copy_from_slice(y0);
-        let mut scale = vec![[R::one(); BLOCK]; blocks];
-        scale.as_flattened_mut()[..n].copy_from_slice(system.scale());
+        let mut scale = vec![[R::Plain::one(); BLOCK]; blocks];
+        for (scale, own) in scale.as_flattened_mut().iter_mut().zip(system.scale()) {
+            *scale = own.plain();
+        }
         let (n_events, n_obstacles) = (system.n_events(), system.n_obstacles());
         let (work, dual_work) = (system.work::<R>(), system.work::<Direction<R>>());
         Stepper {
@@ -263,8 +265,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.started = true;
     }
 
-    fn proposals(&mut self, until: f64) -> R {
-        let mut h = R::one();
+    fn proposals(&mut self, until: f64) -> R::Plain {
+        let mut h = R::Plain::one();
         for lane in 0..R::L {
             let idle = self.finished(lane, until);
             let control = &mut self.lanes[lane];
@@ -278,9 +280,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
-    fn attempt(&mut self, h: R) {
-        self.linear.factorise(&self.structure, h * R::c(METHOD.gamma));
-        let inverse_h = R::one() / h;
+    fn attempt(&mut self, h: R::Plain) {
+        self.linear.factorise(&self.structure, h * R::Plain::c(METHOD.gamma));
+        let inverse_h = R::Plain::one() / h;
         macro_rules! stages {
             ($($i:literal)*) => { $(self.stage::<$i>(h, inverse_h);)* };
         }
@@ -297,7 +299,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// Stage `I` of the present attempt: U_I into `u`.
     #[inline(always)]
-    fn stage<const I: usize>(&mut self, h: R, inverse_h: R) {
+    fn stage<const I: usize>(&mut self, h: R::Plain, inverse_h: R::Plain) {
         let structure = &*self.structure;
         let (n, blocks) = (structure.n(), self.y.len());
         let (done, b) = self.u[..(I + 1) * blocks].split_at_mut(I * blocks);
@@ -307,16 +309,16 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         } else {
             combine::<R, I>(&mut self.stage, b, &self.y, inverse_h, done);
             self.linear.begin(structure, b);
-            let t = R::from_lanes(|lane| self.t[lane]);
-            let time = h.fma(R::c(METHOD.alpha[I]), t);
+            let t = R::Plain::from_lanes(|lane| self.t[lane]);
+            let time = R::from(h.fma(R::Plain::c(METHOD.alpha[I]), t));
             let stage = &self.stage.as_flattened()[..n];
             self.system.rhs(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
         }
         if structure.depends_on_time {
-            let weight = h * R::c(METHOD.gamma_t[I]);
+            let weight = h * R::Plain::c(METHOD.gamma_t[I]);
             for (rhs, f_t) in self.rhs.iter_mut().zip(&self.f_t) {
                 for l in 0..BLOCK {
-                    rhs[l] = f_t[l].fma(weight, rhs[l]);
+                    rhs[l] = f_t[l].fma_plain(weight, rhs[l]);
                 }
             }
         }
@@ -324,17 +326,18 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
-    fn error(&self) -> R {
-        let rtol = R::c(LOCAL_SHARE * self.options.rtol);
+    fn error(&self) -> R::Plain {
+        let rtol = R::Plain::c(LOCAL_SHARE * self.options.rtol);
+        let zero = R::Plain::zero();
         let blocks = self.y.len();
-        let (mut worst, mut poison) = ([R::zero(); BLOCK], [R::zero(); BLOCK]);
+        let (mut worst, mut poison) = ([zero; BLOCK], [zero; BLOCK]);
         let errors = &self.u[(S - 1) * blocks..];
         for (b, error) in errors.iter().enumerate() {
             for l in 0..BLOCK {
-                let size = self.y[b][l].abs().max(self.step.y1[b][l].abs());
-                let ratio = error[l].abs() / (rtol * (self.scale[b][l] + size));
+                let size = self.y[b][l].plain().abs().max(self.step.y1[b][l].plain().abs());
+                let ratio = error[l].plain().abs() / (rtol * (self.scale[b][l] + size));
                 worst[l] = worst[l].max(ratio);
-                poison[l] += ratio * R::zero();
+                poison[l] += ratio * zero;
             }
         }
         let (mut w, mut p) = (worst[0], poison[0]);
@@ -346,7 +349,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     /// Accepts, rejects or cuts the attempt, lane by lane.
-    fn conclude(&mut self, h: R, until: f64, output: &mut impl Output<R, Sys>) {
+    fn conclude(&mut self, h: R::Plain, until: f64, output: &mut impl Output<R, Sys>) {
         let error = self.error();
         let mut any_accepted = false;
         for lane in 0..R::L {

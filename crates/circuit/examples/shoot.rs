@@ -1,0 +1,35 @@
+//! A run of case A with derivatives in eight directions in a loop, for a profiler:
+//! `cargo run --release --example shoot`.
+
+use circuit::{Drive, Shooting, specification};
+
+fn main() {
+    let json = include_str!("case_a.json");
+    let spec: specification::Drive = serde_json::from_str(json).expect("valid");
+    let drive = Drive::assemble(&spec, false).expect("assembles");
+    let times: Vec<f64> = (0..=10_000).map(|k| f64::from(k) / 1000.0).collect();
+    let run = |parameters: &[&str], with_initial: bool| {
+        let asked = Shooting {
+            commands: times.iter().map(|t| 0.08 * (9.0 * t).sin() + 0.03 * (31.0 * t).cos()).collect(),
+            sample_times: times.clone(),
+            times: times.clone(),
+            starts: vec![0],
+            initial: vec![0.25, 0.0, 3.2e5, 295.0, 2.8e5, 290.0, 1e-6],
+            parameters: parameters.iter().map(ToString::to_string).collect(),
+            with_initial,
+            outputs: ["position_m", "pressure_a_pa", "pressure_b_pa"].map(String::from).to_vec(),
+            options: ode::Options { rtol: 1e-4, ..Default::default() },
+            threads: 1,
+        };
+        let mut best = f64::INFINITY;
+        for _ in 0..10 {
+            let start = std::time::Instant::now();
+            std::hint::black_box(drive.shoot(json, &asked, &mut || false).expect("runs"));
+            best = best.min(start.elapsed().as_secs_f64());
+        }
+        best * 1e3
+    };
+    let plain = run(&[], false);
+    let sensitive = run(&["friction.parameters.coulomb"], true);
+    println!("{plain:.1} ms plain, {sensitive:.1} ms with eight derivatives, at best");
+}

@@ -1,0 +1,68 @@
+//! The same systems for numbers with derivatives: only the value of W is factorised.
+//!
+//!   W x = b   =>   W dx = db + dJ x     as dW = -dJ
+//!
+//! The value takes the very operations that it takes without derivatives.
+
+use super::{Linear, SMALL, add_product};
+use crate::stages::Block;
+use crate::structure::{Entry, Structure};
+use math::{Lane, Real};
+use std::array::from_fn;
+
+impl<R: Lane> Linear<R> {
+    /// The value of x = W^-1 known for a small system; derivatives stay those of `known`.
+    pub(super) fn begin_sensitive(&self, structure: &Structure, x: &mut [Block<R>]) {
+        if structure.n_coupled <= SMALL {
+            let x = x.as_flattened_mut();
+            let known: [R::Plain; SMALL] = from_fn(|l| x[l].plain());
+            let mut values = [R::Plain::zero(); SMALL];
+            add_product(&mut values, &self.inverse, &known);
+            for (x, value) in x.iter_mut().zip(values) {
+                *x = x.with_value(value);
+            }
+        }
+    }
+
+    /// The rest of the value, then the derivatives.
+    #[inline(never)]
+    pub(super) fn finish_sensitive(&self, structure: &Structure, x: &mut [R], rhs: &[R]) {
+        assert_eq!(structure.n, structure.n_coupled, "accounts have no derivatives");
+        if structure.n <= SMALL {
+            let mut values: [R::Plain; SMALL] = from_fn(|l| x[l].plain());
+            let rates: [R::Plain; SMALL] = from_fn(|l| rhs[l].plain());
+            add_product(&mut values, &self.inverse, &rates);
+            self.add_change_of_matrix(structure, x, rhs, &values);
+            let known: [R; SMALL] = from_fn(|l| x[l]);
+            for (l, (x, value)) in x[..structure.n].iter_mut().zip(values).enumerate() {
+                let mut sum = R::zero();
+                for (known, column) in known[..structure.n].iter().zip(&self.inverse) {
+                    sum = known.fma_plain(column[l], sum);
+                }
+                *x = sum.with_value(value);
+            }
+        } else {
+            let mut values: Vec<R::Plain> = x.iter().map(R::plain).collect();
+            let rates: Vec<R::Plain> = rhs.iter().map(R::plain).collect();
+            self.eliminate(structure, &mut values, &rates);
+            self.add_change_of_matrix(structure, x, rhs, &values);
+            self.eliminate(structure, x, &vec![R::zero(); x.len()]);
+            for (x, value) in x.iter_mut().zip(values) {
+                *x = x.with_value(value);
+            }
+        }
+    }
+
+    /// x += rhs + dJ values, in the derivatives.
+    fn add_change_of_matrix(&self, structure: &Structure, x: &mut [R], rhs: &[R], values: &[R::Plain]) {
+        for (x, r) in x.iter_mut().zip(rhs).take(structure.n) {
+            *x += *r;
+        }
+        let diagonal = (0..structure.n_coupled as u16).map(|k| Entry { row: k, column: k });
+        let entries = structure.lower.iter().chain(&structure.upper).copied().chain(diagonal);
+        for (entry, change) in entries.zip(&self.jacobian) {
+            let row = &mut x[entry.row as usize];
+            *row = change.fma_plain(values[entry.column as usize], *row);
+        }
+    }
+}
