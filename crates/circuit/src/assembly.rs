@@ -3,6 +3,7 @@
 mod along;
 mod drive;
 mod friction;
+mod leak;
 mod own_law;
 mod rig;
 mod shoot;

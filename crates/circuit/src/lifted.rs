@@ -81,18 +81,16 @@ pub(crate) fn tangents<T: DeserializeOwned>(
     let unfit = |error| Error::Specification(format!("the description does not fit the core: {error}"));
     let mut table: Value = serde_json::from_str(json).map_err(unfit)?;
     let paths: Vec<String> = names.iter().map(|name| below(root, name)).collect::<Result<_, _>>()?;
-    for path in paths.iter().filter_map(|path| path.rsplit_once('.')).map(|(parent, _)| parent) {
-        // Seal lips that nothing presses are none.
-        if (path == "pressure" || path.ends_with("friction.pressure"))
-            && let Some(lips) = place(&mut table, path, true)
-            && lips.is_null()
-        {
-            *lips = serde_json::json!({});
-        }
+    for path in &paths {
+        add_absent(&mut table, path);
     }
     let mut zero = table.clone();
     clear(&mut zero);
     let one = |(path, name): (&String, &String)| {
+        if path.starts_with("gas.") {
+            // A component is measured with air: another gas is another law of flow.
+            return Err(Error::Specification(format!("the gas cannot be free, but \"{name}\" is asked for")));
+        }
         let mut tangent = zero.clone();
         // A parameter that is not given has its default, and is a number all the same.
         let free = path
@@ -106,6 +104,23 @@ pub(crate) fn tangents<T: DeserializeOwned>(
     };
     let each = paths.iter().zip(names).map(one).collect::<Result<_, _>>()?;
     Ok((serde_json::from_value(table.clone()).map_err(unfit)?, each))
+}
+
+/// What a description leaves out where it is zero, and may be free all the same.
+fn add_absent(table: &mut Value, path: &str) {
+    let (what, with) = match path.rsplit_once('.') {
+        // Seal lips that no pressure acts on.
+        Some((lips, _)) if lips == "pressure" || lips.ends_with("friction.pressure") => {
+            (lips, serde_json::json!({}))
+        }
+        _ if path == "cylinder.leakage_m3_s_pa" => (path, 0.0.into()),
+        _ => return,
+    };
+    if let Some(value) = place(table, what, true)
+        && value.is_null()
+    {
+        *value = with;
+    }
 }
 
 /// The path of `name` in the table called `root`.

@@ -58,6 +58,9 @@ pub struct Cylinder {
     pub heat_transfer_w_m2_k: f64,
     pub wall_temperature_k: f64,
     pub end_stop: EndStop,
+    /// Leakage past the piston.
+    #[serde(default)]
+    pub leakage_m3_s_pa: f64,
     #[serde(default)]
     pub chamber_law: ChamberLawName,
 }

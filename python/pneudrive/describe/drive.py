@@ -185,6 +185,8 @@ class Drive(Described):
                 "incline_rad": c.incline_rad,
                 "heat_transfer_w_m2_k": c.heat_transfer_w_m2_k,
                 "wall_temperature_k": _or(c.wall_temperature_k, self.ambient.temperature_k),
+                # Drives without a leak are described as they were before there were leaks.
+                **({"leakage_m3_s_pa": c.leakage_m3_s_pa} if c.leakage_m3_s_pa else {}),
                 "end_stop": {
                     "stiffness_n_m": stop.stiffness_n_m,
                     "damping_n_s_m": stop.damping_n_s_m,

@@ -79,7 +79,11 @@ class EndStop(Described):
 
 
 class Cylinder(Described):
-    """A double-acting cylinder. x grows towards the end of chamber b; chamber a grows with x."""
+    """A double-acting cylinder. x grows towards the end of chamber b; chamber a grows with x.
+
+    `leakage` is the sonic conductance of the gap past the piston, between the chambers; its critical pressure ratio
+    is assumed to be 0.2.
+    """
 
     table: ClassVar[str] = "cylinder"
     kind: Literal["rodless", "through-rod", "single-rod"]
@@ -96,6 +100,9 @@ class Cylinder(Described):
     )
     wall_temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
         default=None, alias="wall_temperature"
+    )
+    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = Field(
+        default=0.0, alias="leakage"
     )
     end_stop: EndStop = EndStop()
     chamber_law: Literal["energy-balance", "as-printed"] = "energy-balance"

@@ -1,4 +1,5 @@
 use super::friction::{contact, friction_law};
+use super::leak::leak;
 use crate::circuit::{AxisId, Circuit, GasId, PistonSide, RestrictionId};
 use crate::lifted::Lifted;
 use crate::net::Net;
@@ -58,6 +59,12 @@ impl Drive {
             return Err(Error::Specification(
                 "chamber law \"as-printed\" has no ledger: it does not conserve energy".into(),
             ));
+        }
+        if spec.cylinder.leakage_m3_s_pa < 0.0 {
+            return Err(Error::Specification(format!(
+                "cylinder.leakage = {} m3/(s Pa) must not be negative",
+                spec.cylinder.leakage_m3_s_pa
+            )));
         }
         let lifted = Lifted::plain(spec);
         let mut drive = Drive::lifted(&lifted, ledger)?;
@@ -169,8 +176,16 @@ where
         let law = edge_law(lifted, &gas);
         let mut edge = |from, to| circuit.restriction(law.clone(), from, to);
         let edges = [edge(supply, a), edge(a, exhaust), edge(supply, b), edge(b, exhaust)];
+        let leakage = |s: &specification::Drive| s.cylinder.leakage_m3_s_pa;
+        let leaks = leakage(lifted.value) != 0.0 || lifted.is_free(leakage);
+        let gap = leaks
+            .then(|| circuit.restriction(leak(lifted.number(leakage), &gas, is_air(lifted.value)), a, b));
+        let mut circuit = circuit.build(ledger);
+        if let Some(gap) = gap {
+            circuit.set_opening(gap, 0, 1.0);
+        }
         let (warnings, citations) = (Vec::new(), Vec::new());
-        Ok(Drive { circuit: circuit.build(ledger), axis, a, b, edges, columns, warnings, citations })
+        Ok(Drive { circuit, axis, a, b, edges, columns, warnings, citations })
     }
 }
 

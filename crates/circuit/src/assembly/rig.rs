@@ -1,4 +1,4 @@
-use super::friction_law;
+use super::{friction_law, leak::leak};
 use crate::circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
 use crate::ledger::Balance;
 use crate::net::Net;
@@ -333,16 +333,11 @@ fn supplied(
     ];
     for (from, to, conductance) in leaks {
         if conductance > 0.0 {
-            let leak =
-                Orifice { conductance_m3_s_pa: conductance, critical_pressure_ratio: LEAK_CRITICAL_RATIO };
-            open.push(circuit.restriction(path(&leak), from, to));
+            open.push(circuit.restriction(leak(conductance, &IdealGas::air(), true), from, to));
         }
     }
     Air { gas: [a, b, sources[0], sources[1]], filling, open, supply }
 }
-
-/// Critical pressure ratio of a leak: a narrow gap, far from an ideal nozzle (assumed).
-const LEAK_CRITICAL_RATIO: f64 = 0.2;
 
 fn path(orifice: &Orifice) -> Iso6358<f64> {
     let (c, b) = (orifice.conductance_m3_s_pa, orifice.critical_pressure_ratio);
