@@ -64,7 +64,7 @@ def test_a_leak_past_the_piston_evens_the_pressures_out():
     start = pn.Initial(pressure_a="4 bar abs", pressure_b="3 bar abs")
     apart = [
         float((run.pressure_a - run.pressure_b)[-1])
-        for run in (pn.simulate(d, pn.command.constant(0.0), "20 s", initial=start) for d in (drive, leaky))
+        for run in (pn.simulate(d, "0 s: 0", "20 s", initial=start) for d in (drive, leaky))
     ]
     assert apart[0] > 0.9e5
     assert abs(apart[1]) < 0.5 * apart[0]
