@@ -27,7 +27,8 @@ def test_derivatives_come_beside_the_values_of_the_plain_run(drive):
     plain, shot = shoot(drive, []), shoot(drive, NAMES, with_initial=True)
     assert shot["failures"] == [None, None]
     assert shot["start_names"][-1] == "bristle_deflection_m"
-    np.testing.assert_array_equal(shot["values"], plain["values"])
+    # To rounding only: lips that may press change the order of elimination.
+    np.testing.assert_allclose(shot["values"], plain["values"], rtol=1e-11)
     assert shot["sensitivities"].shape == (201, 2, 10)
     assert shot["end_sensitivities"].shape == (2, 7, 10)
     assert np.isfinite(shot["sensitivities"]).all()
@@ -61,10 +62,12 @@ def test_a_leak_past_the_piston_evens_the_pressures_out():
     leaky = drive.replace({"cylinder.leakage": "0.01 dm3/(s bar)"})
     assert leaky.to_dict()["cylinder"]["leakage"] == "0.01 dm3/(s bar)"
     assert drive.description_hash != leaky.description_hash
-    start = pn.Initial(pressure_a="4 bar abs", pressure_b="3 bar abs")
     apart = [
         float((run.pressure_a - run.pressure_b)[-1])
-        for run in (pn.simulate(d, "0 s: 0", "20 s", initial=start) for d in (drive, leaky))
+        for run in (
+            pn.simulate(d, "0 s: 0", "20 s", initial="pressure_a = 3.5 bar abs, pressure_b = 3 bar abs")
+            for d in (drive, leaky)
+        )
     ]
-    assert apart[0] > 0.9e5
+    assert apart[0] > 0.45e5
     assert abs(apart[1]) < 0.5 * apart[0]

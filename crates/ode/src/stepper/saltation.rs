@@ -6,6 +6,7 @@
 //!   S+ = R' (S- + f- dt*) - f+ dt*,     dt* = -dg/(grad g . f-)
 //!
 //! with g the event function, dg its derivative at fixed time, and R what the switch does to the state.
+//! Source: [galan1999].
 
 use super::Stepper;
 use crate::system::System;
