@@ -16,7 +16,7 @@ fn main() {
             starts: vec![0],
             initial: vec![0.25, 0.0, 3.2e5, 295.0, 2.8e5, 290.0, 1e-6],
             parameters: parameters.iter().map(ToString::to_string).collect(),
-            with_initial,
+            with_initial: with_initial.into(),
             outputs: ["position_m", "pressure_a_pa", "pressure_b_pa"].map(String::from).to_vec(),
             options: ode::Options { rtol: 1e-4, ..Default::default() },
             threads: 1,
