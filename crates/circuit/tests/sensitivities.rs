@@ -163,10 +163,11 @@ fn by_everything_that_acts_on_elasto_plastic_bristles() {
     ];
     check(&with_friction(friction.clone()), &asked(0.3, &[1e-6, 0.5], &paths, false), 1e-5);
     friction["relaxation"] = serde_json::json!({ "share": 0.3, "time_s": 0.3, "distance_m": 2e-4 });
-    // Nine states: more than those whose matrix is inverted.
+    // Nine states: more than those whose matrix is inverted. Renewed dashpots leave through kinks that no step
+    // ends on: there the derivatives are of lower order than the values.
     let paths =
         ["friction.parameters.bristle_stiffness", "friction.relaxation.share", "valve.conductance_m3_s_pa"];
-    check(&with_friction(friction), &asked(0.3, &[1e-6, 1e-7, 0.5], &paths, false), 1e-5);
+    check(&with_friction(friction), &asked(0.3, &[1e-6, 1e-7, 0.5], &paths, false), 1e-4);
 }
 
 #[test]
