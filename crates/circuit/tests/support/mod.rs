@@ -150,6 +150,9 @@ pub fn everything(law: &str) -> specification::Friction {
         "coulomb": 30.0, "breakaway": 45.0, "stribeck_velocity": 0.02, "viscous": 40.0,
         "bristle_stiffness": 1e5, "bristle_damping": 300.0, "damping_fade_velocity": 0.5,
         "dead_zone": 1e-4, "memory_time": 0.02, "recovery_time": 1.0,
+        "attraction": 2000.0, "direct_effect": 0.1, "evolution_effect": 0.03, "distance": 5e-5,
+        "reference_velocity": 1e-3, "film_velocity": 0.05, "film_growth_time": 0.03, "film_decay_time": 0.2,
+        "film_rest_time": 20.0, "fluid_lead_time": 5e-3,
     });
     let known = |key: &String| meta.parameters.iter().any(|p| p.key == key);
     parameters.as_object_mut().expect("a table").retain(|key, _| known(key));
