@@ -72,6 +72,24 @@ def test_lugre_from_a_file_is_lugre(folder, more):
     assert again.friction == own.friction
 
 
+def test_exact_sensitivities_go_through_formulas(folder):
+    """By parameters that are levels, that are folded into constants, and by the start: those of the built-in law."""
+    names = [f"friction.parameters.{key}" for key in ("coulomb", "breakaway", "stribeck_velocity", "bristle_stiffness")]
+    start = np.array([[0.25, 0.0, 3e5, 293.15, 3e5, 293.15, 0.0]])
+    outputs = ["position_m", "velocity_m_s", "pressure_a_pa", "friction_force_n"]
+
+    def shoot(text):
+        core = _core.Drive(load(folder, text).core_json())
+        at = np.linspace(0.0, 0.3, 31)
+        return core.shoot([0.0, 0.15], [0.3, -0.3], at, [0], start, names, True, outputs, 1e-8)
+
+    built_in, own = shoot(BUILT_IN), shoot(FRICTION)
+    assert not any(own["failures"])
+    assert np.abs(own["sensitivities"][-1, 0]).min() > 0.0
+    for key in ("values", "sensitivities", "ends", "end_sensitivities"):
+        np.testing.assert_allclose(own[key], built_in[key], rtol=1e-9, err_msg=key)
+
+
 def test_from_python(folder):
     law = FrictionLaw.load(LAWS / "lugre.toml")
     again = FrictionLaw.of(law.to_dict())

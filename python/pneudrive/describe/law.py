@@ -31,7 +31,7 @@ _TABLES = ("schema", "name", "title", "source", "odd", "parameters", "levels", "
 # what a state's name in a trajectory ends with, and a scale that fits a friction law
 _STATE_UNITS = {"m": ("_m", "1e-3 m"), "m/s": ("_m_s", None), "N": ("_n", None), "s": ("_s", None), "": ("", None)}
 #: Keys of the friction table that no parameter can have.
-_TAKEN = ("law", "stribeck_shape", *DEPENDENCES)
+_TAKEN = ("law", "stribeck_shape", "elements", "evolution", *DEPENDENCES)
 
 
 class FrictionLaw(Described):
