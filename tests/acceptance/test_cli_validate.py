@@ -65,7 +65,7 @@ def test_a_friction_map_is_validated_against_the_law(bench, capsys):
     assert run(["validate", str(bench / "drive.toml"), str(bench / "map.csv"), "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "! fit" in said
-    assert "0 % of the points hold the law in their band" in said
+    assert "within the band of 0 % of the points" in said
     table = list(csv.DictReader((out / "friction.csv").read_text().splitlines()))
     ratio = [float(row["friction_n"]) / float(row["model_n"]) for row in table]
     assert ratio == pytest.approx([1.3] * 24)

@@ -114,8 +114,8 @@ def _why(found: Validation) -> Section:
         blocks.append(Text(sentence(str(diagnosis)), "holds" if diagnosis.is_clean else "fails"))
     for i, r in enumerate(_shown(found)[:2]):
         caption = (
-            f"{r.recording.name}: terms of the force balance, and what each balance lacks; the band is twice what noise, "
-            "1 % of the terms and velocities over a finite time leave."
+            f"{r.recording.name}: terms of the force balance, and what each balance lacks; the band is twice what "
+            "noise, 1 % of the terms and velocities over a finite time leave."
         )
         where = next(k for k, own in enumerate(found.records) if own is r)
         drawn = figures.balance(found.drive, r.signals, diagnosis.residuals[where])

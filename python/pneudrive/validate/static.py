@@ -107,7 +107,7 @@ class FrictionValidation:
         lines = [
             f"friction of {self.drive.name} against {self.source.name}",
             f"  {mark} fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %), NRMSE {100 * m.nrmse:.2g} %, "
-            f"largest difference {m.largest:.2g} N; {100 * self.inside:.0f} % of the points hold the law in their band",
+            f"largest difference {m.largest:.2g} N; the law lies within the band of {100 * self.inside:.0f} % of the points",
         ]
         words = {0: "both directions", 1: "towards +x", -1: "towards -x"}
         for c in self.curves:
@@ -204,7 +204,10 @@ def _of_campaign(drive: Drive, path: Path) -> list[FrictionCurve]:
     found = characteristics(path)
     ambient = found.identity.ambient_pressure_pa
     out = []
+    signed = {curve.condition for curve in found.curves if curve.direction != 0}
     for curve in found.curves:
+        if curve.direction == 0 and curve.condition in signed:
+            continue  # the mean of both, which are there
         at = curve.measured
         speed = curve.speed_m_s[at]
         if not speed.size:
