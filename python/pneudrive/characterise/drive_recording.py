@@ -102,6 +102,7 @@ def drive_recording(
     name: str = "recording",
     labels: Mapping[str, str] | None = None,
     source: Path | None = None,
+    needed: Sequence[str] = NEEDED,
 ) -> DriveRecording:
     """Make a recording of SI columns.
 
@@ -110,13 +111,13 @@ def drive_recording(
     RecordingError
         A column is missing or not finite, lengths differ, times do not rise, or a command is beyond -1 .. 1.
     """
-    missing = [c for c in NEEDED if c not in columns]
+    missing = [c for c in needed if c not in columns]
     if missing:
         raise RecordingError(
             f"the recording lacks {', '.join(missing)}",
             where=str(source or name),
             value=f"columns: {', '.join(map(str, columns))}",
-            rule=f"a recording of a drive has {', '.join(NEEDED)}",
+            rule=f"a recording of a drive has {', '.join(needed)}",
             remedy="name the columns as `pneudrive simulate --out` does, or say in a layout where they are",
         )
     used = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in (*NEEDED, *OPTIONAL) if c in columns}
@@ -154,7 +155,7 @@ def _check(columns: dict[str, Array], where: str) -> None:
             rule="-1 <= command <= 1: the share of the valve's full opening, with sign",
             remedy="scale it in the layout: command = { column = ..., scale = ..., offset = ... }",
         )
-    for side in "ab":
+    for side in [side for side in "ab" if f"pressure_{side}_pa" in columns]:
         low = float(columns[f"pressure_{side}_pa"].min())
         if not low > 0.0:
             rule = "pressures are absolute, Pa"
@@ -164,6 +165,7 @@ def _check(columns: dict[str, Array], where: str) -> None:
 def read_drive_recordings(
     recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
     layout: Layout | str | Path | None = None,
+    needed: Sequence[str] = NEEDED,
 ) -> list[DriveRecording]:
     """Read recordings of a drive.
 
@@ -174,6 +176,8 @@ def read_drive_recordings(
         reads), what ``pn.simulate`` returns, a mapping of SI columns, a `DriveRecording`.
     layout
         How foreign files are read; None: ``layout.toml`` beside a file that is not as ``simulate`` writes.
+    needed : sequence of str
+        Columns without which a recording is refused.
 
     Raises
     ------
@@ -187,7 +191,7 @@ def read_drive_recordings(
     said = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
     out: list[DriveRecording] = []
     for number, item in enumerate(given, start=1):
-        read = _read(item, f"recording {number}", said)  # type: ignore[arg-type]
+        read = _read(item, f"recording {number}", said, needed)  # type: ignore[arg-type]
         taken = {r.name for r in out}
         if read.name in taken:
             folder = read.source.parent.name if read.source is not None else f"{number}"
@@ -198,7 +202,7 @@ def read_drive_recordings(
     return out
 
 
-def _read(item: Given | DriveRecording, name: str, layout: Layout | None) -> DriveRecording:
+def _read(item: Given | DriveRecording, name: str, layout: Layout | None, needed: Sequence[str]) -> DriveRecording:
     if isinstance(item, DriveRecording):
         return item
     if hasattr(item, "channels") and hasattr(item, "command"):  # a recording as identification reads it
@@ -209,16 +213,16 @@ def _read(item: Given | DriveRecording, name: str, layout: Layout | None) -> Dri
         known = {variable: column for column in (*NEEDED, *OPTIONAL, *_SIMULATED) for variable in [meaning(column)[0]]}
         columns = {known[str(v)]: item[v].to_numpy() for v in item.variables if str(v) in known}
         labels = item.attrs.get("labels")
-        return drive_recording(columns, name, labels if isinstance(labels, dict) else None)
+        return drive_recording(columns, name, labels if isinstance(labels, dict) else None, needed=needed)
     if isinstance(item, Mapping):
-        return drive_recording({str(column): values for column, values in item.items()}, name)
+        return drive_recording({str(column): values for column, values in item.items()}, name, needed=needed)
     path = Path(str(item))
-    if layout is None and (columns := _own_columns(path)) is not None:
-        return drive_recording(columns, stem(path), _own_labels(path), path)
-    return _through(path, layout or _beside(path))
+    if layout is None and (columns := _own_columns(path, needed)) is not None:
+        return drive_recording(columns, stem(path), _own_labels(path), path, needed)
+    return _through(path, layout or _beside(path), needed)
 
 
-def _own_columns(path: Path) -> dict[str, Array] | None:
+def _own_columns(path: Path, needed: Sequence[str]) -> dict[str, Array] | None:
     """Columns of a file that is as ``simulate`` writes; None where it is not."""
     import polars as pl
 
@@ -227,7 +231,7 @@ def _own_columns(path: Path) -> dict[str, Array] | None:
             import xarray as xr
 
             with xr.open_dataset(path, engine="h5netcdf") as run:
-                return None if not is_run(run) else dict(_read(run.load(), "", None).columns)
+                return None if not is_run(run) else dict(_read(run.load(), "", None, needed).columns)
         if path.suffix == ".parquet":
             names = list(pl.read_parquet_schema(path))
             reader = pl.read_parquet
@@ -237,7 +241,7 @@ def _own_columns(path: Path) -> dict[str, Array] | None:
             reader = pl.read_csv
         else:
             return None
-        if not set(NEEDED) <= set(names):
+        if not set(needed) <= set(names):
             return None
         wanted = [c for c in (*NEEDED, *OPTIONAL, *_SIMULATED) if c in names]
         frame = reader(path, columns=wanted)
@@ -273,7 +277,7 @@ def _beside(path: Path) -> Layout:
     )
 
 
-def _through(path: Path, layout: Layout) -> DriveRecording:
+def _through(path: Path, layout: Layout, needed: Sequence[str]) -> DriveRecording:
     said = layout.for_drive_file(path)
     raw, _, _ = read_raw(path, said)
     values = {channel: convert(said, channel, column) for channel, column in raw.items()}
@@ -283,4 +287,4 @@ def _through(path: Path, layout: Layout) -> DriveRecording:
         if channel != "time" and delay:
             values[channel] = shifted(time, values[channel], delay)
     columns = {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
-    return drive_recording(columns, stem(path), said.labels, path)
+    return drive_recording(columns, stem(path), said.labels, path, needed)

@@ -40,8 +40,8 @@ RTOL = 1e-6
 _SCALE = {"m": 0.1, "Pa": 1e5, "m/s": 0.1, "K": 300.0, "N": 10.0}
 #: Rounds in which the noise of the sensors is taken from the residuals.
 NOISE_ROUNDS = 4
-#: Lengths of the segments of the first phase, s; the shortest has so many samples.
-LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), 8
+#: Lengths of the segments of the first phase, s, and those of a second attempt; the shortest has so many samples.
+LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
 #: Change of the noise below which it counts as found.
 NOISE_CHANGE = 0.02
 #: Correlation of residuals, in samples, of which a note is made, unless their variance is that of the solver alone.
@@ -72,18 +72,20 @@ class Options:
     threads: int
     notes: list[str] = field(default_factory=list)
     lost: list[Undetermined] = field(default_factory=list)
+    interrupted: bool = False
+    lengths_s: tuple[float, ...] = LADDER_S
 
     @property
     def ladder(self) -> tuple[float, ...]:
         """Lengths to which the segments of the first phase grow, s."""
-        return tuple(length for length in LADDER_S[1:] if self.segment_s is not None and length < self.segment_s)
+        return tuple(length for length in self.lengths_s[1:] if self.segment_s is not None and length < self.segment_s)
 
     def first_segment_s(self, record: DriveRecording) -> float | None:
         """Length of the first segments; None where there is no first phase."""
         if self.segment_s is None:
             return None
         step = record.duration_s / (len(record) - 1)
-        return min(self.segment_s, max(LADDER_S[0], LEAST_SEGMENT_SAMPLES * step))
+        return min(self.segment_s, max(self.lengths_s[0], LEAST_SEGMENT_SAMPLES * step))
 
 
 def identify(
@@ -152,7 +154,7 @@ def identify(
     >>> round(fit.values["friction.coulomb"], 2)
     30.0
     """
-    records = read_drive_recordings(recordings, layout)
+    records = read_drive_recordings(recordings, layout, needed=("time_s", "command"))
     present = [channels_in(record, channels) for record in records]
     options = _options(segment, robust, rtol, threads)
     names = [c for c in CHANNELS if any(c in p for p in present)]
@@ -162,6 +164,12 @@ def identify(
     problem, point = _problem(drive, parameters, records, present, described, options)
     stated = [np.array([np.isfinite(described[c].noise or np.nan) for c in p]) for p in present]
     solved, converged = _solve(problem, point, stated, options, watcher)
+    if not (converged or options.interrupted) and options.segment_s is not None:
+        options.lengths_s = SECOND_LADDER_S
+        reached = solved.problem.values(solved.point.eta)[: len(parameters)]
+        problem, point = _problem(drive, parameters, records, present, described, options, reached)
+        again, converged = _solve(problem, point, stated, options, watcher)
+        solved = again if converged else solved
     return _result(drive, parameters, records, solved, options, watcher, converged)
 
 
@@ -210,10 +218,11 @@ def _problem(
     present: list[list[str]],
     described: dict[str, Channel],
     options: Options,
+    values: Array | None = None,
 ) -> tuple[Problem, Point]:
-    """Cut the recordings, find where the segments begin, and put the problem together."""
+    """Cut the recordings, find where the segments begin, and put the problem together; `values` are the start's."""
     coordinates, candidates = Coordinates(parameters, drive), Candidates(drive, parameters)
-    values = np.array([p.value for p in parameters])
+    values = np.array([p.value for p in parameters]) if values is None else values
     experiments = []
     for record, names in zip(records, present, strict=True):
         own = [described[name] for name in names]
@@ -261,6 +270,8 @@ def _solve(
             if not _renew_noise(problem, at, stated, options.rtol):
                 break
     except KeyboardInterrupt:
+        options.interrupted = True
+        problem.held[:] = False
         options.notes.append("the search was interrupted: these are the best values so far")
         point, at, converged = watcher.point, None, False
     if at is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.dynamic.sensors import OFFSET_SIZE, lagged
+from pneudrive.identify.dynamic.sensors import lagged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,8 +90,13 @@ class Problem:
             if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
                 self.prior[i] = (s.size / s.uncertainty) ** 2
         self.huber_k = np.inf
-        #: Coordinate that stays as it is, for profiles.
-        self.held: int | None = None
+        #: Coordinates that stay as they are, for a while.
+        self.held = np.zeros(self.size, dtype=bool)
+
+    @property
+    def offsets(self) -> NDArray[np.bool_]:
+        """Coordinates that are offsets of sensors."""
+        return np.array([False] * self.drive_size + [s.kind == "offset" for s in self.sensors])
 
     @property
     def names(self) -> list[str]:
@@ -236,7 +241,7 @@ def sensor_parameters(channels: list[Channel], recordings: list[str], present: l
         for i, name in enumerate(recordings):
             if "offset" in channel.free and channel.name in present[i]:
                 of = f"{channel.name}.offset" + (f" [{name}]" if len(recordings) > 1 else "")
-                size = OFFSET_SIZE[channel.unit]
+                size = channel.offset_spread
                 out.append(
                     SensorParameter("offset", channel.name, i, of, channel.unit, size, channel.offset_uncertainty)
                 )

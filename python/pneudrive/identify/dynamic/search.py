@@ -268,8 +268,10 @@ def _outputs(
 def predict_segments(problem: Problem, point: Point, watcher: Watcher) -> Point:
     """Run the first phase: a point near enough for the second one.
 
-    The noise is what the model is off now, at least that of the sensors.
+    The noise is what the model is off now, at least that of the sensors. Offsets wait: where each segment begins with
+    what a sensor shows, its offset shows only in what it does to volumes and flows.
     """
+    problem.held = problem.offsets
     least = [e.noise.copy() for e in problem.experiments]
     believed = [s.copy() for s in point.states]
     shots = _run(problem, point, "the recordings cannot be simulated from the start values", reset=True)
@@ -295,6 +297,7 @@ def predict_segments(problem: Problem, point: Point, watcher: Watcher) -> Point:
         shots = _run(problem, point, "the search came to where the drive cannot be simulated", reset=True)
     for experiment, noise in zip(problem.experiments, least, strict=True):
         experiment.noise = noise
+    problem.held = np.zeros(problem.size, dtype=bool)
     return point
 
 
@@ -351,9 +354,9 @@ def equations(problem: Problem, point: Point, at: Joined) -> tuple[Array, Array]
     information, gradient = reduced(at.blocks, problem.size)
     information += np.diag(problem.prior)
     gradient -= problem.prior * (point.eta - problem.prior_mean)
-    if problem.held is not None:
-        information[problem.held], information[:, problem.held], gradient[problem.held] = 0.0, 0.0, 0.0
-        information[problem.held, problem.held] = 1.0
+    held = problem.held
+    information[held], information[:, held], gradient[held] = 0.0, 0.0, 0.0
+    information[held, held] = 1.0
     return information, gradient
 
 

@@ -188,11 +188,11 @@ def _constrained(
     """Best cost with one coordinate held."""
     eta = point.eta.copy()
     eta[index] = value
-    problem.held = index
+    problem.held = np.arange(problem.size) == index
     try:
         moved, at, _ = join_segments(problem, replace(point, eta=eta), believed, None, most=PROFILE_FITS)
     except FitError:
         return np.inf, point
     finally:
-        problem.held = None
+        problem.held = np.zeros(problem.size, dtype=bool)
     return at.cost, moved
