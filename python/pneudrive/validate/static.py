@@ -107,7 +107,8 @@ class FrictionValidation:
         lines = [
             f"friction of {self.drive.name} against {self.source.name}",
             f"  {mark} fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %), NRMSE {100 * m.nrmse:.2g} %, "
-            f"largest difference {m.largest:.2g} N; the law lies within the band of {100 * self.inside:.0f} % of the points",
+            f"largest difference {m.largest:.2g} N; the law lies within the band of {100 * self.inside:.0f} % of the "
+            "points",
         ]
         words = {0: "both directions", 1: "towards +x", -1: "towards -x"}
         for c in self.curves:
