@@ -18,6 +18,7 @@ KEYS = {key for _, key, _ in ENTRIES}
 ASSUMED = "assumed"  # said where the user sees it; no source
 NEEDED = {
     "article": {"author", "title", "journal", "year"},
+    "inproceedings": {"author", "title", "booktitle", "year"},
     "book": {"author", "title", "publisher", "year"},
     "phdthesis": {"author", "title", "school", "year"},
     "techreport": {"author", "title", "institution", "year"},
