@@ -3,7 +3,7 @@ use super::{At, FLOOR, InnerState, Law, Levels, sliding};
 use crate::parameter::{above, any, at_least};
 use math::{Over, Real};
 
-/// Exponent of the steady film: thickness of a hydrodynamic film over the velocity.
+/// Exponent of the steady film over the velocity. Assumed: the source's own value could not be read.
 const FILM_EXPONENT: f64 = 2.0 / 3.0;
 
 /// |v|/vb below this is taken as this in the steady film, whose slope at rest would be infinite: it changes the
@@ -33,7 +33,7 @@ bristle_parameters! {
     /// The source switches to tau_0 at v = 0 exactly, which bristles never reach: r does it below vr, and from
     /// 3 vr on it takes less than 1.3e-4 of the rate. max() is a guard for levels that fall under pressure:
     /// elsewhere h <= 1 - Fc/Fs. Passive under the conditions of LuGre, as g lies between Fc and Fs.
-    /// Source: [tran2013].
+    /// Source: [tran2013]; of it the abstract could be read, not the tables of values.
     pub struct FilmLuGre {
         /// Velocity vb from which on the film is at its greatest
         film_velocity: "m/s", above(0.0);
