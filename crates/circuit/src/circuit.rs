@@ -339,10 +339,8 @@ impl<R: Lane> System<R> for Circuit<R> {
         let common = self.common;
         let (n_states, keeps_accounts) = (self.n_states(), !self.channels().is_empty());
         let (place, axis, inner) = self.mover_mut(self.topology.sticking[event]);
-        let taken = axis.switch(lane, &mut y[place.first + inner..place.first + place.count], net);
-        if !axis.stops() {
-            return;
-        }
+        let own = &mut y[place.first + inner..place.first + place.count];
+        let Some(taken) = axis.switch(lane, own, net) else { return };
         y[place.first + 1].put(lane, 0.0);
         if keeps_accounts {
             let first = n_states + place.first_account;

@@ -177,13 +177,13 @@ pub trait Law<P: Real> {
     /// Key in references.bib.
     const SOURCE: &'static str;
     const STATES: &'static [InnerState] = &[];
-    /// The law sticks by a mode (-1, 0, +1), with located events.
+    /// The law sticks by a mode (0, or the direction of slip by its sign), with located events.
     const STICKS: bool = false;
     /// The law has one inner state, the deflection of bristles, and stores energy as its square.
     const BRISTLES: bool = false;
     /// Bristles that slip from the first load on.
     const CREEPS: bool = false;
-    /// An event of the mode leaves the velocity at zero exactly.
+    /// An event of the mode leaves the velocity at zero exactly, unless it goes on in the same direction.
     const STOPS: bool = true;
     /// A description may list its elements.
     const ELEMENTS: bool = false;

@@ -156,19 +156,20 @@ impl<R: Lane> Axis<R> {
         contact.first_mode(&at(&net.axis[self.node]), z)
     }
 
-    /// Sets one lane's mode after its event, and its inner states that remember events; the kinetic energy,
-    /// J, that friction takes where the event leaves the mass at rest.
-    pub(crate) fn switch(&mut self, lane: usize, z: &mut [R], net: &Net<R>) -> f64 {
+    /// Sets one lane's mode after its event, and its inner states that remember events; where the event leaves
+    /// the mass at rest, the kinetic energy, J, that friction takes.
+    pub(crate) fn switch(&mut self, lane: usize, z: &mut [R], net: &Net<R>) -> Option<f64> {
         let contact = self.friction.as_ref().expect("an axis with events has a law");
         let node = &net.axis[self.node];
         let mut after = z.to_vec();
         let mode = contact.next_mode(self.mode, &at(node), &mut after);
+        let goes_on = self.mode.get(lane) * mode.get(lane) > 0.0;
         self.mode.put(lane, mode.get(lane));
         for (z, after) in z.iter_mut().zip(&after) {
             z.take(lane, after);
         }
         let v = node.v.get(lane);
-        if self.stops() { 0.5 * (self.mass + self.inertia).get(lane) * v * v } else { 0.0 }
+        (self.stops() && !goes_on).then(|| 0.5 * (self.mass + self.inertia).get(lane) * v * v)
     }
 
     /// Books `energy` J that friction took in an instant, in one lane of the axis' accounts.

@@ -6,17 +6,34 @@ use math::{Over, Real};
 stribeck_parameters! {
     /// Karnopp: a band |v| <= Dv in which the mass counts as at rest.
     ///
-    ///   F(v) = [Fc + (Fs - Fc) s(v)] sgn(v) + Fv v   for |v| > Dv,  s = exp(-|v/vs|^n)     [N], opposes v > 0
-    ///   in the band: F = applied force, as long as |applied| <= Fs, else Fs sgn(applied)
+    ///   F(v) = [Fc + (Fs - Fc) s(v)] sgn(v) + Fv v,  s = exp(-|v/vs|^n)                   [N], opposes v > 0
+    ///   |v| <= Dv: v = 0 and F = applied force, as long as |applied| <= Fs
     ///
-    /// As modes: slip in the direction s = +-1 holds while s v > Dv or s applied > Fs, else the mass stops, v = 0 exactly, and
-    /// sticks while |applied| <= Fs. What the stop takes, m Dv^2/2 at most, is booked as heat of friction at that
-    /// instant. In the limit Dv -> 0 this is `stribeck`, which needs no band. No presliding, no memory.
+    /// As modes: slip in the direction s = +-1 holds while s v > Dv or s applied > Fs, else the mass stops, v = 0
+    /// exactly, and sticks while |applied| <= Fs. A mass that leaves stick has a mode of its own, s = +-2, until it has
+    /// left the band or stands again: else a force that stays about Fs would stop it at every instant. Then it slides
+    /// on the curve, where the source has Fs: they differ by the fall of the curve over the band. What the stop takes,
+    /// m Dv^2/2 at most, is booked as heat of friction at that instant. In the limit Dv -> 0 this is `stribeck`, which
+    /// needs no band. No presliding, no memory.
     /// Source: [karnopp1985].
     pub struct Karnopp {
         /// Velocity Dv below which the mass counts as at rest
         dead_zone: "m/s", above(0.0);
     }
+}
+
+/// Size of the mode of a mass that leaves stick and is still in the band.
+const LEAVING: f64 = 2.0;
+
+/// The direction of a mode.
+#[inline(always)]
+fn way<P: Real>(mode: P) -> P {
+    P::select(dry::is_stick(mode), P::zero(), P::select(mode.lt(P::zero()), -P::one(), P::one()))
+}
+
+/// Whether a mode is that of leaving.
+fn is_leaving<P: Real>(mode: P) -> P::Mask {
+    P::c(0.5 * (1.0 + LEAVING)).lt(mode.abs())
 }
 
 impl Karnopp<f64> {
@@ -36,15 +53,6 @@ impl Karnopp<f64> {
     }
 }
 
-impl<P: Real> Karnopp<P> {
-    /// The level of slip with its viscous part, for a velocity along the direction of slip.
-    #[inline(always)]
-    fn along<S: Over<P>>(&self, along: S, levels: &Levels<S>) -> S {
-        let slipping = levels.viscous.fma(along, levels.at(self.weight(along)));
-        S::select(S::from(self.dead_zone).lt(along), slipping, levels.breakaway)
-    }
-}
-
 impl<P: Real> Law<P> for Karnopp<P> {
     const KEY: &'static str = "karnopp";
     const TITLE: &'static str = "Karnopp: Stribeck curve with a band of velocity that counts as rest";
@@ -58,21 +66,24 @@ impl<P: Real> Law<P> for Karnopp<P> {
 
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], _dz: &mut [S], mode: P) -> S {
-        let way = S::from(mode);
-        dry::force(at, mode, way * self.along(way * at.v, levels))
+        let level = levels.at(self.weight(at.v));
+        dry::force(at, mode, S::from(way(mode)) * level + levels.viscous * at.v)
     }
 
     fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], mode: P) -> S {
-        let way = S::from(mode);
-        let (faster, pushed) = (way * at.v - S::from(self.dead_zone), way * at.applied - levels.breakaway);
-        S::select(dry::is_stick(mode), levels.breakaway - at.applied.abs(), faster.max(pushed))
+        let (along, push) = (S::from(way(mode)) * at.v, S::from(way(mode)) * at.applied);
+        let faster = along - S::from(self.dead_zone);
+        let slips = S::select(is_leaving(mode), along.min(-faster), faster.max(push - levels.breakaway));
+        S::select(dry::is_stick(mode), levels.breakaway - at.applied.abs(), slips)
     }
 
     fn next_mode(&self, mode: P, at: &At<P>, levels: &Levels<P>, _z: &mut [P]) -> P {
-        dry::next_mode(mode, at.applied, levels.breakaway)
+        let stopped = P::c(LEAVING) * dry::next_mode(mode, at.applied, levels.breakaway);
+        let left = (P::c(0.5) * self.dead_zone).lt(way(mode) * at.v);
+        P::select(is_leaving(mode), P::select(left, way(mode), stopped), stopped)
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, self.along(v.abs(), levels), S::zero())
+        sliding(v, levels.at(self.weight(v)), levels.viscous)
     }
 }
