@@ -132,6 +132,33 @@ pub struct Relaxation {
     pub distance_m: f64,
 }
 
+/// See [`physics::friction::Heating`]; the surroundings are those of the drive.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Temperature {
+    pub reference_k: f64,
+    #[serde(default)]
+    pub viscous_per_k: f64,
+    #[serde(default)]
+    pub levels_per_k: f64,
+    #[serde(default)]
+    pub resistance_k_w: f64,
+    pub time_s: f64,
+}
+
+/// See [`physics::friction::Wear`].
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wear {
+    #[serde(default)]
+    pub run_in: f64,
+    pub run_in_distance_m: f64,
+    #[serde(default)]
+    pub rate_per_m: f64,
+    #[serde(default)]
+    pub slid_m: f64,
+}
+
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Harmonic {
@@ -307,6 +334,10 @@ pub struct Friction {
     pub direction: Option<Direction>,
     #[serde(default)]
     pub side_load: Option<SideLoad>,
+    #[serde(default)]
+    pub temperature: Option<Temperature>,
+    #[serde(default)]
+    pub wear: Option<Wear>,
 }
 
 impl Friction {
@@ -325,6 +356,8 @@ impl Friction {
             position: None,
             direction: None,
             side_load: None,
+            temperature: None,
+            wear: None,
         }
     }
 }

@@ -21,6 +21,8 @@ mod relaxation;
 mod seal_lips;
 mod side_load;
 mod stribeck;
+mod temperature;
+mod wear;
 
 use crate::parameter::Parameter;
 use math::{Lane, Over, Real};
@@ -44,6 +46,8 @@ pub use relaxation::Relaxation;
 pub use seal_lips::SealLips;
 pub use side_load::SideLoad;
 pub use stribeck::{Shape, Stribeck, weight};
+pub use temperature::Heating;
+pub use wear::Wear;
 
 /// Where a law is evaluated.
 #[derive(Clone, Copy, Debug)]

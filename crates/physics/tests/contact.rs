@@ -3,7 +3,9 @@
 
 mod support;
 
-use physics::friction::{At, Composition, Contact, Dwell, Growth, LAWS, Position, Relaxation, SealLips};
+use physics::friction::{
+    At, Composition, Contact, Dwell, Growth, Heating, LAWS, Position, Relaxation, SealLips, Wear,
+};
 use support::*;
 
 fn reference(key: &str, composition: Composition<f64>) -> Contact<f64> {
@@ -171,6 +173,60 @@ fn direction_follows_mode_and_force_of_a_law_that_sticks() {
     let event = |applied: f64| contact.event(&At { applied, ..At::at_rest() }, &[], 0.0);
     assert!((event(40.0) - 14.0).abs() < 1e-12);
     assert!((event(-40.0) + 1.75).abs() < 1e-12, "it leaves backwards where forwards it would stick");
+}
+
+#[test]
+fn a_contact_warms_by_its_own_heat_and_by_no_more() {
+    // 200 N s/m exp(-0.02 (300 - 290)) and 30 N (1 - 0.003 * 10) at the start.
+    let heating = Heating { viscous: 0.02, levels: -3e-3, ..heating() };
+    let contact = |heating| reference("coulomb", Composition { heating: Some(heating), ..Composition::NONE });
+    let warm = contact(heating.clone());
+    let at = |v: f64, rise: f64| Point { v, mode: 1.0, inner: vec![rise], ..Point::at_rest(&warm) };
+    let by_hand =
+        |rise: f64, v: f64| 30.0 * (1.0 - 3e-3 * (10.0 + rise)) + 200.0 * (-0.02 * (10.0 + rise)).exp() * v;
+    for (v, rise) in [(0.1, 0.0), (0.4, 0.0), (0.4, 25.0)] {
+        let (force, rates) = evaluate(&warm, &at(v, rise));
+        assert!((force - by_hand(rise, v)).abs() < 1e-12, "{v} m/s, {rise} K: {force} N");
+        // 2.7 K/W of the power, with 0.4 s.
+        let rate = (2.7 * force * v - rise) / 0.4;
+        assert!((rates[0] - rate).abs() < 1e-11 * rate.abs(), "{rates:?} {rate}");
+        assert_eq!(warm.heat(v, force, &[rise], &rates), force * v, "the heat is booked when it is made");
+    }
+    // Where it comes to rest: a rise that its own friction keeps up.
+    let mut p = at(0.4, 0.0);
+    implicit(&warm, &mut p, 1e9, 1.0, &mut |_, _| {});
+    let rise = p.inner[0];
+    assert!((rise - 2.7 * by_hand(rise, 0.4) * 0.4).abs() < 1e-6 && rise > 50.0, "{rise} K");
+    // Surroundings at the reference: the law as it is.
+    let cold = contact(heating).surrounded(290.0);
+    assert!((evaluate(&cold, &at(0.1, 0.0)).0 - 50.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_seal_runs_in_and_wears_with_the_way_that_it_slides() {
+    let wear = Wear { run_in: 0.3, run_in_distance: 100.0, rate: 2e-5, slid: 40.0 };
+    let factor = |slid: f64| 1.0 + 0.3 * (-slid / 100.0).exp() + 2e-5 * slid;
+    for key in ["stribeck", "elasto-plastic"] {
+        let contact = reference(key, Composition { wear: Some(wear.clone()), ..Composition::NONE });
+        let n = contact.states().len() - 1;
+        let mut p = Point { v: -0.5, mode: -1.0, ..Point::at_rest(&contact) };
+        // 4000 times 25 mm: no more steps than the elastic deflection, 0.5 mm, can hide.
+        for _ in 0..4000 {
+            implicit(&contact, &mut p, 0.05, 0.5, &mut |_, _| {});
+        }
+        assert!((p.inner[n] - 100.0).abs() < 1e-3, "{key}: {} m", p.inner[n]);
+        let levels = contact.levels(&at(&p), &p.inner, -1.0);
+        let by_hand = factor(40.0 + p.inner[n]);
+        assert!(
+            (levels.coulomb / 30.0 - by_hand).abs() < 1e-12
+                && (levels.breakaway / 45.0 - by_hand).abs() < 1e-12
+        );
+        assert_eq!(levels.viscous, 200.0, "wear changes no viscosity");
+        // Elastic bristles slide on nothing.
+        let held = Point { v: 1e-3, inner: vec![1e-4; n + 1], ..Point::at_rest(&contact) };
+        let rate = evaluate(&contact, &Point { mode: 1.0, ..held }).1[n];
+        assert_eq!(rate, if key == "stribeck" { 1e-3 } else { 0.0 });
+    }
 }
 
 #[test]

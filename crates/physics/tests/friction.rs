@@ -126,6 +126,15 @@ fn vary_composition(composition: &mut Composition<f64>, factor: f64) {
         relaxation.share *= factor;
         relaxation.time *= factor;
     }
+    if let Some(heating) = &mut composition.heating {
+        heating.viscous *= factor;
+        heating.resistance *= factor;
+        heating.ambient *= 2.0 - factor;
+    }
+    if let Some(wear) = &mut composition.wear {
+        wear.run_in *= factor;
+        wear.slid *= factor;
+    }
     if let Some(position) = &mut composition.position {
         position.slope *= factor;
         position.harmonics[0].period *= factor;

@@ -21,7 +21,7 @@ fn settled(subject: &Subject, p: &Point) -> f64 {
 
 #[test]
 fn steady_sliding_is_the_curve_of_the_law() {
-    for subject in subjects() {
+    for subject in subjects().filter(|subject| settles(subject.kind)) {
         let Subject { meta, set, contact, .. } = &subject;
         for v in [1e-6, 1e-4, 2e-3, 0.02, 0.1, 1.5] {
             for v in [v, -v] {
@@ -81,7 +81,7 @@ fn slow_motion_follows_the_steady_curve() {
         worst
     };
     for meta in LAWS {
-        for kind in KINDS {
+        for kind in KINDS.into_iter().filter(|kind| settles(kind)) {
             let contact = composed(kind, meta, law(meta, &with(&[])));
             let (slow, slower) = (off(&contact, 1e5), off(&contact, 1e6));
             assert!(slow < 1e-4, "{} {kind}: {slow:e}", meta.key);
@@ -141,7 +141,7 @@ fn drift(contact: &Contact<f64>) -> f64 {
 #[test]
 fn a_load_that_oscillates_below_breakaway_moves_nothing_where_that_is_claimed() {
     for meta in LAWS {
-        for kind in KINDS.into_iter().filter(|kind| *kind != "relaxation" && *kind != "everything") {
+        for kind in ["alone", "log dwell", "saturating dwell"] {
             let contact = composed(kind, meta, law(meta, &with(&[])));
             let drift = drift(&contact);
             let name = format!("{} {kind}: {drift:e} m/s", meta.key);

@@ -9,8 +9,8 @@ use math::{Dual, Lane};
 use physics::Parameter;
 use physics::friction::formula::{Formula, OwnLaw};
 use physics::friction::{
-    self, AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, ELEMENTS, Element, Harmonic, LAWS,
-    Meta, Position, Relaxation, SealLips, Shape, SideLoad,
+    self, AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, ELEMENTS, Element, Harmonic, Heating,
+    LAWS, Meta, Position, Relaxation, SealLips, Shape, SideLoad, Wear,
 };
 use std::collections::BTreeMap;
 
@@ -283,7 +283,22 @@ fn composition<P: Lane>(spec: &Lifted<specification::Friction>, law: &Meta) -> R
         Ok(SideLoad { force, coefficient })
     });
     let (direction, side_load) = (direction.transpose()?, side_load.transpose()?);
-    Ok(Composition { position, direction, side_load, dwell, relaxation })
+    let heating = spec.optional(|spec| spec.temperature.as_ref()).map(|table| {
+        let numbers = |t: &specification::Temperature| {
+            [t.reference_k, t.viscous_per_k, t.levels_per_k, t.resistance_k_w, t.time_s]
+        };
+        let [reference, viscous, levels, resistance, time] =
+            checked("friction.temperature", Heating::<f64>::PARAMETERS, &table, numbers)?;
+        Ok(Heating { reference, viscous, levels, resistance, time, ambient: reference })
+    });
+    let wear = spec.optional(|spec| spec.wear.as_ref()).map(|table| {
+        let numbers = |t: &specification::Wear| [t.run_in, t.run_in_distance_m, t.rate_per_m, t.slid_m];
+        let [run_in, run_in_distance, rate, slid] =
+            checked("friction.wear", Wear::<f64>::PARAMETERS, &table, numbers)?;
+        Ok(Wear { run_in, run_in_distance, rate, slid })
+    });
+    let (heating, wear) = (heating.transpose()?, wear.transpose()?);
+    Ok(Composition { position, direction, heating, wear, side_load, dwell, relaxation })
 }
 
 fn dwell<P: Lane>(table: &Lifted<specification::Dwell>) -> Result<Dwell<P>, Error> {

@@ -85,6 +85,7 @@ impl<R: Lane> Circuit<R> {
     pub fn axis(&mut self, mass: R, incline: R, external_force: R, friction: Option<Contact<R>>) -> AxisId {
         let node = self.next_axis();
         let weight = mass * R::c(STANDARD_GRAVITY) * incline.sin();
+        let friction = friction.map(|contact| contact.surrounded(self.common.ambient_temperature));
         let inertia = friction.as_ref().map_or(R::zero(), Contact::inertia);
         let inverse_mass = R::one() / (mass + inertia);
         let part =

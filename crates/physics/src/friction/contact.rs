@@ -1,16 +1,19 @@
 use super::{
-    AnyLaw, At, Direction, Dwell, InnerState, Levels, Position, Relaxation, SealLips, SideLoad, relaxation,
+    AnyLaw, At, Direction, Dwell, Heating, InnerState, Levels, Position, Relaxation, SealLips, SideLoad,
+    Wear, relaxation, temperature, wear,
 };
 use math::{Lane, Over, Real};
 
 /// What acts on a friction law beside seal lips; each on its own, with any law that allows it.
 ///
-/// The levels Fc and Fs of the law pass through: seal lips, position, direction (these are what the seals
-/// give), then the guide's side load, then the age of the contact.
+/// The levels Fc and Fs of the law pass through: seal lips, position, direction, temperature, wear (these are
+/// what the seals give), then the guide's side load, then the age of the contact.
 #[derive(Clone, Debug)]
 pub struct Composition<P> {
     pub position: Option<Position<P>>,
     pub direction: Option<Direction<P>>,
+    pub heating: Option<Heating<P>>,
+    pub wear: Option<Wear<P>>,
     pub side_load: Option<SideLoad<P>>,
     pub dwell: Option<Dwell<P>>,
     pub relaxation: Option<Relaxation<P>>,
@@ -18,12 +21,21 @@ pub struct Composition<P> {
 
 impl<P> Composition<P> {
     /// Nothing: the law as it is.
-    pub const NONE: Self =
-        Composition { position: None, direction: None, side_load: None, dwell: None, relaxation: None };
+    pub const NONE: Self = Composition {
+        position: None,
+        direction: None,
+        heating: None,
+        wear: None,
+        side_load: None,
+        dwell: None,
+        relaxation: None,
+    };
 
     pub fn is_none(&self) -> bool {
         self.position.is_none()
             && self.direction.is_none()
+            && self.heating.is_none()
+            && self.wear.is_none()
             && self.side_load.is_none()
             && self.dwell.is_none()
             && self.relaxation.is_none()
@@ -31,7 +43,7 @@ impl<P> Composition<P> {
 }
 
 /// The friction of a moving mass: a law and all that it depends on. Its inner states are those of the law,
-/// then the relaxed deflection, then the age of the contact.
+/// then the relaxed deflection, the age of the contact, its warming, the distance slid.
 #[derive(Clone, Debug)]
 pub struct Contact<P> {
     pub law: AnyLaw<P>,
@@ -82,6 +94,8 @@ impl<R: Lane> Contact<R> {
                 Box::new(Composition {
                     position: composed!(Position, position),
                     direction: composed!(Direction, direction),
+                    heating: composed!(Heating, heating),
+                    wear: composed!(Wear, wear),
                     side_load: composed!(SideLoad, side_load),
                     dwell: composed!(Dwell, dwell),
                     relaxation: composed!(Relaxation, relaxation),
@@ -100,12 +114,39 @@ impl<P: Real> Contact<P> {
         self.composition.as_ref()?.relaxation.as_ref()
     }
 
+    fn heating(&self) -> Option<&Heating<P>> {
+        self.composition.as_ref()?.heating.as_ref()
+    }
+
+    fn wear(&self) -> Option<&Wear<P>> {
+        self.composition.as_ref()?.wear.as_ref()
+    }
+
+    /// Where age, warming and distance slid are among the inner states, each if it is there.
+    #[inline(always)]
+    fn places(&self) -> [usize; 3] {
+        let age = self.law.states().len() + usize::from(self.relaxation().is_some());
+        let warming = age + usize::from(self.dwell().is_some());
+        [age, warming, warming + usize::from(self.heating().is_some())]
+    }
+
     /// The inner states, in their order.
     pub fn states(&self) -> Vec<InnerState> {
         let mut states = self.law.states().to_vec();
         states.extend(self.relaxation().map(|_| relaxation::STATE));
         states.extend(self.dwell().map(Dwell::state));
+        states.extend(self.heating().map(|_| temperature::STATE));
+        states.extend(self.wear().map(|_| wear::STATE));
         states
+    }
+
+    /// The same in surroundings of this temperature, K.
+    pub fn surrounded(mut self, ambient: P) -> Self {
+        if let Some(heating) = self.composition.as_mut().and_then(|composition| composition.heating.as_mut())
+        {
+            heating.ambient = ambient;
+        }
+        self
     }
 
     /// Mass, kg, by which the force contains the acceleration.
@@ -115,7 +156,7 @@ impl<P: Real> Contact<P> {
 
     /// Which inner state is the age of the contact.
     pub fn age_index(&self) -> Option<usize> {
-        self.dwell().map(|_| self.states().len() - 1)
+        self.dwell().map(|_| self.places()[0])
     }
 
     /// Keys in references.bib of the law and what acts on it.
@@ -153,19 +194,25 @@ impl<P: Real> Contact<P> {
         let Some(composition) = &self.composition else {
             return self.law.force(at, &self.seals(at), inner, rates, mode);
         };
-        let young = self.levels_but_age(at, mode);
+        let young = self.levels_but_age(at, inner, mode);
         let increment = self.increment(at, inner);
         let levels = young.plus(increment);
-        let n = self.law.states().len();
-        let (dz, more) = rates.split_at_mut(n);
+        let (n, [age, warming, slid]) = (self.law.states().len(), self.places());
         let seen = composition.relaxation.as_ref().map(|relaxation| [relaxation.seen(inner[0], inner[n])]);
-        let force = self.law.force(at, &levels, seen.as_ref().map_or(&inner[..n], |s| s), dz, mode);
-        if let (Some(dwell), [.., age], [.., rate]) = (&composition.dwell, inner, &mut *more) {
-            let share = increment / levels.breakaway;
-            *rate = dwell.rate(*age, at.v, self.law.slip(at.v, dz), share);
+        let force =
+            self.law.force(at, &levels, seen.as_ref().map_or(&inner[..n], |s| s), &mut rates[..n], mode);
+        let slip = self.law.slip(at.v, &rates[..n]);
+        if let Some(dwell) = &composition.dwell {
+            rates[age] = dwell.rate(inner[age], at.v, slip, increment / levels.breakaway);
+        }
+        if composition.wear.is_some() {
+            rates[slid] = slip.abs();
         }
         if let Some(relaxation) = &composition.relaxation {
-            [dz[0], more[0]] = relaxation.rates(at, inner[0], inner[n], dz[0]);
+            [rates[0], rates[n]] = relaxation.rates(at, inner[0], inner[n], rates[0]);
+        }
+        if let Some(heating) = &composition.heating {
+            rates[warming] = heating.rate(inner[warming], self.heat(at.v, force, inner, rates));
         }
         force
     }
@@ -173,18 +220,19 @@ impl<P: Real> Contact<P> {
     /// What the age of the contact adds to Fc and Fs, N.
     #[inline(always)]
     fn increment<S: Over<P>>(&self, at: &At<S>, inner: &[S]) -> S {
-        match (self.dwell(), inner) {
-            (Some(dwell), [.., age]) => dwell.increment(at, *age),
+        match (self.dwell(), inner.get(self.places()[0])) {
+            (Some(dwell), Some(age)) => dwell.increment(at, *age),
             _ => S::zero(),
         }
     }
 
     /// Fc and Fs with all that acts on them.
     pub fn levels<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> Levels<S> {
-        self.levels_but_age(at, mode).plus(self.increment(at, inner))
+        self.levels_but_age(at, inner, mode).plus(self.increment(at, inner))
     }
 
-    fn levels_but_age<S: Over<P>>(&self, at: &At<S>, mode: P) -> Levels<S> {
+    /// The same without age; without inner states: of a contact at ambient temperature at the start.
+    fn levels_but_age<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> Levels<S> {
         let mut levels = self.seals(at);
         if let Some(composition) = &self.composition {
             if let Some(position) = &composition.position {
@@ -192,6 +240,14 @@ impl<P: Real> Contact<P> {
             }
             if let Some(direction) = &composition.direction {
                 levels = direction.apply(&levels, at, mode);
+            }
+            let [_, warming, slid] = self.places();
+            let state = |i: usize| inner.get(i).copied().unwrap_or(S::zero());
+            if let Some(heating) = &composition.heating {
+                levels = heating.apply(&levels, state(warming));
+            }
+            if let Some(wear) = &composition.wear {
+                levels = wear.apply(&levels, state(slid));
             }
             if let Some(side_load) = &composition.side_load {
                 levels = side_load.apply(&levels);
@@ -244,10 +300,11 @@ impl<P: Real> Contact<P> {
         }
     }
 
-    /// Steady sliding at `at.v` (after any transient), N.
+    /// Steady sliding at `at.v` (after any transient), N, at ambient temperature with the wear of the start: both
+    /// change too slowly to be a transient.
     pub fn steady<S: Over<P>>(&self, at: &At<S>) -> S {
         let mode = P::select(at.v.lt(S::zero()), -P::one(), P::one());
-        let mut levels = self.levels_but_age(at, mode);
+        let mut levels = self.levels_but_age(at, &[], mode);
         if let Some(dwell) = self.dwell() {
             levels = levels.plus(dwell.increment(at, dwell.steady(at.v)));
         }
@@ -286,8 +343,15 @@ impl Contact<f64> {
         let ways = composition.direction.as_ref().map_or([1.0, 1.0], |way| [way.positive, way.negative]);
         let aged = self.dwell().map_or(0.0, |dwell| dwell.largest(at));
         let factors = places.into_iter().flat_map(|place| ways.map(|way| place * way));
-        let levels = factors.map(|factor| {
+        let rises: &[f64] = if composition.heating.is_some() { &[0.0, temperature::HOTTEST] } else { &[0.0] };
+        let slides: &[f64] = if composition.wear.is_some() { &[0.0, wear::FARTHEST] } else { &[0.0] };
+        let states = rises.iter().flat_map(|rise| slides.iter().map(move |slid| (*rise, *slid)));
+        let states: Vec<(f64, f64)> = states.collect();
+        let levels = factors.flat_map(|factor| states.iter().map(move |&(rise, slid)| (factor, rise, slid)));
+        let levels = levels.map(|(factor, rise, slid)| {
             let levels = seals.times(factor);
+            let levels = composition.heating.as_ref().map_or(levels, |heating| heating.apply(&levels, rise));
+            let levels = composition.wear.as_ref().map_or(levels, |wear| wear.apply(&levels, slid));
             let levels = composition.side_load.as_ref().map_or(levels, |load| load.apply(&levels));
             Levels { breakaway: levels.breakaway + aged, ..levels }
         });

@@ -6,8 +6,8 @@ mod values;
 
 use math::{Dual, Real};
 use physics::friction::{
-    AnyLaw, At, Composition, Contact, Direction, Dwell, Growth, Harmonic, LAWS, Levels, Meta, Position,
-    Relaxation, SealLips, SideLoad,
+    AnyLaw, At, Composition, Contact, Direction, Dwell, Growth, Harmonic, Heating, LAWS, Levels, Meta,
+    Position, Relaxation, SealLips, SideLoad, Wear,
 };
 pub use values::*;
 
@@ -40,8 +40,23 @@ pub fn direction(meta: &Meta) -> Direction<f64> {
     Direction { positive: 1.2, negative: 0.85, sticks: meta.sticks }
 }
 
+/// 0.1 m of run-in takes 2.7 K/W of some 10 W.
+pub fn heating() -> Heating<f64> {
+    Heating { reference: 290.0, viscous: 2e-3, levels: -1e-3, resistance: 2.7, time: 0.4, ambient: 300.0 }
+}
+
+pub fn wear() -> Wear<f64> {
+    Wear { run_in: 0.1, run_in_distance: 0.1, rate: -1e-7, slid: 0.05 }
+}
+
 /// Kinds of composition, from nothing to everything.
-pub const KINDS: [&str; 5] = ["alone", "log dwell", "saturating dwell", "relaxation", "everything"];
+pub const KINDS: [&str; 6] =
+    ["alone", "log dwell", "saturating dwell", "relaxation", "everything", "warm and worn"];
+
+/// Whether sliding at constant velocity comes to an end of all change.
+pub fn settles(kind: &str) -> bool {
+    kind != "warm and worn"
+}
 
 /// The law in one kind of composition; relaxation only where there are bristles.
 pub fn composed(kind: &str, meta: &Meta, law: AnyLaw<f64>) -> Contact<f64> {
@@ -60,8 +75,14 @@ pub fn composed(kind: &str, meta: &Meta, law: AnyLaw<f64>) -> Contact<f64> {
                 side_load: Some(side_load()),
                 dwell: Some(dwell(Growth::Hyperbolic)),
                 relaxation: own(true),
+                ..Composition::NONE
             };
             (Some(LIPS), composition)
+        }
+        "warm and worn" => {
+            let dwell = Some(dwell(Growth::Logarithmic));
+            let (heating, wear) = (Some(heating()), Some(wear()));
+            (None, Composition { heating, wear, dwell, relaxation: own(true), ..Composition::NONE })
         }
         _ => unreachable!(),
     };

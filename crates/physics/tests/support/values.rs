@@ -113,7 +113,7 @@ pub enum Range {
 impl Range {
     pub fn of(state: &InnerState) -> Self {
         match (state.name, state.unit) {
-            ("contact_log_age", _) => Range::Share(3.0),
+            ("contact_log_age" | "sliding_distance_m", _) => Range::Share(3.0),
             ("relaxed_deflection_m", _) => Range::Signed(5e-4),
             (_, "m") => Range::Signed(4.5e-4),
             (_, "N") => Range::Signed(45.0),

@@ -1,0 +1,37 @@
+use super::{FLOOR, InnerState, Levels};
+use crate::parameter::{above, any, at_least};
+use math::{Over, Real};
+
+/// The longest way from the start, m, that warnings think of: a thousand kilometres.
+pub(super) const FARTHEST: f64 = 1e6;
+
+crate::parameters! {
+    /// Friction of a seal that runs in and wears, on any law: Fc and Fs times
+    ///
+    ///   1 + a exp(-s/s0) + k s,   ds/dt = |w|
+    ///
+    /// never less than a hundredth; s is the way that the contact has slid for good, w its plastic slip rate. The
+    /// parameters of the law are those of a seal that has run in and not worn. Source: [assumed].
+    pub struct Wear {
+        /// Share a that a new seal has more
+        run_in: "-", above(-1.0), default 0.0;
+        /// Sliding distance s0 of the run-in
+        run_in_distance: "m", above(0.0), default 1000.0;
+        /// Relative change k for each distance slid
+        rate: "1/m", any(), default 0.0;
+        /// Distance slid before the start
+        slid: "m", at_least(0.0), default 0.0;
+    }
+}
+
+/// The distance slid since the start.
+pub(super) const STATE: InnerState = InnerState { name: "sliding_distance_m", unit: "m", scale: 1.0 };
+
+impl<P: Real> Wear<P> {
+    #[inline(always)]
+    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, way: S) -> Levels<S> {
+        let slid = S::from(self.slid) + way;
+        let new = S::from(self.run_in) * (-(slid / S::from(self.run_in_distance))).exp();
+        base.times((S::one() + new + S::from(self.rate) * slid).max(S::c(FLOOR)))
+    }
+}
