@@ -39,6 +39,8 @@ MEANING: dict[str, tuple[str, str, str]] = {
     "bristle_deflection_m": ("bristle_deflection", "m", "mean bristle deflection"),
     "relaxed_deflection_m": ("relaxed_deflection", "m", "part of the bristle deflection that has relaxed"),
     "contact_age_s": ("contact_age", "s", "age of the contact"),
+    "contact_warming_k": ("contact_warming", "K", "temperature of the contact above ambient"),
+    "sliding_distance_m": ("sliding_distance", "m", "distance that the contact has slid since the start"),
     "presliding_deflection_m": ("presliding_deflection", "m", "deflection of the presliding spring"),
     "remembered_velocity_m_s": ("remembered_velocity", "m/s", "velocity that friction remembers"),
     "stop_time_s": ("stop_time", "s", "length of the present stop, nought in slip"),

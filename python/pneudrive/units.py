@@ -29,6 +29,7 @@ _BAR, _PSI, _L_MIN = 1.0e5, 6894.757293168361, 1.0e-3 / 60.0  # psi: 0.45359237 
 # unit as written -> (SI unit, factor, offset): SI value = number * factor + offset
 _TABLE: dict[str, tuple[str, float, float]] = {
     **{u: ("m", f, 0.0) for u, f in {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}.items()},
+    "km": ("m", 1e3, 0.0),
     **{u: ("m^2", f, 0.0) for u, f in {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6}.items()},
     **{
         u: ("m^3", f, 0.0) for u, f in {"m3": 1.0, "dm3": 1e-3, "l": 1e-3, "cm3": 1e-6, "ml": 1e-6, "mm3": 1e-9}.items()
@@ -51,9 +52,9 @@ _TABLE: dict[str, tuple[str, float, float]] = {
     **{u: ("m/(s Pa)", f, 0.0) for u, f in {"m/(s Pa)": 1.0, "mm/(s bar)": 1e-8}.items()},
     "N/K": ("N/K", 1.0, 0.0),
     "K/W": ("K/W", 1.0, 0.0),
-    "1/K": ("1/K", 1.0, 0.0),
+    **{u: ("1/K", f, 0.0) for u, f in {"1/K": 1.0, "%/K": 1e-2}.items()},
     **{u: ("1/Pa", f, 0.0) for u, f in {"1/Pa": 1.0, "1/bar": 1e-5, "%/bar": 1e-7}.items()},
-    **{u: ("1/m", f, 0.0) for u, f in {"1/m": 1.0, "%/m": 1e-2}.items()},
+    **{u: ("1/m", f, 0.0) for u, f in {"1/m": 1.0, "%/m": 1e-2, "%/km": 1e-5}.items()},
     "W/(m2 K)": ("W/(m^2 K)", 1.0, 0.0),
     "J/(kg K)": ("J/(kg K)", 1.0, 0.0),
     "dm3/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),

@@ -4,6 +4,7 @@ A new law takes the values of `VALUES` where its parameters have these names; a 
 """
 
 import math
+import warnings
 from pathlib import Path
 
 import polars as pl
@@ -11,7 +12,8 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.describe.friction import friction_laws
+from pneudrive.describe.friction import friction_laws, has_bristles
+from pneudrive.errors import PneudriveWarning
 
 VALUES = {
     "coulomb": "30 N",
@@ -54,6 +56,42 @@ def test_it_moves_and_its_energy_is_accounted_for(law):
     assert abs(ledger["energy_error"]) < 1e-6
     assert abs(ledger["mass_error"]) < 1e-12
     assert ledger["least_entropy_production_j_k"] > -1e-9, "friction never cools"
+
+
+EVERYTHING = {
+    "pressure": {"coulomb": {"a": "1 N/bar", "b": "2 N/bar"}, "breakaway": {"a": "2 N/bar", "b": "3 N/bar"}},
+    "dwell": {"growth": "log", "increment": "1.2 N", "time": "1 s", "distance": "20 um"},
+    "relaxation": {"share": 0.3, "time": "5 s", "distance": "0.2 mm"},
+    "position": {"slope": "5 %/m", "harmonics": [{"period": "50 mm", "amplitude": 0.04}]},
+    "direction": {"positive": 1.1, "negative": 0.9},
+    "side_load": {"force": "20 N", "coefficient": 0.1},
+    "temperature": {"reference": "20 degC", "viscous": "0.2 %/K", "resistance": "0.8 K/W", "time": "1 s"},
+    "wear": {"run_in": 0.2, "run_in_distance": "2 km", "rate": "0.5 %/km", "slid": "300 m"},
+}
+
+
+@pytest.mark.parametrize("law", friction_laws())
+def test_all_that_acts_on_a_law_acts_on_it_from_a_drive_file(law, tmp_path):
+    """The energy is accounted for to the same bound as alone; the contact warms by 0.8 K for each watt."""
+    acting = {key: table for key, table in EVERYTHING.items() if key != "relaxation" or has_bristles(law)}
+    drive = with_law(law)
+    file = tmp_path / "drive.toml"
+    file.write_text(drive.replace({"friction": drive.friction.to_dict() | acting}).to_toml())
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*not passive", category=PneudriveWarning)
+        out = pn.simulate(
+            pn.Drive.load(file), "0 s: 0.5, 0.1 s: -0.5", "0.2 s", initial="contact_age = 60 s", ledger=True
+        )
+    ledger = out.attrs["ledger"]
+    assert abs(ledger["energy_error"]) < 1e-6
+    assert abs(ledger["mass_error"]) < 1e-12
+    # Bristles give way by some tenths of a millimetre before they slide.
+    way = float(abs(out.position.diff("time")).sum())
+    assert math.isclose(float(out.sliding_distance[-1]), way, abs_tol=2e-3)
+    assert way > 0.01
+    power = out.friction_force * out.velocity
+    warming = 0.8 * float(power.integrate("time"))
+    assert 0.8 * warming < float(out.contact_warming[-1]) < 1.05 * warming
 
 
 @pytest.mark.parametrize("law", friction_laws())

@@ -39,6 +39,19 @@ negative = 0.9
 [friction.side_load]
 force = "20 N"
 coefficient = 0.1
+
+[friction.temperature]
+reference = "20 degC"
+viscous = "3 %/K"
+levels = "-0.4 %/K"
+resistance = "0.8 K/W"
+time = "5 min"
+
+[friction.wear]
+run_in = 0.2
+run_in_distance = "2 km"
+rate = "0.5 %/km"
+slid = "300 m"
 """
 
 
@@ -79,6 +92,14 @@ def test_tables_reach_the_core_in_si(tmp_path, text):
     assert friction["position"] == {"harmonics": waves, "slope_per_m": 0.05, "reference_m": 0.25}
     assert friction["direction"] == {"positive": 1.1, "negative": 0.9}
     assert friction["side_load"] == {"force_n": 20.0, "coefficient": 0.1}
+    assert friction["temperature"] == {
+        "reference_k": 293.15,
+        "viscous_per_k": 0.03,
+        "levels_per_k": -0.004,
+        "resistance_k_w": 0.8,
+        "time_s": 300.0,
+    }
+    assert friction["wear"] == {"run_in": 0.2, "run_in_distance_m": 2000.0, "rate_per_m": 5e-6, "slid_m": 300.0}
     _core.Drive(drive.core_json())
 
 
@@ -126,6 +147,11 @@ WRONG = [
     ('{ period = "50 mm",', '{ period = "0 mm",', "friction.position.harmonics.period: ", "greater than 0"),
     ("positive = 1.1", "positive = 0", "friction.direction.positive: 0 is out of bounds", "greater than 0"),
     ("coefficient = 0.1", "", "friction.side_load.coefficient is missing", "a number"),
+    ('"3 %/K"', '"-3 %/K"', "friction.temperature.viscous", "not less than 0"),
+    ('"0.8 K/W"', '"0.8 W"', "W", "a thermal resistance is needed"),
+    ('reference = "20 degC"', "", "friction.temperature.reference is missing", "a temperature is needed"),
+    ("run_in = 0.2", "run_in = -1.0", "friction.wear.run_in: -1.0 is out of bounds", "greater than -1"),
+    ('"300 m"', '"-1 m"', "friction.wear.slid", "not less than 0"),
     ("[friction.dwell]", "[friction.dwel]", "friction.dwel is not a known key", "Did you mean 'dwell'"),
 ]
 
@@ -147,7 +173,9 @@ def test_only_bristles_relax():
 
 
 def test_the_schema_knows_the_tables_of_each_law():
-    *built_in, own = drive_schema()["$defs"]["Friction"]["oneOf"]
+    *built_in, default, own = drive_schema()["$defs"]["Friction"]["oneOf"]
+    assert "law" not in default["properties"]
+    assert default["required"] == ["coulomb", "breakaway"]
     assert own["properties"]["law"]["anyOf"][0]["pattern"] == "^file:"
     alternatives = {a["properties"]["law"]["const"]: a for a in built_in}
     assert set(alternatives) == set(friction_laws())
@@ -205,3 +233,22 @@ def test_steady_friction_with_what_acts_on_it():
     np.testing.assert_allclose(got, np.sign(velocity) * level + 40.0 * velocity, rtol=1e-13)
     with pytest.raises(ValueError, match="unknown field `dwel`"):
         _core.steady_friction("lugre", parameters, velocity, dependences={"dwel": dwell})
+
+
+def test_a_table_that_names_no_law_says_what_it_assumes():
+    """Elasto-plastic; breakaway after 0.1 mm, 1 ms of damping, passive however great the viscous friction is."""
+    with pytest.warns(PneudriveWarning, match=r'"elasto-plastic", with assumed stribeck_velocity = "20 mm/s"') as told:
+        friction = pn.Friction(coulomb="30 N", breakaway="45 N", direction={"positive": 1.1})
+    assert 'bristle_stiffness = "450000 N/m", bristle_damping = "450 N s/m"' in str(told[0].message)
+    assert friction.law == "elasto-plastic"
+    assert friction.parameters["bristle_stiffness"] == 4.5e5
+    fade, damping = friction.parameters["damping_fade_velocity"], friction.parameters["bristle_damping"]
+    assert damping * fade / math.sqrt(2 * math.e) < 0.55 * 4 * 30.0
+    # Written out, what was assumed stands there for all to see, and is no longer told.
+    assert pn.Friction(**friction.to_dict()) == friction
+    with pytest.warns(PneudriveWarning, match=r'elasto-plastic"\. Measure'):
+        pn.Friction(**{key: value for key, value in friction.to_dict().items() if key != "law"})
+    with pytest.raises(DescriptionError, match=r"friction\.breakaway is missing"):
+        pn.Friction(coulomb="30 N")
+    with pytest.raises(DescriptionError, match=r"friction\.coulomb: .*has no unit"):
+        pn.Friction(coulomb=30.0, breakaway="45 N")

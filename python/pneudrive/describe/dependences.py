@@ -1,4 +1,4 @@
-"""What acts on a friction law: pressure, age of the contact, relaxation, position, direction, side load."""
+"""What acts on a friction law: pressure, age, relaxation, position, direction, side load, temperature, wear."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from pneudrive.describe.base import (
     PerChamber,
     Position,
     Quantity,
+    Temperature,
     wrong,
 )
 
@@ -159,6 +160,46 @@ class SideLoad(Described):
         return {"force_n": self.force_n, "coefficient": self.coefficient}
 
 
+class TemperatureDependence(Described):
+    """Friction that depends on the temperature of the contact, which its own heat warms, with any law."""
+
+    table: ClassVar[str] = "friction.temperature"
+    reference_k: Temperature = Field(alias="reference")
+    viscous_per_k: Annotated[float, Quantity("1/K", "%/K", _NOT_NEGATIVE)] = Field(default=0.0, alias="viscous")
+    levels_per_k: Annotated[float, Quantity("1/K", "%/K")] = Field(default=0.0, alias="levels")
+    resistance_k_w: Annotated[float, Quantity("K/W", "K/W", _NOT_NEGATIVE)] = Field(default=0.0, alias="resistance")
+    time_s: Duration = Field(default=60.0, alias="time")
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        return {
+            "reference_k": self.reference_k,
+            "viscous_per_k": self.viscous_per_k,
+            "levels_per_k": self.levels_per_k,
+            "resistance_k_w": self.resistance_k_w,
+            "time_s": self.time_s,
+        }
+
+
+class Wear(Described):
+    """Friction that changes with the distance slid, with any law: 1 + run_in exp(-s/run_in_distance) + rate s."""
+
+    table: ClassVar[str] = "friction.wear"
+    run_in: Annotated[float, Quantity("", bounds=Bounds(above=-1.0))] = 0.0
+    run_in_distance_m: Length = Field(default=1000.0, alias="run_in_distance")
+    rate_per_m: Annotated[float, Quantity("1/m", "%/km")] = Field(default=0.0, alias="rate")
+    slid_m: Annotated[float, Quantity("m", "m", _NOT_NEGATIVE)] = Field(default=0.0, alias="slid")
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        return {
+            "run_in": self.run_in,
+            "run_in_distance_m": self.run_in_distance_m,
+            "rate_per_m": self.rate_per_m,
+            "slid_m": self.slid_m,
+        }
+
+
 #: What can act on a law, by the key in its table; relaxation needs a law of bristles.
 DEPENDENCES: dict[str, type[Described]] = {
     "pressure": SealPressure,
@@ -167,4 +208,6 @@ DEPENDENCES: dict[str, type[Described]] = {
     "position": PositionDependence,
     "direction": DirectionDependence,
     "side_load": SideLoad,
+    "temperature": TemperatureDependence,
+    "wear": Wear,
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -21,9 +22,11 @@ from pneudrive.describe.dependences import (
     Relaxation,
     SealPressure,
     SideLoad,
+    TemperatureDependence,
+    Wear,
 )
 from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
-from pneudrive.errors import nearest
+from pneudrive.errors import PneudriveWarning, nearest
 
 
 @lru_cache(maxsize=1)
@@ -104,6 +107,63 @@ def parameter_quantities(entry: Mapping[str, Any]) -> dict[str, Quantity]:
     return {p["key"]: _parameter_quantity(p) for p in entry["parameters"]}
 
 
+#: The law of a friction table that names none: presliding, breakaway and stick-slip without drift.
+DEFAULT_LAW = "elasto-plastic"
+#: Assumed where no law is named: breakaway after 0.1 mm, bristles with a damping of 1 ms of their stiffness, which
+#: fades at half of the velocity up to which the law is sure to be passive.
+_BREAKAWAY_DISPLACEMENT_M = 1e-4
+_DAMPING_TIME_S = 1e-3
+_STRIBECK_VELOCITY_M_S = 0.02
+_PASSIVE_SHARE = 0.5
+
+
+def by_default(data: dict[str, Any]) -> dict[str, Any]:
+    """Complete a friction table that names no law: `DEFAULT_LAW`, and values that nobody knows from a datasheet.
+
+    Parameters
+    ----------
+    data : dict
+        The table as users write it; it holds at least `coulomb` and `breakaway`.
+
+    Returns
+    -------
+    dict
+        The same with law, stribeck_velocity, bristle_stiffness, bristle_damping and damping_fade_velocity.
+
+    Warns
+    -----
+    PneudriveWarning
+        Which values were assumed.
+    """
+    quantities = parameter_quantities(friction_laws()[DEFAULT_LAW])
+    out: dict[str, Any] = {"law": DEFAULT_LAW} | data
+    if any(data.get(key) is None for key in ("coulomb", "breakaway")):
+        return out  # what is missing is said as for any law
+    try:
+        coulomb, breakaway = (quantities[key].read(data[key]) for key in ("coulomb", "breakaway"))
+        stiffness = breakaway / _BREAKAWAY_DISPLACEMENT_M
+        if "bristle_stiffness" in data:
+            stiffness = quantities["bristle_stiffness"].read(data["bristle_stiffness"])
+        damping = stiffness * _DAMPING_TIME_S
+        if "bristle_damping" in data:
+            damping = quantities["bristle_damping"].read(data["bristle_damping"])
+    except WrongValueError:
+        return out  # and so is what is wrong
+    assumed = {
+        "stribeck_velocity": _STRIBECK_VELOCITY_M_S,
+        "bristle_stiffness": stiffness,
+        "bristle_damping": damping,
+    }
+    if damping > 0.0:  # sigma1 vd/sqrt(2 e) <= 4 Fc: docs/theory/friction.md
+        assumed["damping_fade_velocity"] = _PASSIVE_SHARE * 4.0 * coulomb * math.sqrt(2.0 * math.e) / damping
+    rounded = {key: float(f"{value:.2g}") for key, value in assumed.items() if key not in data}
+    shown = {key: quantities[key].show(value) for key, value in rounded.items()}
+    listed = ", ".join(f'{key} = "{value}"' for key, value in shown.items())
+    message = f'friction: no law is named, so it is "{DEFAULT_LAW}"' + (f", with assumed {listed}" if listed else "")
+    warnings.warn(f"{message}. Measure what counts for you.", PneudriveWarning, stacklevel=2)
+    return out | shown
+
+
 @dataclass(frozen=True)
 class Parameters(Mapping[str, float]):
     """Name -> SI value, frozen as the description that holds it."""
@@ -128,7 +188,8 @@ class Friction(Described):
 
     They are given as keys of their own, ``Friction(law="stribeck", coulomb="30 N", ...)``; `parameters` holds
     their SI values, defaults of the law included. `law` is a name of the core's, a `FrictionLaw`, or
-    ``file:my_law.toml``; `formula` is then the law itself.
+    ``file:my_law.toml``; `formula` is then the law itself. Without a law it is `DEFAULT_LAW`, and what it takes
+    beside the Coulomb and the breakaway force is assumed, with a `PneudriveWarning` that says so.
     """
 
     table: ClassVar[str] = "friction"
@@ -145,6 +206,8 @@ class Friction(Described):
     position: PositionDependence | None = None
     direction: DirectionDependence | None = None
     side_load: SideLoad | None = None
+    temperature: TemperatureDependence | None = None
+    wear: Wear | None = None
 
     @field_serializer("parameters")
     def _plain(self, parameters: Parameters) -> dict[str, float]:
@@ -158,7 +221,8 @@ class Friction(Described):
         laws = friction_laws()
         name = data.get("law")
         if name is None:
-            raise wrong("friction.law", "friction.law is missing", remedy=f"Known: {', '.join(sorted(laws))}.")
+            data = by_default(data)
+            name = data["law"]
         own = law_of(name)
         if own is not None:
             name = own.name
@@ -306,7 +370,15 @@ class Friction(Described):
                     "additionalProperties": False,
                 }
             )
-        return {"oneOf": [*alternatives, _own_law_schema(tables)]}
+        return {"oneOf": [*alternatives, _default_schema(alternatives), _own_law_schema(tables)]}
+
+
+def _default_schema(alternatives: list[dict[str, Any]]) -> dict[str, Any]:
+    """Describe a table that names no law."""
+    (default,) = (one for one in alternatives if one["properties"]["law"]["const"] == DEFAULT_LAW)
+    properties = {key: value for key, value in default["properties"].items() if key != "law"}
+    title = f'No law named: "{DEFAULT_LAW}", what is not given is assumed'
+    return default | {"title": title, "properties": properties, "required": ["coulomb", "breakaway"]}
 
 
 def _own_law_schema(tables: dict[str, Any]) -> dict[str, Any]:

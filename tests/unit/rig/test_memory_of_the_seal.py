@@ -110,7 +110,7 @@ def test_mounting_direction_and_place_are_in_the_friction():
         ),
         (f'[friction.direction]\nup = {{ value = "1", {ASSUMED} }}\n', "friction.direction.up is not a known key"),
         ('[friction.direction]\npositive = "1.1"\n', "friction.direction.positive does not say its source"),
-        (f'[friction.wear]\nrate = {{ value = "1", {ASSUMED} }}\n', "friction.wear is unknown"),
+        (f'[friction.waer]\nrate = {{ value = "1", {ASSUMED} }}\n', "friction.waer is unknown"),
     ],
 )
 def test_tables_of_what_acts_on_friction_are_checked(tmp_path, table, message):
@@ -118,3 +118,27 @@ def test_tables_of_what_acts_on_friction_are_checked(tmp_path, table, message):
     path.write_text('schema = 1\nextends = "default"\n' + table, encoding="utf-8")
     with pytest.raises(DescriptionError, match=message):
         read_description(path)
+
+
+def test_a_rig_file_takes_temperature_wear_and_the_shape_of_the_curve(tmp_path):
+    """Each value with its source, as all of a rig file; the tables reach the core, and the contact warms."""
+    file = tmp_path / "rig.toml"
+    value = "{{ value = {}, {} }}".format
+    tables = {
+        "temperature": {"reference": '"20 degC"', "viscous": '"2 %/K"', "resistance": '"0.5 K/W"', "time": '"3 min"'},
+        "wear": {"run_in": "0.2", "run_in_distance": '"2 km"', "rate": '"0.5 %/km"'},
+    }
+    friction = {"coulomb": '"30 N"', "breakaway": '"40 N"', "stribeck_velocity": '"12 mm/s"'}
+    friction |= {"bristle_stiffness": '"2e5 N/m"', "bristle_damping": '"100 N s/m"', "viscous": '"60 N s/m"'}
+    friction |= {"stribeck_shape": '"free"'}
+    lines = ["schema = 1", 'extends = "open-chambers"', "[friction]", 'law = "elasto-plastic"']
+    lines += [*(f"{key} = {value(given, ASSUMED)}" for key, given in friction.items())]
+    for name, table in tables.items():
+        lines += [f"[friction.{name}]", *(f"{key} = {value(given, ASSUMED)}" for key, given in table.items())]
+    file.write_text("\n".join(lines))
+    d = read_description(file)
+    assert d.dependences["temperature"]["viscous_per_k"] == 0.02
+    assert d.dependences["wear"]["rate_per_m"] == 5e-6
+    assert d.dependences["stribeck_shape"] == "free"
+    _, told = stop(load_rig(str(file), seed=1), 1.0)
+    assert told

@@ -2,8 +2,8 @@ use super::{FLOOR, InnerState, Levels};
 use crate::parameter::{above, any, at_least};
 use math::{Over, Real};
 
-/// The longest way from the start, m, that warnings think of: a thousand kilometres.
-pub(super) const FARTHEST: f64 = 1e6;
+/// The longest way from the start, m, that warnings think of: a hundred kilometres. Assumed.
+pub(super) const FARTHEST: f64 = 1e5;
 
 crate::parameters! {
     /// Friction of a seal that runs in and wears, on any law: Fc and Fs times
