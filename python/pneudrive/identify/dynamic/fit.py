@@ -73,6 +73,7 @@ class Options:
     notes: list[str] = field(default_factory=list)
     lost: list[Undetermined] = field(default_factory=list)
     interrupted: bool = False
+    last_attempt: bool = False
     lengths_s: tuple[float, ...] = LADDER_S
 
     @property
@@ -165,11 +166,11 @@ def identify(
     stated = [np.array([np.isfinite(described[c].noise or np.nan) for c in p]) for p in present]
     solved, converged = _solve(problem, point, stated, options, watcher)
     if not (converged or options.interrupted) and options.segment_s is not None:
-        options.lengths_s = SECOND_LADDER_S
+        options.lengths_s, options.last_attempt = SECOND_LADDER_S, True
         reached = solved.problem.values(solved.point.eta)[: len(parameters)]
         problem, point = _problem(drive, parameters, records, present, described, options, reached)
         again, converged = _solve(problem, point, stated, options, watcher)
-        solved = again if converged else solved
+        solved = again
     return _result(drive, parameters, records, solved, options, watcher, converged)
 
 
@@ -256,7 +257,10 @@ def _noise(channel: Channel, record: DriveRecording, rtol: float) -> float:
 def _solve(
     problem: Problem, point: Point, stated: list[NDArray[np.bool_]], options: Options, watcher: Watcher
 ) -> tuple[Solved, bool]:
-    """Search, and take the noise of the sensors from the residuals until it stays."""
+    """Search, and take the noise of the sensors from the residuals until it stays.
+
+    Where the search sticks, the misfit is not taken for noise before the last attempt.
+    """
     converged = False
     watcher.point, at = point, None
     believed = [s.copy() for s in point.states]
@@ -267,7 +271,7 @@ def _solve(
                 watcher.point = point
         for _ in range(NOISE_ROUNDS):
             point, at, converged = join_segments(problem, point, believed, watcher)
-            if not _renew_noise(problem, at, stated, options.rtol):
+            if not (converged or options.last_attempt) or not _renew_noise(problem, at, stated, options.rtol):
                 break
     except KeyboardInterrupt:
         options.interrupted = True

@@ -128,7 +128,7 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array) -> St
         if inner and ends.size:
             most = np.maximum(most, np.abs(ends[:, BELIEF.size :]).max(axis=0))
     most = np.where(most > 0.0, most, 1e-6)
-    belief = np.where(np.isnan(spread), np.r_[BELIEF, most], spread)
+    belief = np.r_[BELIEF, most]  # wide also where it is measured: the samples say it better than their smoothed start
     reach = np.where(np.isnan(spread), POSSIBLE * belief, np.inf)
     limits = (state.min(axis=0) - reach, state.max(axis=0) + reach)
     return Starts(state, belief, np.r_[SIZE, 0.1 * most], ~np.isnan(spread), limits)
