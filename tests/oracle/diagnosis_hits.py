@@ -62,6 +62,7 @@ CASES = (
     _case("dead volume a +100 %", "dead volume of a", cylinder__dead_volume={"a": "20 cm3", "b": "10 cm3"}),
     _case("mass +20 %", "moving mass", cylinder__moving_mass="2.4 kg"),
     _case("heat transfer x3", "heat transfer", cylinder__heat_transfer="90 W/(m2 K)"),
+    _case("leak past the piston", "leak past the piston", cylinder__leakage="0.04 dm3/(s bar)"),
     _case("supply -0.5 bar", "supply pressure", supply__pressure="6.5 bar abs"),
     _case("force 8 N", "constant force", load__force="8 N"),
     _case("spring 150 N/m", "spring", load__spring={"stiffness": "150 N/m", "rest_position": "250 mm"}),

@@ -103,8 +103,19 @@ def drive_recording(
     labels: Mapping[str, str] | None = None,
     source: Path | None = None,
     needed: Sequence[str] = NEEDED,
+    *,
+    gaps: bool = False,
 ) -> DriveRecording:
     """Make a recording of SI columns.
+
+    Parameters
+    ----------
+    columns : mapping
+        Name -> values, shape (n,).
+    needed : sequence of str
+        Columns without which it is refused.
+    gaps : bool
+        Whether a measured column may be NaN where nothing was measured; time and command never are.
 
     Raises
     ------
@@ -122,14 +133,14 @@ def drive_recording(
         )
     used = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in (*NEEDED, *OPTIONAL) if c in columns}
     where = str(source or name)
-    _check(used, where)
+    _check(used, where, gaps=gaps)
     time = used["time_s"]
     digest = hashlib.sha256(b"".join(values.tobytes() for values in used.values())).hexdigest()
     kept = {**used, "time_s": time - time[0]}
     return DriveRecording(name, kept, dict(labels or {}), source, digest, set(columns) >= _SIMULATED)
 
 
-def _check(columns: dict[str, Array], where: str) -> None:
+def _check(columns: dict[str, Array], where: str, *, gaps: bool) -> None:
     sizes = {c: v.shape for c, v in columns.items()}
     n = columns["time_s"].size
     if any(shape != (n,) for shape in sizes.values()):
@@ -138,6 +149,8 @@ def _check(columns: dict[str, Array], where: str) -> None:
     if n < LEAST_SAMPLES:
         raise RecordingError(f"the recording has {n} samples", where=where, rule=f"at least {LEAST_SAMPLES}")
     for column, values in columns.items():
+        if gaps and column not in ("time_s", "command"):
+            continue
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             remedy = "cut the file there, or fill short gaps"
@@ -156,8 +169,8 @@ def _check(columns: dict[str, Array], where: str) -> None:
             remedy="scale it in the layout: command = { column = ..., scale = ..., offset = ... }",
         )
     for side in [side for side in "ab" if f"pressure_{side}_pa" in columns]:
-        low = float(columns[f"pressure_{side}_pa"].min())
-        if not low > 0.0:
+        low = float(np.fmin.reduce(columns[f"pressure_{side}_pa"]))
+        if low <= 0.0:
             rule = "pressures are absolute, Pa"
             raise RecordingError(f"pressure_{side}_pa = {low:g} Pa", where=where, rule=rule, remedy="say gauge or abs")
 
@@ -166,6 +179,8 @@ def read_drive_recordings(
     recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
     layout: Layout | str | Path | None = None,
     needed: Sequence[str] = NEEDED,
+    *,
+    gaps: bool = False,
 ) -> list[DriveRecording]:
     """Read recordings of a drive.
 
@@ -178,6 +193,8 @@ def read_drive_recordings(
         How foreign files are read; None: ``layout.toml`` beside a file that is not as ``simulate`` writes.
     needed : sequence of str
         Columns without which a recording is refused.
+    gaps : bool
+        Whether a measured column may be NaN where nothing was measured.
 
     Raises
     ------
@@ -191,7 +208,7 @@ def read_drive_recordings(
     said = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
     out: list[DriveRecording] = []
     for number, item in enumerate(given, start=1):
-        read = _read(item, f"recording {number}", said, needed)  # type: ignore[arg-type]
+        read = _read(item, f"recording {number}", said, needed, gaps=gaps)  # type: ignore[arg-type]
         taken = {r.name for r in out}
         if read.name in taken:
             folder = read.source.parent.name if read.source is not None else f"{number}"
@@ -202,27 +219,25 @@ def read_drive_recordings(
     return out
 
 
-def _read(item: Given | DriveRecording, name: str, layout: Layout | None, needed: Sequence[str]) -> DriveRecording:
+def _read(
+    item: Given | DriveRecording, name: str, layout: Layout | None, needed: Sequence[str], *, gaps: bool
+) -> DriveRecording:
     if isinstance(item, DriveRecording):
         return item
-    if hasattr(item, "channels") and hasattr(item, "command"):  # a recording as identification reads it
-        names = {meaning(column)[0]: column for column in (*NEEDED, *OPTIONAL)}
-        given = {names[channel]: values for channel, values in item.channels.items() if channel in names}  # type: ignore[union-attr]
-        return drive_recording({"time_s": item.time_s, "command": item.command, **given}, item.name)  # type: ignore[union-attr]
     if is_run(item):
         known = {variable: column for column in (*NEEDED, *OPTIONAL, *_SIMULATED) for variable in [meaning(column)[0]]}
         columns = {known[str(v)]: item[v].to_numpy() for v in item.variables if str(v) in known}
         labels = item.attrs.get("labels")
-        return drive_recording(columns, name, labels if isinstance(labels, dict) else None, needed=needed)
+        return drive_recording(columns, name, labels if isinstance(labels, dict) else None, needed=needed, gaps=gaps)
     if isinstance(item, Mapping):
-        return drive_recording({str(column): values for column, values in item.items()}, name, needed=needed)
+        return drive_recording({str(column): values for column, values in item.items()}, name, needed=needed, gaps=gaps)
     path = Path(str(item))
-    if layout is None and (columns := _own_columns(path, needed)) is not None:
-        return drive_recording(columns, stem(path), _own_labels(path), path, needed)
-    return _through(path, layout or _beside(path), needed)
+    if layout is None and (columns := _own_columns(path, needed, gaps=gaps)) is not None:
+        return drive_recording(columns, stem(path), _own_labels(path), path, needed, gaps=gaps)
+    return _through(path, layout or _beside(path), needed, gaps=gaps)
 
 
-def _own_columns(path: Path, needed: Sequence[str]) -> dict[str, Array] | None:
+def _own_columns(path: Path, needed: Sequence[str], *, gaps: bool) -> dict[str, Array] | None:
     """Columns of a file that is as ``simulate`` writes; None where it is not."""
     import polars as pl
 
@@ -231,7 +246,7 @@ def _own_columns(path: Path, needed: Sequence[str]) -> dict[str, Array] | None:
             import xarray as xr
 
             with xr.open_dataset(path, engine="h5netcdf") as run:
-                return None if not is_run(run) else dict(_read(run.load(), "", None, needed).columns)
+                return None if not is_run(run) else dict(_read(run.load(), "", None, needed, gaps=gaps).columns)
         if path.suffix == ".parquet":
             names = list(pl.read_parquet_schema(path))
             reader = pl.read_parquet
@@ -277,7 +292,7 @@ def _beside(path: Path) -> Layout:
     )
 
 
-def _through(path: Path, layout: Layout, needed: Sequence[str]) -> DriveRecording:
+def _through(path: Path, layout: Layout, needed: Sequence[str], *, gaps: bool) -> DriveRecording:
     said = layout.for_drive_file(path)
     raw, _, _ = read_raw(path, said)
     values = {channel: convert(said, channel, column) for channel, column in raw.items()}
@@ -287,4 +302,4 @@ def _through(path: Path, layout: Layout, needed: Sequence[str]) -> DriveRecordin
         if channel != "time" and delay:
             values[channel] = shifted(time, values[channel], delay)
     columns = {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
-    return drive_recording(columns, stem(path), said.labels, path, needed)
+    return drive_recording(columns, stem(path), said.labels, path, needed, gaps=gaps)

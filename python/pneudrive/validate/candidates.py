@@ -150,6 +150,12 @@ def _dead_volume(sides: str) -> Change:
     return _drive(changes)
 
 
+def _piston_leak(drive: Drive, share: float) -> dict[str, object]:
+    """Leakage past the piston by so much of the valve's conductance."""
+    leakage = drive.cylinder.leakage_m3_s_pa + share * drive.valve.conductance_m3_s_pa
+    return {"cylinder.leakage": write(leakage, "m^3/(s Pa)")}
+
+
 def _spring(drive: Drive, amount: float) -> dict[str, object]:
     old = drive.carried.spring
     if old is not None:
@@ -316,6 +322,10 @@ def candidates(drive: Drive) -> list[Candidate]:
                   "seal-tightness test: shut the valve and watch pressure b", _leak(3)),
         Candidate("leak through the valve", "valve", "a leak of the valve from supply to both chambers, {size} of C",
                   "share of C", 0.005, 0.002, "measure the pressure rise behind the shut valve", _leak(0, 2)),
+        Candidate("leak past the piston", "chamber", "a leak past the piston of {size} of C", "share of C",
+                  0.005, 0.002, "hold the piston with one chamber under pressure and watch the other; "
+                  "cylinder.leakage describes it", _drive(_piston_leak),
+                  bounds=(-drive.cylinder.leakage_m3_s_pa / drive.valve.conductance_m3_s_pa, np.inf)),
         *[Candidate(f"dead volume of {c}", "chamber", f"{{size}} dead volume of chamber {c}", "share", 0.1, 0.08,
                     "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume(c),
                     bounds=SHARE)

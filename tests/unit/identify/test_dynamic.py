@@ -252,3 +252,12 @@ def test_command_line_writes_a_fit(tmp_path) -> None:
     written = tomllib.loads((tmp_path / "fit.toml").read_text())
     assert written["values"]["friction.viscous"]["value"] == pytest.approx(40.0, rel=1e-4)
     assert written["values"]["friction.viscous"]["sources"] == ["run"]
+
+
+def test_a_pressure_that_was_sampled_less_often_counts_where_it_was() -> None:
+    record = servo(reference(), 2.0)
+    seldom = np.where(np.arange(record["time_s"].size) % 10 == 0, record["pressure_a_pa"], np.nan)
+    start = reference().replace({"friction.coulomb": "22 N", "valve.conductance": "2.4 dm3/(s bar)"})
+    fit = pn.identify(start, {**record, "pressure_a_pa": seldom}, ["friction.coulomb", "valve.conductance"])
+    assert fit.values["friction.coulomb"] == pytest.approx(30.0, rel=1e-3)
+    assert fit.values["valve.conductance"] == pytest.approx(2e-8, rel=1e-3)

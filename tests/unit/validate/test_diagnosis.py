@@ -18,6 +18,7 @@ SEEDED = {
     "dead volumes +50 %": 0.5,
     "mass +20 %": 0.2,
     "heat transfer x3": 2.0,
+    "leak past the piston": 0.02,
     "pressure a +0.1 bar": 1e4,
     "valve 5 ms late": 5e-3,
 }

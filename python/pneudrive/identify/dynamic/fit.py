@@ -155,7 +155,7 @@ def identify(
     >>> round(fit.values["friction.coulomb"], 2)
     30.0
     """
-    records = read_drive_recordings(recordings, layout, needed=("time_s", "command"))
+    records = read_drive_recordings(recordings, layout, needed=("time_s", "command"), gaps=True)
     present = [channels_in(record, channels) for record in records]
     options = _options(segment, robust, rtol, threads)
     names = [c for c in CHANNELS if any(c in p for p in present)]
