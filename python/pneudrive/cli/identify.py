@@ -23,7 +23,7 @@ def identify(
         list[str] | None,
         typer.Option(
             help='A sensor: "position: noise = 2 um, offset = free". Keys: noise, offset, offset_uncertainty, gain, '
-            "lag, resolution.",
+            "lag, resolution. Of the command its delay: 'command: delay = free'.",
             metavar="CHANNEL: KEY = VALUE, ...",
         ),
     ] = None,

@@ -305,7 +305,7 @@ def candidates(drive: Drive) -> list[Candidate]:
                   _drive(lambda d, b: {"valve.critical_pressure_ratio": float(
                       np.clip(d.valve.critical_pressure_ratio + b, 0.01, 0.95))}), bounds=(-0.6, 0.6)),
         Candidate("valve delay", "valve", "a valve that acts {size} late", "s", 2e-3, 1e-3,
-                  "measure the valve's step response; delay the command, or fit a delay", _command(_delayed)),
+                  "measure the valve's step response; identify with a free delay of the command", _command(_delayed)),
         Candidate("valve zero", "valve", "a valve whose zero lies at a command of {size}", "1", 0.01, 0.005,
                   "find the command at which the piston stands, and tare it",
                   _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0))),

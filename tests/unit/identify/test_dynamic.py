@@ -261,3 +261,21 @@ def test_a_pressure_that_was_sampled_less_often_counts_where_it_was() -> None:
     fit = pn.identify(start, {**record, "pressure_a_pa": seldom}, ["friction.coulomb", "valve.conductance"])
     assert fit.values["friction.coulomb"] == pytest.approx(30.0, rel=1e-3)
     assert fit.values["valve.conductance"] == pytest.approx(2e-8, rel=1e-3)
+
+
+def test_a_command_that_was_written_down_late_or_that_the_valve_follows_late_is_found() -> None:
+    record = servo(reference(), 3.0)
+    late = {**record, "command": np.r_[record["command"][:1], record["command"][:-1]]}
+    early = {name: values[5:] for name, values in record.items()}
+    early["command"] = np.r_[record["command"][8:], np.repeat(record["command"][-1], 3)]  # 3 ms before the valve
+    free = ["friction.coulomb", "valve.conductance"]
+    start = reference().replace({"friction.coulomb": "22 N", "valve.conductance": "2.4 dm3/(s bar)"})
+    fit = pn.identify(start, [late, early], free, sensors={"command": {"delay": "free"}})
+    assert fit.converged
+    assert fit.sensors["command.delay [recording 1]"] == pytest.approx(-1e-3, abs=2e-5)
+    assert fit.sensors["command.delay [recording 2]"] == pytest.approx(3e-3, abs=2e-5)
+    assert fit.values["friction.coulomb"] == pytest.approx(30.0, rel=2e-3)
+    known = pn.identify(start, early, free, sensors={"command": {"delay": "3 ms"}})
+    assert known.values["friction.coulomb"] == pytest.approx(30.0, rel=2e-3)
+    with pytest.raises(FitError, match="no sensor"):
+        pn.identify(start, early, free, sensors={"command": {"offset": "free"}})

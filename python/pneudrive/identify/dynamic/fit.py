@@ -17,7 +17,7 @@ from pneudrive.identify.dynamic.problem import Experiment, Point, Problem, senso
 from pneudrive.identify.dynamic.recordings import CHANNELS, channels_in
 from pneudrive.identify.dynamic.result import DriveFit, Series
 from pneudrive.identify.dynamic.search import Joined, Progress, Watcher, join_segments, linearise, predict_segments
-from pneudrive.identify.dynamic.sensors import Channel, Sensor, channels_of
+from pneudrive.identify.dynamic.sensors import Channel, Delay, Sensor, channels_of, command_delay
 from pneudrive.identify.dynamic.shooting import Shooter, segment_starts
 from pneudrive.identify.dynamic.states import measured_starts, observed, white_noise
 from pneudrive.identify.dynamic.uncertainty import Information, bootstrap, information, profile
@@ -75,6 +75,7 @@ class Options:
     interrupted: bool = False
     last_attempt: bool = False
     lengths_s: tuple[float, ...] = LADDER_S
+    delay: Delay = field(default_factory=Delay)
 
     @property
     def ladder(self) -> tuple[float, ...]:
@@ -121,7 +122,8 @@ def identify(
     free : sequence of str
         Names as in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ...
     sensors : mapping, optional
-        Channel -> `Sensor` or its keywords: what is known of noise, offset, gain, lag and resolution.
+        Channel -> `Sensor` or its keywords: what is known of noise, offset, gain, lag and resolution. With
+        ``{"command": {"delay": "free"}}``, or a time, the valve follows the recorded command late.
     channels : sequence of str, optional
         What is compared with the model; position and pressures where nothing is said.
     segment : str, float or None
@@ -160,6 +162,7 @@ def identify(
     options = _options(segment, robust, rtol, threads)
     names = [c for c in CHANNELS if any(c in p for p in present)]
     described = {c.name: c for c in channels_of(names, sensors)}
+    options.delay = command_delay(sensors)
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
     watcher = Watcher(progress)
     problem, point = _problem(drive, parameters, records, present, described, options)
@@ -229,16 +232,19 @@ def _problem(
         own = [described[name] for name in names]
         starts = segment_starts(record.time_s, options.first_segment_s(record))
         outputs = [c.column for c in own]
-        shooter = Shooter(record, outputs, starts, candidates, options.rtol, options.threads)
+        shooter = Shooter(record, outputs, starts, candidates, options.rtol, options.threads, options.delay.value_s)
         noise = np.array([_noise(c, record, options.rtol) for c in own])
         state, spread = measured_starts(record, own, noise, starts, drive, shooter.inner_states(drive))
         experiments.append(Experiment(shooter, own, observed(shooter, values, state, spread), noise))
-    free_sensors = sensor_parameters(list(described.values()), [r.name for r in records], [set(p) for p in present])
+    free_sensors = sensor_parameters(
+        list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay.free
+    )
     problem = Problem(coordinates, free_sensors, experiments)
     if options.robust:
         problem.huber_k = HUBER_K
     sensor_start = [
-        {"offset": 0.0, "gain": 1.0, "lag": np.log(described[s.channel].lag or 1.0)}[s.kind] for s in free_sensors
+        {"offset": 0.0, "delay": 0.0, "gain": 1.0}[s.kind] if s.kind != "lag" else np.log(described[s.channel].lag)
+        for s in free_sensors
     ]
     eta = np.r_[coordinates.internal(values), sensor_start]
     return problem, Point(eta, [e.starts.state.copy() for e in experiments])

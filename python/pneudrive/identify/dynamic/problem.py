@@ -21,11 +21,15 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
+#: Size of a usual delay of a valve, s: the unit of its coordinate (assumed).
+DELAY_SIZE_S = 2e-3
+
+
 @dataclass(frozen=True)
 class SensorParameter:
-    """A free number of a sensor: an offset of one recording, or a gain or a lag of all.
+    """A free number of a sensor: an offset of one recording or the delay of its command, or a gain or a lag of all.
 
-    The coordinate of an offset is the offset over `size`, that of a gain the gain, that of a lag its logarithm.
+    The coordinate of an offset or a delay is that over `size`, of a gain the gain, of a lag its logarithm.
     """
 
     kind: str
@@ -113,7 +117,7 @@ class Problem:
         p = self.drive_size
         out[:p, :p] = self.coordinates.natural_and_jacobian(eta[:p])[1]
         for i, s in enumerate(self.sensors, start=p):
-            out[i, i] = {"offset": s.size, "gain": 1.0, "lag": np.exp(eta[i])}[s.kind]
+            out[i, i] = {"offset": s.size, "delay": s.size, "gain": 1.0, "lag": np.exp(eta[i])}[s.kind]
         return out
 
     def prior_cost(self, eta: Array) -> float:
@@ -146,7 +150,7 @@ class Problem:
         q = eta[self.drive_size :]
         return np.array(
             [
-                q[i] * s.size if s.kind == "offset" else np.exp(q[i]) if s.kind == "lag" else q[i]
+                q[i] * s.size if s.kind in ("offset", "delay") else np.exp(q[i]) if s.kind == "lag" else q[i]
                 for i, s in enumerate(self.sensors)
             ]
         )
@@ -158,9 +162,11 @@ class Problem:
         """
         values = self.coordinates.natural(point.eta[: self.drive_size])
         shots = []
-        for experiment, states in zip(self.experiments, point.states, strict=True):
+        for i, (experiment, states) in enumerate(zip(self.experiments, point.states, strict=True)):
+            place = self._delay_of(i)
+            delay_s = None if place is None else float(self._sensor_values(point.eta)[place - self.drive_size])
             hidden = np.flatnonzero(~experiment.starts.measured) if reset else None
-            shot = experiment.shooter.run(values, states, derivatives=derivatives, by_start=hidden)
+            shot = experiment.shooter.run(values, states, derivatives=derivatives, by_start=hidden, delay_s=delay_s)
             if shot.failures:
                 j, why = next(iter(shot.failures.items()))
                 record = experiment.shooter.recording
@@ -173,13 +179,20 @@ class Problem:
         states = [np.clip(s, *e.starts.limits) for s, e in zip(point.states, self.experiments, strict=True)]
         return Point(point.eta, states)
 
-    def by_coordinates(self, shot_by_parameter: Array, eta: Array) -> Array:
-        """Turn derivatives by the drive's values (last axis) into such by the global coordinates."""
+    def by_coordinates(self, index: int, shot_by_parameter: Array, eta: Array) -> Array:
+        """Turn derivatives of a recording by the drive's values and the delay (last axis) into such by coordinates."""
         p = self.drive_size
         jacobian = self.coordinates.natural_and_jacobian(eta[:p])[1]
         out = np.zeros((*shot_by_parameter.shape[:-1], self.size))
-        out[..., :p] = shot_by_parameter @ jacobian
+        out[..., :p] = shot_by_parameter[..., :p] @ jacobian
+        if (place := self._delay_of(index)) is not None:
+            out[..., place] = shot_by_parameter[..., p] * self.sensors[place - p].size
         return out
+
+    def _delay_of(self, index: int) -> int | None:
+        """Place of the free delay of a recording's command among the coordinates."""
+        places = (i for i, s in enumerate(self.sensors, start=self.drive_size) if s.kind == "delay")
+        return next((i for i in places if self.sensors[i - self.drive_size].recording == index), None)
 
     def measure(self, index: int, eta: Array, where: slice, outputs: Array, derivatives: Array) -> tuple[Array, Array]:
         """Pass outputs through the sensors and compare them with what was measured, in units of the noise.
@@ -234,13 +247,23 @@ class Problem:
         return float(q * s.size if kind == "offset" else np.exp(q) if kind == "lag" else q)
 
 
-def sensor_parameters(channels: list[Channel], recordings: list[str], present: list[set[str]]) -> list[SensorParameter]:
-    """List the free numbers of the sensors: an offset for each recording that has the channel; gain and lag once."""
-    out = []
+def sensor_parameters(
+    channels: list[Channel], recordings: list[str], present: list[set[str]], *, delay: bool = False
+) -> list[SensorParameter]:
+    """List the free numbers of the sensors: an offset for each recording that has the channel; gain and lag once.
+
+    With `delay`, that of each recording's command, too.
+    """
+    which = {i: f" [{name}]" if len(recordings) > 1 else "" for i, name in enumerate(recordings)}
+    out = [
+        SensorParameter("delay", "command", i, f"command.delay{of}", "s", DELAY_SIZE_S, np.inf)
+        for i, of in which.items()
+        if delay
+    ]
     for channel in channels:
-        for i, name in enumerate(recordings):
+        for i in which:
             if "offset" in channel.free and channel.name in present[i]:
-                of = f"{channel.name}.offset" + (f" [{name}]" if len(recordings) > 1 else "")
+                of = f"{channel.name}.offset{which[i]}"
                 size = channel.offset_spread
                 out.append(
                     SensorParameter("offset", channel.name, i, of, channel.unit, size, channel.offset_uncertainty)

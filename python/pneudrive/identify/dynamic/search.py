@@ -206,7 +206,7 @@ def linearise(
     size = problem.size
     for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
         by_unknown, closing = _condense(problem, point, shot, i, reset=reset)
-        outputs, jac = _outputs(problem, experiment.segments, shot, point, by_unknown, closing)
+        outputs, jac = _outputs(problem, i, shot, point, by_unknown, closing)
         closed, jac = problem.measure(i, point.eta, slice(None), outputs, jac)
         robust = problem.robust_weight(closed)
         flat, rest = (jac * robust[:, :, None]).reshape(closed.size, -1), (closed * robust).ravel()
@@ -237,7 +237,7 @@ def _condense(problem: Problem, point: Point, shot: Shot, i: int, *, reset: bool
     """
     k, s = point.states[i].shape
     size = problem.size
-    by_eta = problem.by_coordinates(shot.ends_by_parameter, point.eta)
+    by_eta = problem.by_coordinates(i, shot.ends_by_parameter, point.eta)
     gaps = _gaps(problem, point, shot, i, reset=reset)
     by_unknown, closing = np.zeros((k, s, size + s)), np.zeros((k, s))
     carried = ~problem.experiments[i].starts.measured if reset else np.ones(s, dtype=bool)
@@ -251,14 +251,14 @@ def _condense(problem: Problem, point: Point, shot: Shot, i: int, *, reset: bool
 
 
 def _outputs(
-    problem: Problem, segments: list[slice], shot: Shot, point: Point, by_unknown: Array, closing: Array
+    problem: Problem, i: int, shot: Shot, point: Point, by_unknown: Array, closing: Array
 ) -> tuple[Array, Array]:
     """Close the gaps of the outputs to first order, and differentiate them by all unknowns of the recording."""
     size = problem.size
     outputs = shot.outputs.copy()
     jac = np.empty((*outputs.shape, by_unknown.shape[2]))
-    by_eta = problem.by_coordinates(shot.by_parameter, point.eta)
-    for j, where in enumerate(segments):
+    by_eta = problem.by_coordinates(i, shot.by_parameter, point.eta)
+    for j, where in enumerate(problem.experiments[i].segments):
         outputs[where] += shot.by_start[where] @ closing[j]
         jac[where] = shot.by_start[where] @ by_unknown[j]
     jac[:, :, :size] += by_eta

@@ -117,6 +117,29 @@ def channel(name: str, sensor: Sensor) -> Channel:
     )
 
 
+@dataclass(frozen=True)
+class Delay:
+    """By how much the valve follows the recorded command late, s; sought, for each recording, where it is free."""
+
+    value_s: float = 0.0
+    free: bool = False
+
+
+def command_delay(sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> Delay:
+    """Return what is said about the command: ``{"command": {"delay": "free"}}``, or a time.
+
+    Raises
+    ------
+    FitError
+        Anything else is said about the command, or the delay is no time.
+    """
+    said = (sensors or {}).get("command", {})
+    if isinstance(said, Sensor) or set(said) - {"delay"}:
+        raise FitError("the command is no sensor", rule="a delay can be said of it", remedy="command: delay = free")
+    given = said.get("delay", 0.0)
+    return Delay(free=True) if given == "free" else Delay(_si(given, "s", "command.delay", -np.inf))
+
+
 def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN401 - checked here
     from pneudrive.units import parse
 
@@ -132,7 +155,7 @@ def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN40
 
 def channels_of(names: list[str], sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> list[Channel]:
     """Return the channels with what is said about their sensors."""
-    said = dict(sensors or {})
+    said = {name: given for name, given in (sensors or {}).items() if name != "command"}
     unknown = sorted(set(said) - set(names))
     if unknown:
         raise FitError(

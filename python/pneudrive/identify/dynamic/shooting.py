@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -50,6 +50,11 @@ class Shot:
     failures: dict[int, str]
 
 
+#: Half of the difference over which outputs are differentiated by the delay of the command, s: above what the solver's
+#: error shows at, below what a valve's flow changes over.
+DELAY_STEP_S = 1e-4
+
+
 class Shooter:
     """Runs the segments of one recording.
 
@@ -63,6 +68,8 @@ class Shooter:
     candidates : Candidates
     rtol : float
     threads : int
+    delay_s : float
+        By which the valve follows the command late, where a run says nothing else.
     """
 
     def __init__(
@@ -73,10 +80,11 @@ class Shooter:
         candidates: Candidates,
         rtol: float,
         threads: int,
+        delay_s: float = 0.0,
     ) -> None:
         self.recording, self.outputs, self.starts = recording, list(outputs), starts
         self._candidates, self._rtol, self._threads = candidates, rtol, threads
-        self._steps = tuple(steps.tolist() for steps in recording.steps)
+        self._delay_s = delay_s
 
     def inner_states(self, drive: Drive) -> int:
         """Count the friction's own states."""
@@ -84,10 +92,16 @@ class Shooter:
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
         """Return the same with segments that begin at other samples."""
-        return Shooter(self.recording, self.outputs, starts, self._candidates, self._rtol, self._threads)
+        return Shooter(self.recording, self.outputs, starts, self._candidates, self._rtol, self._threads, self._delay_s)
 
     def run(
-        self, values: Array, initial: Array, *, derivatives: bool = True, by_start: NDArray[np.int64] | None = None
+        self,
+        values: Array,
+        initial: Array,
+        *,
+        derivatives: bool = True,
+        by_start: NDArray[np.int64] | None = None,
+        delay_s: float | None = None,
     ) -> Shot:
         """Run all segments.
 
@@ -101,6 +115,8 @@ class Shooter:
             Derivatives by the values and by the starts.
         by_start : ndarray of int, optional
             Columns of the starts by which to differentiate, all where nothing is said; by the others they are zero.
+        delay_s : float, optional
+            A delay of the command that is sought: derivatives by it come after those by the values.
 
         Raises
         ------
@@ -109,24 +125,21 @@ class Shooter:
         """
         try:
             core = compiled(self._candidates.json(values))
-            found = core.shoot(
-                self._steps[0],
-                self._steps[1],
-                self.recording.time_s,
-                self.starts.tolist(),
-                np.ascontiguousarray(initial),
-                self._candidates.paths if derivatives else [],
-                derivatives if by_start is None or not derivatives else by_start.tolist(),
-                self.outputs,
-                self._rtol,
-                self._threads,
-            )
+            found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start)
+            beside = [] if delay_s is None or not derivatives else [delay_s + DELAY_STEP_S, delay_s - DELAY_STEP_S]
+            shifted = [self._shoot(core, initial, delay) for delay in beside]
         except ValueError as error:
             raise FitError(f"the core refuses a drive of the search: {error}") from None
         p = len(self._candidates.paths) if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
         if derivatives and by_start is not None:
             sensitivities, ends = (_spread(d, p, by_start, initial.shape[1]) for d in (sensitivities, ends))
+        if shifted:
+            later, sooner = shifted
+            by_delay, ends_by_delay = ((later[k] - sooner[k]) / (2.0 * DELAY_STEP_S) for k in ("values", "ends"))
+            sensitivities = np.insert(sensitivities, p, by_delay, axis=2)
+            ends = np.insert(ends, p, ends_by_delay, axis=2)
+            p += 1
         return Shot(
             outputs=found["values"],
             by_parameter=sensitivities[:, :, :p],
@@ -136,6 +149,38 @@ class Shooter:
             ends_by_start=ends[:, :, p:],
             failures={j: why for j, why in enumerate(found["failures"]) if why is not None},
         )
+
+    def _shoot(
+        self,
+        core: Any,  # noqa: ANN401 - the core's drive
+        initial: Array,
+        delay_s: float | None,
+        *,
+        derivatives: bool = False,
+        by_start: NDArray[np.int64] | None = None,
+    ) -> dict[str, Any]:
+        times, commands = delayed(*self.recording.steps, self._delay_s if delay_s is None else delay_s)
+        return core.shoot(
+            times.tolist(),
+            commands.tolist(),
+            self.recording.time_s,
+            self.starts.tolist(),
+            np.ascontiguousarray(initial),
+            self._candidates.paths if derivatives else [],
+            derivatives if by_start is None or not derivatives else by_start.tolist(),
+            self.outputs,
+            self._rtol,
+            self._threads,
+        )
+
+
+def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array]:
+    """Shift the steps of a command; the first time stays, with what is held there then."""
+    if delay_s == 0.0:
+        return times, commands
+    shifted = times + delay_s
+    first = max(int(np.searchsorted(shifted, times[0], side="right")) - 1, 0)
+    return np.r_[times[0], shifted[first + 1 :]], commands[first:]
 
 
 def _spread(derivatives: Array, p: int, columns: NDArray[np.int64], states: int) -> Array:

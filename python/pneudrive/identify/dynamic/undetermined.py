@@ -56,6 +56,7 @@ _REMEDIES = {
     "*.offset": "read the sensor at a known position or at ambient pressure",
     "*.gain": "calibrate the sensor",
     "*.lag": "record fast changes of this channel",
+    "command.delay": "record steps of the command",
 }
 _ANY = "record motion that depends on it, or fix it"
 
@@ -113,7 +114,7 @@ def statements(
 
 def _is_sensor(name: str) -> bool:
     """Tell offsets and the like: near zero they have no relative width, only a vanishing direction counts."""
-    return name.partition(" [")[0].endswith((".offset", ".lag", ".gain")) and "." in name
+    return name.partition(" [")[0].endswith((".offset", ".lag", ".gain", ".delay"))
 
 
 def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) -> Undetermined | None:
