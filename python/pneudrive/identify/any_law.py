@@ -7,15 +7,18 @@ the intervals are first order, in the logarithm of what is positive. What steady
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive import __version__
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
-from pneudrive.identify.fit import ambient_of
+from pneudrive.identify.assemble import covariance, systematic
+from pneudrive.identify.fit import ambient_of, fingerprint, recordings_of
+from pneudrive.identify.law_fit import LawFit
 from pneudrive.identify.observations import observations
 from pneudrive.identify.robust import deviance, estimate
 
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     import xarray as xr
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from pneudrive.describe import Friction
     from pneudrive.identify.model import Observations
@@ -143,43 +146,6 @@ class AnyLaw:
         return self.friction.law
 
 
-@dataclass(frozen=True)
-class LawFit:
-    """Parameters of any law with their uncertainty.
-
-    Attributes
-    ----------
-    model : AnyLaw
-    parameters : dict
-        Free parameter -> value, SI.
-    intervals : dict
-        Free parameter -> 95 % interval, first order in the logarithm of what is positive; open where undetermined.
-    covariance : ndarray, shape (p, p)
-    undetermined : tuple of str
-        Free parameters in directions that the data do not determine.
-    unseen : tuple of str
-        Parameters of the law that steady sliding does not show.
-    statistics : dict
-        values, degrees_of_freedom, scale, rms_n, aicc, bic, starts, starts_agreeing.
-    """
-
-    model: AnyLaw
-    parameters: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
-    covariance: Array
-    undetermined: tuple[str, ...]
-    unseen: tuple[str, ...]
-    statistics: dict[str, float]
-
-    def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
-        """Friction at these speeds and gauge pressures, N."""
-        from pneudrive.identify.model import at_conditions
-
-        speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
-        q = self.model.internal(np.array([self.parameters[n] for n in self.model.names]))
-        return self.model.value(q, at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(speed.shape)
-
-
 def fit_any_law(
     friction_map: xr.Dataset,
     friction: Friction,
@@ -228,7 +194,17 @@ def fit_any_law(
             value=f"{len(data)} values, {len(model.names)} parameters",
         )
     found, starts, agreeing = _best(model, data, loss, seed)
-    return _described(model, data, found, tuple(n for n in known if n not in seen), (starts, agreeing))
+    fit = _described(model, data, found, tuple(n for n in known if n not in seen), (starts, agreeing))
+    origin = {
+        "version": __version__,
+        "map_sha256": fingerprint(data),
+        "loss": loss,
+        "seed": seed,
+        "direction": "both" if direction is None else f"{direction:+d}",
+        "ambient_pressure_pa": ambient,
+        "recordings": recordings_of(friction_map),
+    }
+    return replace(fit, provenance=origin)
 
 
 def _seen(model: AnyLaw, data: Observations) -> tuple[str, ...]:
@@ -264,7 +240,6 @@ def _described(
     inner = found.variance * np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_SHARE**2, hermitian=True)
     inner = inner / np.outer(np.where(dead, 1.0, size), np.where(dead, 1.0, size))
     dof = len(data) - len(model.names)
-    to_natural = model.natural_jacobian(found.q)
     low, high = _interval(model, found.q, inner, student(dof))
     low = np.where(open_ones, np.where(model.positive, 0.0, -np.inf), low)
     high = np.where(open_ones, np.inf, high)
@@ -284,7 +259,8 @@ def _described(
         model=model,
         parameters=dict(zip(model.names, model.natural(found.q).tolist(), strict=True)),
         intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
-        covariance=to_natural @ inner @ to_natural.T,
+        systematic=dict(zip(model.names, systematic(model, data, found).tolist(), strict=True)),
+        covariance=covariance(model, found),
         undetermined=tuple(n for n, is_open in zip(model.names, open_ones, strict=True) if is_open),
         unseen=unseen,
         statistics=statistics,

@@ -44,7 +44,7 @@ def identified(fit: FrictionFit, forces: dict[str, float] | None = None) -> Iden
         source = f"{name}b" if f"{name}b" in fit.free else name
         key = _slope_key(name) if name in PRESSURE_NAMES else f"friction.{name}"
         if key in values and source in fit.intervals:
-            intervals[key] = _whole_interval(values[key], fit.intervals[source], fit.systematic.get(source, 0.0))
+            intervals[key] = whole_interval(values[key], fit.intervals[source], fit.systematic.get(source, 0.0))
     said = fit.provenance.get("recordings", ())
     recordings = tuple(str(name) for name in said) if isinstance(said, list | tuple) else ()
     digest = hashlib.sha256(fit_toml(fit).encode()).hexdigest()[:HASH_DIGITS]
@@ -56,7 +56,7 @@ HASH_DIGITS = 16
 NORMAL_95 = 1.959963984540054
 
 
-def _whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
+def whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
     """Statistical interval, widened by a standard uncertainty that is independent of it."""
     reach = NORMAL_95 * systematic
     low, high = interval

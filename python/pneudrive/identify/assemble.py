@@ -13,6 +13,7 @@ from pneudrive.identify.support import information_criteria
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.identify.any_law import AnyLaw
     from pneudrive.identify.diagnose import Undetermined
     from pneudrive.identify.model import FrictionModel, Observations
     from pneudrive.identify.robust import Estimate
@@ -25,7 +26,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
     """Put the estimate into natural parameters with covariance, intervals and statistics."""
     model, data, found = support.model, support.data, support.found
     theta = dict(zip(model.names, map(float, model.natural(found.q)), strict=True))
-    systematic = dict(zip(model.names, map(float, _systematic(model, data, found)), strict=True))
+    shared = dict(zip(model.names, map(float, systematic(model, data, found)), strict=True))
     parameters = _parameters(law, model, theta)
     return FrictionFit(
         law=law,
@@ -33,7 +34,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
         free=model.names,
         covariance=covariance(model, found),
         intervals=support.intervals | _open(parameters, model, theta),
-        systematic=systematic,
+        systematic=shared,
         undetermined=tuple(lost),
         notes=tuple(notes),
         statistics=_statistics(support),
@@ -92,7 +93,7 @@ def _statistics(support: Support) -> dict[str, float]:
     }
 
 
-def covariance(model: FrictionModel, found: Estimate) -> Array:
+def covariance(model: FrictionModel | AnyLaw, found: Estimate) -> Array:
     """Covariance in natural units; directions that the data do not determine are left out (the intervals are open)."""
     size = np.linalg.norm(found.jacobian, axis=0)
     size[size == 0.0] = 1.0
@@ -103,7 +104,7 @@ def covariance(model: FrictionModel, found: Estimate) -> Array:
     return 0.5 * (matrix + matrix.T)
 
 
-def _systematic(model: FrictionModel, data: Observations, found: Estimate) -> Array:
+def systematic(model: FrictionModel | AnyLaw, data: Observations, found: Estimate) -> Array:
     """Carry what all rows share to a standard uncertainty of each parameter, to first order."""
     size = np.linalg.norm(found.jacobian, axis=0)
     size[size == 0.0] = 1.0

@@ -73,6 +73,12 @@ def read_fit(path: str | Path) -> FrictionFit:
         content = toml.tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
         raise FitError("the fit cannot be read", where=where, value=str(error)) from error
+    if "kind" in content:
+        raise FitError(
+            f"this is the fit of a {content['kind']}, not of a friction map by fit_friction",
+            where=where,
+            rule="what follows needs the coulomb or stribeck law that fit_friction or pneudrive fit wrote",
+        )
     try:
         if content["schema"] != SCHEMA:
             raise FitError(

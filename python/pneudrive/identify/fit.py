@@ -107,7 +107,7 @@ def fit_friction(
         "pressure_dependence": pressure_dependence,
         "ambient_pressure_pa": ambient,
         "exclude_flags": sorted(exclude_flags),
-        "recordings": _recordings(friction_map),
+        "recordings": recordings_of(friction_map),
     }
     return fit_values(wanted, data, pressure=form, loss=loss if robust else "linear", notes=notes, options=options)
 
@@ -150,7 +150,7 @@ def fit_values(
 MOST_RECORDINGS = 50
 
 
-def _recordings(friction_map: xr.Dataset) -> list[str]:
+def recordings_of(friction_map: xr.Dataset) -> list[str]:
     """Names of the recordings behind a map."""
     if "recording" not in friction_map:
         return []

@@ -96,8 +96,10 @@ def _grid(model: FrictionModel, data: Observations, found: Estimate, quantile: f
     if not model.stribeck:
         return nothing, nothing
     lower, upper = model.bounds(data)
-    information = found.jacobian.T @ found.jacobian
-    covariance = found.variance * np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+    size = np.linalg.norm(found.jacobian, axis=0)  # squares of pressures are 1e10 times newtons: scaled, or cut off
+    size[size == 0.0] = 1.0
+    information = found.jacobian.T @ found.jacobian / np.outer(size, size)
+    covariance = found.variance * np.linalg.pinv(information, rcond=1e-12, hermitian=True) / np.outer(size, size)
 
     def around(k: int, coarse: int, fine: int) -> Array:
         half = 1.6 * quantile * float(np.sqrt(max(covariance[k, k], 0.0)))

@@ -10,8 +10,9 @@ import pytest
 import pneudrive as pn
 from pneudrive import _core
 from pneudrive.errors import FitError
-from pneudrive.identify import fit_friction
+from pneudrive.identify import FrictionFit, fit_friction
 from pneudrive.identify.any_law import fit_any_law
+from pneudrive.identify.law_fit import LawFit
 
 LAWS = Path(__file__).resolve().parents[3] / "examples" / "laws"
 
@@ -58,6 +59,59 @@ def test_the_usual_law_gives_the_usual_fit(make_map, friction_of):
         low, high = usual.intervals[name]
         assert fit.intervals[name] == pytest.approx((low, high), abs=0.15 * (high - low)), name
     assert fit.statistics["aicc"] == pytest.approx(usual.statistics["aicc"], abs=0.05)
+
+
+@pytest.fixture
+def pressed(make_map):
+    """Fit of a law of formulas to a map without noise, all of whose rows share an error of 1 N."""
+    text = {"coulomb": "12 N", "breakaway": "18 N", "pressed": 0.7, "pressure_scale": "1.6 bar"}
+    text |= {"film_velocity": "20 mm/s", "viscous": "45 N s/m"}
+    law = f"file:{LAWS / 'pressed_lip.toml'}"
+    tables = pn.Friction(law=law, **text).core()
+    name, values = tables.pop("law"), tables.pop("parameters")
+    gauges, speed = np.repeat([0.0, 1e5, 2e5, 4e5, 6e5], 8), np.tile(np.geomspace(1e-3, 0.45, 8), 5)
+    zero, tables = np.zeros(speed.size), {key: value for key, value in tables.items() if value is not None}
+    exact, _ = _core.steady_friction_sensitivity(name, values, [], speed, gauges, zero, zero, tables)
+    noise = 0.05 * np.random.default_rng(4).standard_normal(speed.size)
+    curves = make_map(speed, exact + noise, 0.05, gauge_a=gauges, systematic=1.0)
+    return fit_any_law(curves, pn.Friction(law=law, **text | {"coulomb": "9 N", "viscous": "30 N s/m"}))
+
+
+def test_a_drive_takes_the_law_with_intervals_that_hold_what_rows_share(pressed):
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": {"law": "coulomb", "coulomb": "1 N"}})
+    after = pressed.apply(drive)
+    assert after.friction.formula == pressed.model.friction.formula
+    assert after.friction.parameters["coulomb"] == pytest.approx(pressed.parameters["coulomb"])
+    assert after.friction.parameters["film_time"] == pressed.model.friction.parameters["film_time"]
+    assert set(after.provenance) == {f"friction.{name}" for name in pressed.parameters}
+    origin = after.provenance["friction.coulomb"]
+    assert "recording 0" in origin.source
+    low, high = (float(end.split()[0]) for end in origin.interval)
+    assert high - low > 2.0, "1 N that all rows share is 1.96 N each way"
+    again = pressed.apply(after)  # the same law: only what is determined changes
+    assert again.friction == after.friction
+    pn.simulate(after, "0 s: 0.6", duration="0.1 s")
+
+
+def test_what_acts_on_the_law_must_be_what_acted_in_the_fit(pressed):
+    drive = pn.Drive.load("catalogue:reference")
+    drive = drive.replace({"friction.pressure": {"coulomb": {"a": "1 N/bar", "b": "1 N/bar"}}})
+    with pytest.raises(FitError, match="is not that with which the law was fitted"):
+        pressed.apply(drive)
+
+
+def test_a_fit_of_any_law_comes_back_from_its_file(pressed, tmp_path):
+    pressed.to_toml(tmp_path / "fit.toml")
+    again = LawFit.from_toml(tmp_path / "fit.toml")
+    assert str(again) == str(pressed)
+    assert again.identified() == pressed.identified()
+    np.testing.assert_array_equal(again.covariance, pressed.covariance)
+    np.testing.assert_array_equal(again.predict([0.01], 2e5), pressed.predict([0.01], 2e5))
+    with pytest.raises(FitError, match="fit of a law, not of a friction map"):
+        FrictionFit.from_toml(tmp_path / "fit.toml")
+    (tmp_path / "fit.toml").write_text('schema = 1\nkind = "law"\n')
+    with pytest.raises(FitError, match="no complete fit of a law"):
+        LawFit.from_toml(tmp_path / "fit.toml")
 
 
 def test_what_the_map_cannot_tell_is_open(make_map, friction_of):

@@ -137,3 +137,14 @@ def test_starts_that_agree_are_counted(make_map, friction_of):
 def test_unknown_choices_are_named(make_map, friction_of, options, said):
     with pytest.raises(FitError, match=f"(?s){said}"):
         fit_friction(make_map(SPEED, friction_of(SPEED)), **options)
+
+
+@pytest.mark.parametrize("form", ["linear", "quadratic", "interaction"])
+def test_profile_and_first_order_agree_where_values_are_many(make_map, form):
+    """Squares of pressures are 1e10 times newtons: their columns once hid how well vs is known (half its interval)."""
+    fit = fit_friction(
+        at_pressures(make_map, lambda a, b: 20.0 + 1e-5 * a + 1e-5 * b), pressure_dependence=True, pressure=form
+    )
+    for name in fit.free:
+        low, high = fit.intervals[name]
+        assert 0.85 < (high - low) / (2.0 * 1.99 * fit.standard_errors[name]) < 1.2, name
