@@ -58,10 +58,18 @@ fn age_counts_standing_time_and_is_worn_off_by_slip_alone() {
             p.inner[age] = phi;
             evaluate(&contact, &p).1[age]
         };
-        // A contact of rate and state slips at rest, too; 1e-4 m is more than the first element of `gms` holds.
-        let slips = ["rate-and-state", "gms"].contains(&meta.key);
-        for phi in [0.0, 3.0, 1e4].into_iter().filter(|_| !slips) {
-            assert_eq!(rate(0.0, 1e-4, phi, 0.0), 1.0, "{}: at rest it grows as time", meta.key);
+        // Within what holds: the first element of `gms` less than the bristles; rate and state under no load at all.
+        let held = match meta.key {
+            "gms" => 1e-6,
+            "rate-and-state" => 0.0,
+            _ => 1e-4,
+        };
+        for phi in [0.0, 3.0, 1e4] {
+            assert_eq!(rate(0.0, held, phi, 0.0), 1.0, "{}: at rest it grows as time", meta.key);
+        }
+        // Relaxing at rest, either way, stops the ageing of an old contact and makes it no younger.
+        if ["gms", "rate-and-state"].contains(&meta.key) {
+            assert_eq!([1e-3, -1e-3].map(|z| rate(0.0, z, 1e4, 0.0)), [0.0; 2], "{}", meta.key);
         }
         // Bristles at 20 N of some 45 N: only LuGre's slip then, by 0.44 mm/s.
         let level = 30.0 + 15.0 * (-0.0025_f64).exp() + 1.5 * 1.5_f64.ln();

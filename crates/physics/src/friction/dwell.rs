@@ -149,7 +149,9 @@ impl<P: Real> Dwell<P> {
     pub fn rate<S: Over<P>>(&self, age: S, v: S, slip: S, share: S) -> S {
         let o = S::one();
         let left = o - age * slip.abs() / S::from(self.distance);
-        let forwards = S::select(v.lt(S::zero()), -slip, slip) / v.abs().max(S::c(SLOWEST));
+        // At rest nothing slips as a whole, whatever relaxes.
+        let along = S::select(S::zero().lt(v), slip, S::zero());
+        let forwards = S::select(v.lt(S::zero()), -slip, along) / v.abs().max(S::c(SLOWEST));
         let lacking = (S::c(LACKING) * share).max(S::c(LEAST_LACKING));
         let way = (o - (o - forwards) / lacking).max(S::zero()).min(o);
         left * S::select(left.lt(S::zero()), way * way * (S::c(3.0) - way - way), o)
