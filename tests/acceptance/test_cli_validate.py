@@ -9,9 +9,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+import pneudrive as pn
 from oracle.drive_records import drive, record
 from pneudrive.cli.main import run
 from pneudrive.describe import toml
+from pneudrive.errors import FitError
+from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.validate.static import law_n
 
 
@@ -103,3 +106,30 @@ def test_wrong_wishes_end_with_one_message_and_status_2(bench, capsys, words, me
     error = capsys.readouterr().err
     assert message in error
     assert "Traceback" not in error
+
+
+def test_a_drive_is_identified_the_fit_put_into_it_and_exported_from_files_alone(tmp_path, capsys):
+    start, fit, applied = (tmp_path / name for name in ("drive.toml", "fit.toml", "identified.toml"))
+    start.write_text(drive(friction__coulomb="24 N", valve__conductance="2.4 dm3/(s bar)").to_toml())
+    for name, seed in (("run", 5), ("other", 6)):
+        pl.DataFrame(record(drive(), seed, duration_s=3.0).columns).write_csv(tmp_path / f"{name}.csv")
+    free = "friction.coulomb,valve.conductance"
+    assert run(["identify", str(start), str(tmp_path / "run.csv"), "--free", free, "--out", str(fit)]) == 0
+    shown = capsys.readouterr().out.replace(f"{fit}\n", "")
+    assert str(DriveFit.from_toml(fit)) + "\n" == shown
+    with pytest.raises(FitError, match="Fit again"):
+        DriveFit.from_toml(fit).profile()
+    assert run(["apply", str(fit), "--out", str(applied)]) == 0
+    found = pn.Drive.load(applied)
+    assert found.friction.parameters["coulomb"] == pytest.approx(30.0, rel=0.01)
+    assert set(found.provenance) == set(free.split(","))
+    assert run(["apply", str(fit), "catalogue:reference"]) == 0
+    assert 'source = "run"' in capsys.readouterr().out
+    out = str(tmp_path / "validation")
+    assert run(["validate", str(applied), str(tmp_path / "other.csv"), "--out", out]) == 0
+    assert "the balances close" in capsys.readouterr().out
+    assert run(["export", str(fit), "--to", "csv", "--speeds", "1 mm/s .. 300 mm/s"]) == 0
+    row = next(r for r in csv.reader(capsys.readouterr().out.splitlines()) if r[0] == "coulomb")
+    assert float(row[3]) < 30.0 < float(row[4])
+    assert run(["export", str(fit), "--to", "csv"]) == 2
+    assert "--speeds" in capsys.readouterr().err

@@ -20,6 +20,7 @@ COMMANDS = {
     "simulate": "pneudrive.cli.simulate",
     "characterise": "pneudrive.cli.characterise",
     "identify": "pneudrive.cli.identify",
+    "apply": "pneudrive.cli.apply",
     "fit": "pneudrive.cli.fit",
     "design": "pneudrive.cli.design",
     "compare": "pneudrive.cli.compare",

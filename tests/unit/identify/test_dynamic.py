@@ -279,3 +279,11 @@ def test_a_command_that_was_written_down_late_or_that_the_valve_follows_late_is_
     assert known.values["friction.coulomb"] == pytest.approx(30.0, rel=2e-3)
     with pytest.raises(FitError, match="no sensor"):
         pn.identify(start, early, free, sensors={"command": {"offset": "free"}})
+
+
+def test_a_model_that_lacks_something_is_told_by_what_noise_cannot_explain() -> None:
+    waves = {"harmonics": [{"period": "0.15 m", "amplitude": 0.2}]}
+    record = servo(reference().replace({"friction.position": waves}), 3.0)
+    note = next(n for n in pn.identify(reference(), record, ["friction.coulomb"]).notes if "does not fit" in n)
+    assert "position is off by" in note
+    assert not any("does not fit" in n for n in servo_fit().notes)

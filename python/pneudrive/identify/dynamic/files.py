@@ -1,4 +1,4 @@
-"""fit.toml of a drive: values with intervals, covariance and provenance."""
+"""fit.toml of a drive: values with intervals, covariance and provenance, and the drive that the search started from."""
 
 from __future__ import annotations
 
@@ -7,8 +7,13 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe import toml
-from pneudrive.trajectory import whole
+import numpy as np
+
+from pneudrive.describe import Drive, toml
+from pneudrive.errors import FitError
+from pneudrive.identify.diagnose import Undetermined
+from pneudrive.identify.dynamic.recordings import CHANNELS
+from pneudrive.trajectory import meaning, whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,13 +51,62 @@ def fit_toml(fit: DriveFit) -> str:
     out += _table("covariance", {"names": list(fit.free), "matrix": fit.covariance.tolist()})
     for s in fit.undetermined:
         out += ["", "[[undetermined]]", *_entries({"parameter": s.parameter, "reason": s.reason, "remedy": s.remedy})]
-    out += _table("statistics", {key.replace(".", "_"): value for key, value in fit.statistics.items()})
+    out += _table("statistics", {json.dumps(key): value for key, value in fit.statistics.items()})
     recordings = fit.provenance.get("recordings", [])
     out += _table("provenance", {k: v for k, v in fit.provenance.items() if k not in {"recordings", "start"}})
     out += _table("provenance.start", {json.dumps(k): v for k, v in fit.provenance.get("start", {}).items()})
     for recording in recordings:
         out += ["", "[[provenance.recordings]]", *_entries(recording)]
-    return "\n".join(out).lstrip("\n") + "\n"
+    out += ["", toml.write({"drive": fit.start.to_dict()})]
+    return "\n".join(out).lstrip("\n")
+
+
+def read_fit(path: str | Path) -> DriveFit:
+    """Read a file that `write_fit` wrote: all but the recordings' series and the linearised problem.
+
+    Raises
+    ------
+    FitError
+        The file cannot be read, or is no fit of a drive.
+    """
+    content, _ = toml.read(path, FitError, "pneudrive identify --out writes the fit of a drive.")
+    where = str(path)
+    if content.get("kind") != "drive":
+        raise FitError("this is no fit of a drive", where=where, rule="what `pneudrive identify --out` wrote")
+    if content.get("schema") != SCHEMA:
+        raise FitError(
+            "the fit has another schema", where=where, value=content.get("schema"), rule=f"schema = {SCHEMA}"
+        )
+    try:
+        return _from_content(content)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FitError("the fit is not complete", where=where, value=f"{type(error).__name__}: {error}") from error
+
+
+def _from_content(content: Mapping[str, Any]) -> DriveFit:
+    from pneudrive.identify.dynamic.result import DriveFit
+
+    values, sensors = content["values"], content.get("sensors", {})
+    both = {**values, **sensors}
+    statistics = {key: float(value) for key, value in content["statistics"].items()}
+    seen = [key.removeprefix("rms.") for key in statistics if key.startswith("rms.")]
+    return DriveFit(
+        values={name: float(entry["value"]) for name, entry in values.items()},
+        units={name: entry["unit"] for name, entry in both.items()} | {c: meaning(CHANNELS[c])[1] for c in seen},
+        sensors={name: float(entry["value"]) for name, entry in sensors.items()},
+        free=tuple(content["covariance"]["names"]),
+        covariance=np.array(content["covariance"]["matrix"], dtype=np.float64),
+        intervals={
+            name: (float(low), float(high)) for name, entry in both.items() for low, high in [entry["interval"]]
+        },
+        sources={name: tuple(entry["sources"]) for name, entry in values.items()},
+        undetermined=tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
+        notes=tuple(content["notes"]),
+        statistics=statistics,
+        converged=bool(content["converged"]),
+        provenance=dict(content["provenance"]),
+        start=Drive.model_validate(content["drive"]),
+    )
 
 
 def fit_hash(provenance: Mapping[str, Any], values: Mapping[str, float]) -> str:

@@ -20,7 +20,7 @@ from pneudrive.identify.dynamic.search import Joined, Progress, Watcher, join_se
 from pneudrive.identify.dynamic.sensors import Channel, Delay, Sensor, channels_of, command_delay
 from pneudrive.identify.dynamic.shooting import Shooter, segment_starts
 from pneudrive.identify.dynamic.states import measured_starts, observed, white_noise
-from pneudrive.identify.dynamic.uncertainty import Information, bootstrap, information, profile
+from pneudrive.identify.dynamic.uncertainty import Information, bootstrap, information, intervals_of, profile
 from pneudrive.identify.dynamic.undetermined import statements, unresolved_damping
 
 if TYPE_CHECKING:
@@ -46,6 +46,8 @@ LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
 NOISE_CHANGE = 0.02
 #: Correlation of residuals, in samples, of which a note is made, unless their variance is that of the solver alone.
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
+#: Residuals above this multiple of the noise from sample to sample are no noise (assumed).
+MISFIT = 2.0
 #: Huber's constant: 95 % efficient for normal errors [huber2009].
 HUBER_K = 1.345
 
@@ -339,7 +341,7 @@ def _result(
     by_coordinate = problem.natural_jacobian(point.eta)
     covariance = by_coordinate @ found.covariance(problem) @ by_coordinate.T
     reach = student(solved.freedom)
-    intervals = _intervals(parameters, problem, values, reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    intervals = intervals_of(parameters, problem, values, reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
     fit = DriveFit(
         values=dict(zip(names[: problem.drive_size], values.tolist(), strict=False)),
         units={**{p.name: p.unit for p in parameters}, **{s.name: s.unit for s in problem.sensors}},
@@ -368,28 +370,6 @@ def _sizes(parameters: list[Parameter], problem: Problem) -> list[float]:
     return [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
 
 
-def _intervals(
-    parameters: list[Parameter], problem: Problem, values: Array, reach: Array
-) -> dict[str, tuple[float, float]]:
-    """Intervals on the scale on which each value is free: a positive one stays positive."""
-    out = {}
-    for p, value, r in zip(parameters, values, reach, strict=False):
-        if np.isinf(p.lower):
-            out[p.name] = (value - r, value + r)
-        elif np.isinf(p.upper):
-            above = value - p.lower
-            factor = np.exp(min(r / above, 700.0))
-            out[p.name] = (p.lower + above / factor, p.lower + above * factor)
-        else:
-            odds = (value - p.lower) / (p.upper - value)
-            factor = np.exp(min(r * (p.upper - p.lower) / ((value - p.lower) * (p.upper - value)), 700.0))
-            ends = [o / (1.0 + o) for o in (odds / factor, odds * factor)]
-            out[p.name] = tuple(p.lower + (p.upper - p.lower) * e for e in ends)
-    for s, value, r in zip(problem.sensors, values[len(parameters) :], reach[len(parameters) :], strict=True):
-        out[s.name] = (value - r, value + r)
-    return {n: (float(a), float(b)) for n, (a, b) in out.items()}
-
-
 def _notes(
     options: Options, problem: Problem, solved: Solved, converged: bool, records: list[DriveRecording]
 ) -> list[str]:
@@ -402,13 +382,28 @@ def _notes(
         if tau > CORRELATED and variance > SOLVER_SHARE
     ]
     if coloured:
+        notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
+    missed = _missed(problem, solved)
+    if missed:
         notes.append(
-            f"residuals are correlated over time: {', '.join(coloured)}; "
-            "intervals are widened for it, but the model misses something there"
+            f"the model does not fit: {', '.join(missed)}. Values and intervals make up for what it lacks, so the "
+            "truth may lie outside them: put the fit into the drive and ask `pneudrive validate` what is missing"
         )
     if any(r.synthetic for r in records):
         notes.append("from simulated recordings")
     return notes
+
+
+def _missed(problem: Problem, solved: Solved) -> list[str]:
+    """Say where residuals are larger than the noise from sample to sample."""
+    worst: dict[str, float] = {}
+    for experiment, residual in zip(problem.experiments, solved.at.residuals, strict=True):
+        for c, channel in enumerate(experiment.channels):
+            used = experiment.weight[:, c] > 0.0
+            own = experiment.noise[c] * float(np.sqrt(np.mean(residual[used, c] ** 2)))
+            white = max(white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
+            worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
+    return [f"{name} is off by {ratio:.2g} times its noise" for name, ratio in worst.items() if ratio > MISFIT]
 
 
 def _statistics(problem: Problem, solved: Solved, watcher: Watcher) -> dict[str, float]:

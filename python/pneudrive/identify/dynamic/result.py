@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive
     from pneudrive.identify.diagnose import Undetermined
     from pneudrive.identify.dynamic.fit import Solved
+    from pneudrive.identify.export import Exported
 
     Array = NDArray[np.float64]
 
@@ -178,11 +179,58 @@ class DriveFit:
         )
         return apply_identified(found, self.start if drive is None else drive)
 
+    def export(
+        self,
+        to: str,
+        out: str | Path | None = None,
+        *,
+        speeds_m_s: tuple[float, float],
+        gauge_a_pa: float | None = None,
+        gauge_b_pa: float | None = None,
+    ) -> Exported:
+        """Give the friction of `apply()` in another tool's form of the law.
+
+        Parameters
+        ----------
+        to : str
+            ``simscape``, ``modelica`` or ``csv``.
+        out : path-like, optional
+            File to write.
+        speeds_m_s : tuple of float
+            Lowest and highest speed over which it shall hold.
+        gauge_a_pa, gauge_b_pa : float, optional
+            Gauge pressures at which the curve is taken; 0 if nothing is said.
+
+        Raises
+        ------
+        FitError
+            An unknown tool, no such speeds, or a law that cannot be converted.
+        """
+        from pneudrive.identify.export import curve_of_drive, export
+
+        done = export(curve_of_drive(self.apply(), speeds_m_s, gauge_a_pa, gauge_b_pa), to)
+        if out is not None:
+            done.write(out)
+        return done
+
     def to_toml(self, path: str | Path) -> None:
-        """Write the fit with intervals, covariance, what is not determined and provenance."""
+        """Write the fit with intervals, covariance, what is not determined, provenance, and `start`."""
         from pneudrive.identify.dynamic.files import write_fit
 
         write_fit(self, path)
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> DriveFit:
+        """Read what `to_toml` wrote: all but series and the linearised problem, so no profile and no bootstrap.
+
+        Raises
+        ------
+        FitError
+            The file cannot be read, or is no fit of a drive.
+        """
+        from pneudrive.identify.dynamic.files import read_fit
+
+        return read_fit(path)
 
     def without_search(self) -> DriveFit:
         """Return the fit without the linearised problem, which takes memory: no profile and no bootstrap then."""
@@ -202,9 +250,10 @@ class DriveFit:
     def __str__(self) -> str:
         """Return a table of values with intervals, then what is not determined and the notes."""
         s = self.statistics
-        seconds = sum(float(next(iter(c.values())).time_s[-1]) for c in self.series.values())
+        recordings = self.provenance.get("recordings", [])
+        seconds = sum(float(r["seconds"]) for r in recordings)
         state = "" if self.converged else ", not converged: the best so far"
-        lines = [f"{len(self.series)} recording(s), {seconds:.4g} s, {s['samples']:.0f} samples{state}"]
+        lines = [f"{len(recordings)} recording(s), {seconds:.4g} s, {s['samples']:.0f} samples{state}"]
         lost = {u.parameter for u in self.undetermined}
         shown = {**self.values, **self.sensors}
         width = max(map(len, shown))
@@ -220,6 +269,9 @@ class DriveFit:
 
     def _line(self, name: str, value: float, lost: bool) -> str:
         unit = self.units[name]
-        text = f"{value:11.5g} {unit if unit != '1' else '':<12}"
         lower, upper = self.intervals[name]
-        return text + f" 95 %: {lower:.5g} .. {upper:.5g}" + (" (not determined)" if lost else "")
+        # as many digits as show the interval's width, five at least
+        width, size = upper - lower, max(abs(lower), abs(upper), 1e-300)
+        digits = 5 if not 0.0 < width < np.inf else int(np.clip(2 - np.floor(np.log10(width / size)), 5, 12))
+        text = f"{f'{value:.{digits}g}':>13} {unit if unit != '1' else '':<12}"
+        return text + f" 95 %: {lower:.{digits}g} .. {upper:.{digits}g}" + (" (not determined)" if lost else "")

@@ -293,7 +293,7 @@ def export(curve: Curve, to: str) -> Exported:
 
 
 def read_source(path: str | Path) -> FrictionFit | Drive:
-    """Read what is exported: a fit.toml, or a drive file.
+    """Read what is exported: a fit.toml, or a drive file; of the fit of a drive, the drive with its values.
 
     Raises
     ------
@@ -307,11 +307,9 @@ def read_source(path: str | Path) -> FrictionFit | Drive:
         return Drive.load(path)
     tables, _ = toml.read(path, FitError, "pneudrive fit writes a fit.toml.")
     if tables.get("kind") == "drive":
-        raise FitError(
-            "a fit of whole records goes over through its drive",
-            where=str(path),
-            remedy="export the drive file that it was put into (fit.apply), with --speeds",
-        )
+        from pneudrive.identify.dynamic.files import read_fit as read_drive_fit
+
+        return read_drive_fit(path).apply()
     return Drive.load(path) if "friction" in tables or "drive" in tables else read_fit(path)
 
 

@@ -1,0 +1,50 @@
+"""``pneudrive apply``: what a fit has determined goes into a drive file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def apply(
+    fit: Annotated[
+        Path,
+        typer.Argument(
+            help="A fit: what `pneudrive identify --out`, `fit` or `characterise` wrote.", metavar="FIT.toml"
+        ),
+    ],
+    drive: Annotated[
+        str | None,
+        typer.Argument(
+            help="Drive file, or catalogue:NAME; default: the drive that `pneudrive identify` started from.",
+            metavar="[DRIVE]",
+        ),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Drive file to write; default: standard output.")] = None,
+) -> None:
+    """Put the determined values of a fit into a drive, each with its interval and its recordings."""
+    from pneudrive.describe import Drive, toml
+    from pneudrive.errors import CommandError, FitError
+    from pneudrive.identify.dynamic.result import DriveFit
+    from pneudrive.identify.law_fit import KIND, LawFit
+    from pneudrive.identify.result import FrictionFit
+    from pneudrive.trajectory import check_target, whole
+
+    if out is not None:
+        check_target(out, (".toml",))
+    given = None if drive is None else Drive.load(drive)
+    tables, _ = toml.read(fit, FitError, "`pneudrive identify --out` and `pneudrive fit` write fits.")
+    if tables.get("kind") == "drive":
+        after = DriveFit.from_toml(fit).apply(given)
+    elif given is None:
+        raise CommandError("a fit of friction alone does not know the drive", remedy="name the drive file, too")
+    else:
+        after = (LawFit if tables.get("kind") == KIND else FrictionFit).from_toml(fit).apply(given)
+    if out is None:
+        typer.echo(after.to_toml(), nl=False)
+        return
+    with whole(out) as temporary:
+        temporary.write_text(after.to_toml(), encoding="utf-8")
+    typer.echo(str(out))
