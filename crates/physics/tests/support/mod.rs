@@ -7,7 +7,7 @@ mod values;
 use math::{Dual, Real};
 use physics::friction::{
     AnyLaw, At, Composition, Contact, Direction, Dwell, Growth, Harmonic, Heating, LAWS, Levels, Meta,
-    Position, Relaxation, SealLips, SideLoad, Wear,
+    Position, Relaxation, SealLips, SideLoad, Table, Wear,
 };
 pub use values::*;
 
@@ -29,7 +29,9 @@ pub fn relaxation() -> Relaxation<f64> {
 
 pub fn position() -> Position<f64> {
     let wave = |period, amplitude, phase| Harmonic { period, amplitude, phase };
-    Position { harmonics: vec![wave(0.05, 0.04, 0.3), wave(0.007, 0.02, -1.1)], slope: 0.2, reference: 0.1 }
+    let table = Table::new(&[[0.01, 1.1], [0.05, 0.95], [0.13, 1.07], [0.2, 1.0]]);
+    let harmonics = vec![wave(0.05, 0.04, 0.3), wave(0.007, 0.02, -1.1)];
+    Position { table, harmonics, slope: 0.2, reference: 0.1 }
 }
 
 pub fn side_load() -> SideLoad<f64> {
@@ -123,13 +125,15 @@ pub struct Point {
     pub gauges: [f64; 2],
     pub inner: Vec<f64>,
     pub mode: f64,
+    /// The inner states at which the last implicit step was solved, where the next begins to search.
+    pub solved: Vec<f64>,
 }
 
 impl Point {
     /// At rest at x = 0 without pressure, all inner states zero.
     pub fn at_rest(contact: &Contact<f64>) -> Self {
         let inner = vec![0.0; contact.states().len()];
-        Point { v: 0.0, applied: 0.0, x: 0.0, gauges: [0.0; 2], inner, mode: 0.0 }
+        Point { v: 0.0, applied: 0.0, x: 0.0, gauges: [0.0; 2], solved: inner.clone(), inner, mode: 0.0 }
     }
 
     /// v, applied, x, both gauges, inner states, as variables of their own.
@@ -198,7 +202,8 @@ pub fn grid(subject: &Subject) -> Vec<Point> {
             for &mode in modes {
                 let inner = ranges.iter().enumerate().map(|(j, range)| range.at(i, j)).collect();
                 let (x, gauges) = (0.071 * i as f64, [3.1e5 * f64::abs(share), 1.7e5]);
-                points.push(Point { v, applied: 40.0 * share, x, gauges, inner, mode });
+                let applied = 40.0 * share;
+                points.push(Point { v, applied, x, gauges, inner, mode, ..Point::at_rest(&subject.contact) });
             }
         }
     }
@@ -271,21 +276,29 @@ fn slopes(contact: &Contact<f64>, p: &Point) -> Vec<(f64, Vec<f64>)> {
 /// of 1e-13 of `y` or 1e-15 of its `scales`.
 pub fn newton(y: &mut [f64], scales: &[f64], mut f: impl FnMut(&[f64]) -> Vec<(f64, Vec<f64>)>) -> bool {
     for _ in 0..40 {
-        let row = |(value, slopes): (f64, Vec<f64>)| slopes.into_iter().chain([-value]).collect();
-        let mut rows: Vec<Vec<f64>> = f(y).into_iter().map(row).collect();
+        let mut rows = f(y);
         let n = rows.len();
         for i in 0..n {
-            let pivot = (i..n).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs())).expect("rows");
+            let pivot =
+                (i..n).max_by(|&a, &b| rows[a].1[i].abs().total_cmp(&rows[b].1[i].abs())).expect("rows");
             rows.swap(i, pivot);
-            for j in 0..n {
-                if j != i {
-                    let ratio = rows[j][i] / rows[i][i];
-                    let subtract: Vec<f64> = rows[i].iter().map(|x| ratio * x).collect();
-                    rows[j].iter_mut().zip(subtract).for_each(|(x, s)| *x -= s);
+            let (above, below) = rows.split_at_mut(i + 1);
+            let (value, slopes) = &above[i];
+            for (other, others) in below {
+                let ratio = others[i] / slopes[i];
+                if ratio != 0.0 {
+                    others[i..].iter_mut().zip(&slopes[i..]).for_each(|(x, s)| *x -= ratio * s);
+                    *other -= ratio * value;
                 }
             }
         }
-        let steps: Vec<f64> = (0..n).map(|i| rows[i][n] / rows[i][i]).collect();
+        let mut steps = vec![0.0; n];
+        for i in (0..n).rev() {
+            let (value, slopes) = &rows[i];
+            let known: f64 =
+                slopes[i + 1..].iter().zip(&steps[i + 1..]).map(|(slope, step)| slope * step).sum();
+            steps[i] = (-value - known) / slopes[i];
+        }
         y.iter_mut().zip(&steps).for_each(|(y, step)| *y += step);
         let small = |((step, y), scale): ((&f64, &f64), &f64)| step.abs() <= 1e-13 * y.abs() + 1e-15 * scale;
         if steps.iter().zip(&*y).zip(scales).all(small) {
@@ -307,7 +320,7 @@ pub fn implicit(
 ) {
     let start = p.inner.clone();
     let scales: Vec<f64> = contact.states().iter().map(|state| state.scale).collect();
-    let mut found = start.clone();
+    let mut found = p.solved.clone();
     let converged = newton(&mut found, &scales, |y| {
         p.inner.copy_from_slice(y);
         let rates = slopes(contact, p).into_iter().skip(1);
@@ -319,11 +332,13 @@ pub fn implicit(
     });
     if !converged {
         assert!(dt > 1e-15, "no solution from {start:?} at {p:?}");
+        p.solved.clone_from(&start);
         p.inner = start;
         implicit(contact, p, 0.5 * dt, end, note);
         implicit(contact, p, 0.5 * dt, end, note);
         return;
     }
+    p.solved.clone_from(&found);
     p.inner = found;
     note(p, dt);
     p.inner = start.iter().zip(&p.inner).map(|(start, found)| start + (found - start) / end).collect();
