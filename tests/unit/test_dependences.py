@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 import pneudrive as pn
 from pneudrive import _core
@@ -31,6 +32,11 @@ distance = "0.2 mm"
 slope = "5 %/m"
 reference = "250 mm"
 harmonics = [{ period = "50 mm", amplitude = 0.04, phase = "30 deg" }, { period = "7 mm", amplitude = 0.02 }]
+table = [
+    { position = "50 mm", factor = 1.1 },
+    { position = "200 mm", factor = 0.95 },
+    { position = "45 cm", factor = 1.05 },
+]
 
 [friction.direction]
 positive = 1.1
@@ -89,7 +95,8 @@ def test_tables_reach_the_core_in_si(tmp_path, text):
         {"period_m": 0.05, "amplitude": 0.04, "phase_rad": pytest.approx(math.pi / 6)},
         {"period_m": 0.007, "amplitude": 0.02, "phase_rad": 0.0},
     ]
-    assert friction["position"] == {"harmonics": waves, "slope_per_m": 0.05, "reference_m": 0.25}
+    points = [{"position_m": x, "factor": f} for x, f in [(0.05, 1.1), (0.2, 0.95), (0.45, 1.05)]]
+    assert friction["position"] == {"table": points, "harmonics": waves, "slope_per_m": 0.05, "reference_m": 0.25}
     assert friction["direction"] == {"positive": 1.1, "negative": 0.9}
     assert friction["side_load"] == {"force_n": 20.0, "coefficient": 0.1}
     assert friction["temperature"] == {
@@ -145,6 +152,8 @@ WRONG = [
     ('"5 %/m"', '"5 mm"', 'unit "mm" is a length', "a share per length"),
     ("amplitude = 0.04", "amplitude = 0.99", "add up to 1.01: friction would change its sign", "less than 1"),
     ('{ period = "50 mm",', '{ period = "0 mm",', "friction.position.harmonics.period: ", "greater than 0"),
+    ('"45 cm"', '"45 mm"', "friction.position.table: the position 45 mm comes after 200 mm", "positions rise"),
+    ("factor = 0.95", "factor = 0", "friction.position.table.factor: 0 is out of bounds", "greater than 0"),
     ("positive = 1.1", "positive = 0", "friction.direction.positive: 0 is out of bounds", "greater than 0"),
     ("coefficient = 0.1", "", "friction.side_load.coefficient is missing", "a number"),
     ('"3 %/K"', '"-3 %/K"', "friction.temperature.viscous", "not less than 0"),
@@ -252,3 +261,24 @@ def test_a_table_that_names_no_law_says_what_it_assumes():
         pn.Friction(coulomb="30 N")
     with pytest.raises(DescriptionError, match=r"friction\.coulomb: .*has no unit"):
         pn.Friction(coulomb=30.0, breakaway="45 N")
+
+
+def test_a_table_of_positions_is_a_monotone_cubic(drive_file):
+    """Against SciPy's, away from the ends; beyond them and at its points the factors are those of the table."""
+    x = np.array([10.0, 80.0, 120.0, 200.0, 330.0, 460.0]) * 1e-3
+    factor = np.array([1.0, 1.3, 1.1, 0.8, 0.7, 0.9])
+    table = [{"position_m": a, "factor": b} for a, b in zip(x, factor, strict=True)]
+    parameters = {"coulomb": 10.0}
+
+    def friction(position: float) -> float:
+        tables = {"position": {"table": table}}
+        return float(_core.steady_friction("coulomb", parameters, np.ones(1), 0.0, 0.0, None, tables, position)[0])
+
+    for a, b in zip([0.0, *x, 0.5], [1.0, *factor, 0.9], strict=True):
+        assert friction(a) == pytest.approx(10.0 * b, rel=1e-14)
+    scipy = PchipInterpolator(x, factor)
+    for a in np.linspace(x[1], x[-2], 40):
+        assert friction(a) == pytest.approx(10.0 * float(scipy(a)), rel=1e-12)
+    last = np.array([friction(a) for a in np.linspace(x[-2], x[-1], 40)])
+    assert (np.diff(last) >= 0.0).all()
+    assert abs(friction(x[-1] - 1e-7) - friction(x[-1])) < 1e-10

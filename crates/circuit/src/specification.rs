@@ -168,10 +168,21 @@ pub struct Harmonic {
     pub phase_rad: f64,
 }
 
+/// A factor on friction at a position.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PositionPoint {
+    pub position_m: f64,
+    pub factor: f64,
+}
+
 /// See [`physics::friction::Position`].
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Position {
+    /// Positions rise; empty: none.
+    #[serde(default)]
+    pub table: Vec<PositionPoint>,
     #[serde(default)]
     pub harmonics: Vec<Harmonic>,
     #[serde(default)]

@@ -40,7 +40,7 @@ pub use formula::Formula;
 pub use karnopp::Karnopp;
 pub use lugre::LuGre;
 pub use maxwell_slip::{ELEMENTS, Element, MaxwellSlip};
-pub use position::{Harmonic, Position};
+pub use position::{Harmonic, Position, Table};
 pub use rate_and_state::{Evolution, RateAndState};
 pub use relaxation::Relaxation;
 pub use seal_lips::SealLips;

@@ -52,7 +52,8 @@ fn by_hand(subject: &Subject, v: f64) -> Levels<f64> {
             (coulomb, breakaway) = pressed(coulomb, breakaway);
             let (x, turn) = (0.03, 2.0 * std::f64::consts::PI);
             let waves = 0.04 * (turn * x / 0.05 + 0.3).cos() + 0.02 * (turn * x / 0.007 - 1.1).cos();
-            let factor = (1.0 + 0.2 * x + waves) * if v > 0.0 { 1.2 } else { 0.85 };
+            // The table has 1.07 at 0.13 m.
+            let factor = 1.07 * (1.0 + 0.2 * x + waves) * if v > 0.0 { 1.2 } else { 0.85 };
             (coulomb, breakaway) = (coulomb * factor, breakaway * factor);
             let age = 2e-5 / v.abs();
             more = 0.1 * 20.0 + 1.6 * 1.5 * age / (1.0 + age);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -24,6 +25,8 @@ _POSITIVE = Bounds(above=0.0)
 Duration = Annotated[float, Quantity("s", "s", _POSITIVE)]
 #: more would describe the noise of a recording
 MOST_HARMONICS = 4
+#: each costs time at every evaluation
+MOST_POINTS = 50
 
 
 class SealPressure(Described):
@@ -96,10 +99,26 @@ class Harmonic(Described):
         return {"period_m": self.period_m, "amplitude": self.amplitude, "phase_rad": self.phase_rad}
 
 
+class PositionPoint(Described):
+    """A factor on friction at a position of the stroke, as it was measured."""
+
+    table: ClassVar[str] = "friction.position.table"
+    position_m: Position = Field(alias="position")
+    factor: Annotated[float, Quantity("", bounds=_POSITIVE)]
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it."""
+        return {"position_m": self.position_m, "factor": self.factor}
+
+
 class PositionDependence(Described):
-    """Friction along the stroke, with any law: both levels times 1 + slope (x - reference) + harmonics."""
+    """Friction along the stroke, with any law: both levels times [1 + slope (x - reference) + harmonics] and a table.
+
+    Between its points the table is a monotone cubic; beyond them the factor of the nearest one holds.
+    """
 
     table: ClassVar[str] = "friction.position"
+    points: tuple[PositionPoint, ...] = Field(default=(), alias="table")
     harmonics: tuple[Harmonic, ...] = ()
     slope_per_m: Annotated[float, Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
     reference_m: Position = Field(default=0.0, alias="reference")
@@ -115,17 +134,31 @@ class PositionDependence(Described):
             raise wrong(key, what, rule="they add up to less than 1")
         return self
 
+    @model_validator(mode="after")
+    def _points_rise(self) -> PositionDependence:
+        key = "friction.position.table"
+        if len(self.points) == 1 or len(self.points) > MOST_POINTS:
+            raise wrong(key, f"{key} has {len(self.points)} entries", rule=f"2 to {MOST_POINTS}")
+        for before, after in pairwise(self.points):
+            if after.position_m <= before.position_m:
+                after_mm, before_mm = 1e3 * after.position_m, 1e3 * before.position_m
+                what = f"{key}: the position {after_mm:g} mm comes after {before_mm:g} mm"
+                raise wrong(key, what, rule="positions rise")
+        return self
+
     def core(self) -> dict[str, Any]:
         """Return the table as the core takes it."""
         waves = [wave.core() for wave in self.harmonics]
-        return {"harmonics": waves, "slope_per_m": self.slope_per_m, "reference_m": self.reference_m}
+        points = {"table": [point.core() for point in self.points]} if self.points else {}
+        return {"harmonics": waves, "slope_per_m": self.slope_per_m, "reference_m": self.reference_m} | points
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table as users would."""
-        rest = self.model_copy(update={"harmonics": ()})
-        rest.model_fields_set.discard("harmonics")
-        waves = {"harmonics": [wave.to_dict() for wave in self.harmonics]} if self.harmonics else {}
-        return waves | super(PositionDependence, rest).to_dict()
+        lists = {"harmonics": self.harmonics, "table": self.points}
+        rest = self.model_copy(update={"harmonics": (), "points": ()})
+        rest.model_fields_set.difference_update({"harmonics", "points"})
+        written = {key: [entry.to_dict() for entry in entries] for key, entries in lists.items() if entries}
+        return written | super(PositionDependence, rest).to_dict()
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
@@ -133,6 +166,8 @@ class PositionDependence(Described):
         out = super().__get_pydantic_json_schema__(schema, handler)
         one = Harmonic.model_json_schema(by_alias=True)
         out["properties"]["harmonics"] = {"type": "array", "items": one, "maxItems": MOST_HARMONICS}
+        point = PositionPoint.model_json_schema(by_alias=True)
+        out["properties"]["table"] = {"type": "array", "items": point, "minItems": 2, "maxItems": MOST_POINTS}
         return out
 
 

@@ -10,9 +10,12 @@ use physics::Parameter;
 use physics::friction::formula::{Formula, OwnLaw};
 use physics::friction::{
     self, AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, ELEMENTS, Element, Harmonic, Heating,
-    LAWS, Meta, Position, Relaxation, SealLips, Shape, SideLoad, Wear,
+    LAWS, Meta, Position, Relaxation, SealLips, Shape, SideLoad, Table, Wear,
 };
 use std::collections::BTreeMap;
+
+/// Points that a table of positions may have: each costs time at every evaluation.
+const MOST_POINTS: usize = 50;
 
 /// Harmonics of position that a description may have: more would describe the noise of a recording.
 const MOST_HARMONICS: usize = 4;
@@ -335,6 +338,36 @@ fn relaxed<P: Lane>(table: &Lifted<specification::Relaxation>, law: &Meta) -> Re
     Ok(Relaxation { share, time, distance })
 }
 
+fn position_table<P: Lane>(position: &Lifted<specification::Position>) -> Result<Table<P>, Error> {
+    let points = &position.value.table;
+    if points.len() == 1 || points.len() > MOST_POINTS {
+        return refuse(format!(
+            "friction.position.table has {} points; 2 to {MOST_POINTS} are taken",
+            points.len()
+        ));
+    }
+    for pair in points.windows(2) {
+        let [before, after] = [pair[0].position_m, pair[1].position_m];
+        if before.is_nan() || after <= before || !after.is_finite() {
+            return refuse(format!(
+                "friction.position.table: the position {after} m must be above {before} m"
+            ));
+        }
+    }
+    if let Some(point) = points.iter().find(|point| !(point.factor > 0.0 && point.factor.is_finite())) {
+        return refuse(format!(
+            "friction.position.table: the factor {} must be greater than 0",
+            point.factor
+        ));
+    }
+    let number = |k: usize, of: fn(&specification::PositionPoint) -> f64| {
+        position.number(|position| of(&position.table[k]))
+    };
+    let points: Vec<[P; 2]> =
+        (0..points.len()).map(|k| [number(k, |p| p.position_m), number(k, |p| p.factor)]).collect();
+    Ok(Table::new(&points))
+}
+
 fn position<P: Lane>(table: &Lifted<specification::Position>) -> Result<Position<P>, Error> {
     let waves = &table.value.harmonics;
     if waves.len() > MOST_HARMONICS {
@@ -363,6 +396,7 @@ fn position<P: Lane>(table: &Lifted<specification::Position>) -> Result<Position
         Ok(Harmonic { period, amplitude, phase })
     });
     Ok(Position {
+        table: position_table(table)?,
         harmonics: harmonics.collect::<Result<_, Error>>()?,
         slope: table.number(|table| table.slope_per_m),
         reference: table.number(|table| table.reference_m),

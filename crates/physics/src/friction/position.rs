@@ -14,14 +14,63 @@ crate::parameters! {
     }
 }
 
+/// A factor given at some positions, between them by the monotone cubic of Fritsch and Butland: smooth,
+/// without overshoot; beyond the first and the last position it keeps their factors. Source: [fritsch1984].
+#[derive(Clone, Debug, Default)]
+pub struct Table<P> {
+    /// Position m, factor, slope 1/m at each point.
+    points: Vec<[P; 3]>,
+}
+
+impl<P: Real> Table<P> {
+    /// From positions, m, that rise and the factors there.
+    pub fn new(points: &[[P; 2]]) -> Self {
+        let n = points.len();
+        let width = |k: usize| points[k + 1][0] - points[k][0];
+        let secant = |k: usize| (points[k + 1][1] - points[k][1]) / width(k);
+        let slope = |k: usize| {
+            if k == 0 || k + 1 == n {
+                return P::zero();
+            }
+            let (before, after) = (secant(k - 1), secant(k));
+            let (three, two) = (P::c(3.0), P::c(2.0));
+            let weight = (width(k - 1) + two * width(k)) / (three * (width(k - 1) + width(k)));
+            let product = before * after;
+            let mean = product
+                / P::select(P::zero().lt(product), weight * after + (P::one() - weight) * before, P::one());
+            P::select(P::zero().lt(product), mean, P::zero())
+        };
+        Table { points: (0..n).map(|k| [points[k][0], points[k][1], slope(k)]).collect() }
+    }
+
+    /// The factor at `x`; one where there is no table.
+    #[inline(always)]
+    fn at<S: Over<P>>(&self, x: S) -> S {
+        let (Some(first), Some(last)) = (self.points.first(), self.points.last()) else { return S::one() };
+        let x = x.max(S::from(first[0])).min(S::from(last[0]));
+        let mut factor = S::from(first[1]);
+        for pair in self.points.windows(2) {
+            let [[x0, f0, d0], [x1, f1, d1]] = [pair[0], pair[1]].map(|point| point.map(S::from));
+            let h = x1 - x0;
+            let t = (x - x0) / h;
+            let (bend, twist) =
+                (S::c(3.0) * (f1 - f0) - h * (S::c(2.0) * d0 + d1), h * (d0 + d1) - S::c(2.0) * (f1 - f0));
+            let here = f0 + t * (h * d0 + t * (bend + t * twist));
+            factor = S::select(x.lt(x0), factor, here);
+        }
+        factor
+    }
+}
+
 /// Friction that depends on the position along the stroke, on any law: both levels times
 ///
-///   1 + slope (x - x0) + sum_k a_k cos(2 pi (x - x0)/lambda_k + phi_k)
+///   table(x) [1 + slope (x - x0) + sum_k a_k cos(2 pi (x - x0)/lambda_k + phi_k)]
 ///
 /// never less than a hundredth. The form is assumed; a straight line is what misalignment of the drive gives,
-/// periods are those of profile, band or tube. Source: [assumed].
+/// periods are those of profile, band or tube, a table is what was measured. Source: [assumed].
 #[derive(Clone, Debug)]
 pub struct Position<P> {
+    pub table: Table<P>,
     pub harmonics: Vec<Harmonic<P>>,
     /// Linear trend, 1/m.
     pub slope: P,
@@ -30,9 +79,12 @@ pub struct Position<P> {
 }
 
 impl<R: Lane> Position<R> {
-    /// Lane `i` takes `each[i]`; all must have the same number of harmonics.
+    /// Lane `i` takes `each[i]`; all must have the same number of harmonics and of points.
     pub fn gather(each: &[&Position<f64>]) -> Self {
+        let point =
+            |k: usize| std::array::from_fn(|part| R::from_lanes(|lane| each[lane].table.points[k][part]));
         Position {
+            table: Table { points: (0..each[0].table.points.len()).map(point).collect() },
             harmonics: (0..each[0].harmonics.len())
                 .map(|k| Harmonic::gather(&each.iter().map(|one| &one.harmonics[k]).collect::<Vec<_>>()))
                 .collect(),
@@ -48,7 +100,10 @@ impl Position<f64> {
         let waves: f64 = self.harmonics.iter().map(|wave| wave.amplitude.abs()).sum();
         let ends = [0.0, stroke].map(|x| 1.0 + self.slope * (x - self.reference));
         let low = ends[0].min(ends[1]) - waves;
-        [low.max(FLOOR), (ends[0].max(ends[1]) + waves).max(FLOOR)]
+        let factors = || self.table.points.iter().map(|point| point[1]);
+        let [least, most] = [factors().fold(f64::INFINITY, f64::min), factors().fold(0.0, f64::max)];
+        let [least, most] = if self.table.points.is_empty() { [1.0; 2] } else { [least, most] };
+        [(low * least).max(FLOOR), ((ends[0].max(ends[1]) + waves) * most).max(FLOOR)]
     }
 }
 
@@ -60,6 +115,9 @@ impl<P: Real> Position<P> {
         for wave in &self.harmonics {
             let angle = S::c(TAU) * x / S::from(wave.period) + S::from(wave.phase);
             factor = S::from(wave.amplitude).fma(angle.cos(), factor);
+        }
+        if !self.table.points.is_empty() {
+            factor *= self.table.at(at.x);
         }
         base.times(factor.max(S::c(FLOOR)))
     }
