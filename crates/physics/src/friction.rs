@@ -174,6 +174,17 @@ impl Claims {
         Claims { odd: true, rate_independent: false, no_drift: false, always_passive: false };
 }
 
+/// A law as a description gives it.
+pub trait Described: Sized {
+    /// From the values of its parameters, in their order.
+    fn build(values: &[f64], choices: &Choices) -> Self;
+
+    /// What the user should know about these parameters with these levels, if anything.
+    fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
+        None
+    }
+}
+
 /// A friction law.
 pub trait Law<P: Real> {
     const KEY: &'static str;
@@ -218,10 +229,15 @@ pub trait Law<P: Real> {
     /// Friction force, N, positive where it opposes v > 0, and the rates of the inner states.
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S;
 
+    /// Stiffness, N/m, of the spring whose deflection is the first inner state, if the law has one.
+    fn spring(&self) -> Option<P> {
+        None
+    }
+
     /// Rate at which the contact slips for good, m/s, with the rates that `force` gave: its magnitude renews
     /// the contact.
-    fn slip<S: Over<P>>(&self, v: S, _dz: &[S]) -> S {
-        v
+    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
+        if self.spring().is_some() { v - dz[0] } else { v }
     }
 
     /// Whether a mass that is set going with these inner states slips, and does not move elastically in stick.
@@ -240,13 +256,16 @@ pub trait Law<P: Real> {
     }
 
     /// Energy stored in the inner states, J.
-    fn stored<S: Over<P>>(&self, _z: &[S]) -> S {
-        S::zero()
+    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
+        self.spring().map_or(S::zero(), |stiffness| S::c(0.5) * S::from(stiffness) * z[0] * z[0])
     }
 
     /// Heat produced, W: the power of the force minus what the inner states store.
-    fn heat<S: Over<P>>(&self, v: S, force: S, _z: &[S], _dz: &[S]) -> S {
-        force * v
+    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
+        match self.spring() {
+            Some(stiffness) => force * v - S::from(stiffness) * z[0] * dz[0],
+            None => force * v,
+        }
     }
 
     /// Steady sliding at velocity `v` (after any transient), N.
@@ -340,7 +359,7 @@ macro_rules! laws {
             ) -> Option<Self> {
                 $(if key == <$name<f64> as Law<f64>>::KEY {
                     let values: Vec<f64> = <$name<f64>>::PARAMETERS.iter().map(|p| value(p)).collect();
-                    return Some(AnyLaw::$name($name::build(&values, choices)));
+                    return Some(AnyLaw::$name(Described::build(&values, choices)));
                 })*
                 None
             }

@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, InnerState, Law, Levels, Shape, dry, sliding, weight};
+use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Shape, dry, sliding, weight};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -47,13 +47,9 @@ const U: usize = 1;
 const T: usize = 2;
 const L: usize = 3;
 
-impl Armstrong<f64> {
-    pub(super) fn build(values: &[f64], _choices: &Choices) -> Self {
+impl Described for Armstrong<f64> {
+    fn build(values: &[f64], _choices: &Choices) -> Self {
         Armstrong::from_values(values)
-    }
-
-    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
-        None
     }
 }
 
@@ -90,6 +86,10 @@ impl<P: Real> Law<P> for Armstrong<P> {
         Levels { coulomb: self.coulomb, breakaway: self.breakaway, viscous: self.viscous }
     }
 
+    fn spring(&self) -> Option<P> {
+        Some(self.bristle_stiffness)
+    }
+
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
         let (v, way, stick) = (at.v, S::from(mode), dry::is_stick(mode));
@@ -100,10 +100,6 @@ impl<P: Real> Law<P> for Armstrong<P> {
         dz[T] = S::select(stick, S::one(), S::zero());
         dz[L] = S::zero();
         levels.viscous.fma(v, S::select(stick, elastic, way * level))
-    }
-
-    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
-        v - dz[Z]
     }
 
     fn slips_at(&self, at: &At<P>, _levels: &Levels<P>, z: &[P]) -> P::Mask {
@@ -124,14 +120,6 @@ impl<P: Real> Law<P> for Armstrong<P> {
         let there = self.rested(z) * P::select(stick, P::one(), self.weight(z[U]));
         (z[T], z[L]) = (P::zero(), P::one() - there);
         P::select(stick, way, P::zero())
-    }
-
-    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
-        S::c(0.5) * S::from(self.bristle_stiffness) * z[Z] * z[Z]
-    }
-
-    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
-        force * v - S::from(self.bristle_stiffness) * z[Z] * dz[Z]
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {

@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, InnerState, Law, Levels, sliding};
+use super::{At, Choices, Claims, Described, InnerState, Law, Levels, sliding};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -33,13 +33,9 @@ crate::parameters! {
     }
 }
 
-impl BoucWen<f64> {
-    pub(super) fn build(values: &[f64], _choices: &Choices) -> Self {
+impl Described for BoucWen<f64> {
+    fn build(values: &[f64], _choices: &Choices) -> Self {
         BoucWen::from_values(values)
-    }
-
-    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
-        None
     }
 }
 
@@ -56,6 +52,10 @@ impl<P: Real> Law<P> for BoucWen<P> {
         Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }
     }
 
+    fn spring(&self) -> Option<P> {
+        Some(self.bristle_stiffness)
+    }
+
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
         let (v, shape) = (at.v, S::from(self.loop_shape));
@@ -65,18 +65,6 @@ impl<P: Real> Law<P> for BoucWen<P> {
         let bend = size.max(S::c(SMALLEST_BASE)).pow(S::from(self.bouc_wen_exponent - P::one()));
         dz[0] = v - (shape * v.abs() * deflected + (S::one() - shape) * v * size) * bend;
         levels.viscous.fma(v, elastic)
-    }
-
-    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
-        v - dz[0]
-    }
-
-    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
-        S::c(0.5) * S::from(self.bristle_stiffness) * z[0] * z[0]
-    }
-
-    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
-        force * v - S::from(self.bristle_stiffness) * z[0] * dz[0]
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {

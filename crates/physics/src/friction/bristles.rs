@@ -25,13 +25,13 @@ macro_rules! bristle_parameters {
             }
         }
 
-        impl $name<f64> {
-            pub(super) fn build(values: &[f64], choices: &$crate::friction::Choices) -> Self {
+        impl $crate::friction::Described for $name<f64> {
+            fn build(values: &[f64], choices: &$crate::friction::Choices) -> Self {
                 let shape = $crate::friction::Shape::of(choices, values[3]);
                 $name::from_values(values, shape, values[7].is_finite())
             }
 
-            pub(super) fn warning(&self, levels: &$crate::friction::Levels<f64>) -> Option<String> {
+            fn warning(&self, levels: &$crate::friction::Levels<f64>) -> Option<String> {
                 let (damping, fade_velocity) = (self.bristle_damping, self.damping_fade_velocity);
                 let passivity = $crate::friction::bristles::Passivity { damping, fade_velocity };
                 passivity.warning(<$name<f64> as $crate::friction::Law<f64>>::KEY, levels)

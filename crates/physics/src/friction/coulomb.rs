@@ -1,4 +1,4 @@
-use super::{At, Choices, Claims, Law, Levels, dry, sliding};
+use super::{At, Choices, Claims, Described, Law, Levels, dry, sliding};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -18,13 +18,9 @@ crate::parameters! {
     }
 }
 
-impl Coulomb<f64> {
-    pub(super) fn build(values: &[f64], _choices: &Choices) -> Self {
+impl Described for Coulomb<f64> {
+    fn build(values: &[f64], _choices: &Choices) -> Self {
         Coulomb::from_values(values)
-    }
-
-    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
-        None
     }
 }
 

@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, InnerState, Law, Levels, sliding};
+use super::{At, Choices, Claims, Described, InnerState, Law, Levels, sliding};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -29,13 +29,9 @@ crate::parameters! {
     }
 }
 
-impl Dahl<f64> {
-    pub(super) fn build(values: &[f64], _choices: &Choices) -> Self {
+impl Described for Dahl<f64> {
+    fn build(values: &[f64], _choices: &Choices) -> Self {
         Dahl::from_values(values)
-    }
-
-    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
-        None
     }
 }
 
@@ -52,6 +48,10 @@ impl<P: Real> Law<P> for Dahl<P> {
         Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }
     }
 
+    fn spring(&self) -> Option<P> {
+        Some(self.bristle_stiffness)
+    }
+
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
         let v = at.v;
@@ -61,18 +61,6 @@ impl<P: Real> Law<P> for Dahl<P> {
         let bend = left.abs().max(S::c(SMALLEST_BASE)).pow(S::from(self.dahl_exponent - P::one()));
         dz[0] = v * left * bend;
         levels.viscous.fma(v, elastic)
-    }
-
-    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
-        v - dz[0]
-    }
-
-    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
-        S::c(0.5) * S::from(self.bristle_stiffness) * z[0] * z[0]
-    }
-
-    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
-        force * v - S::from(self.bristle_stiffness) * z[0] * dz[0]
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {

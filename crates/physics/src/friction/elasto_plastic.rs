@@ -47,6 +47,10 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
         self.own_levels()
     }
 
+    fn spring(&self) -> Option<P> {
+        Some(self.bristle_stiffness)
+    }
+
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
         let v = at.v;
@@ -55,18 +59,6 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
         let rate = v - self.plastic_share(v, z[0], deflected.abs()) * v.abs() * deflected;
         dz[0] = rate;
         self.force_of(v, levels.viscous, elastic, rate)
-    }
-
-    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
-        v - dz[0]
-    }
-
-    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
-        S::c(0.5) * S::from(self.bristle_stiffness) * z[0] * z[0]
-    }
-
-    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
-        force * v - S::from(self.bristle_stiffness) * z[0] * dz[0]
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {

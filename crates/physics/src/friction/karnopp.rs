@@ -1,5 +1,5 @@
 use super::stribeck::stribeck_parameters;
-use super::{At, Choices, Claims, Law, Levels, Shape, dry, sliding};
+use super::{At, Choices, Claims, Described, Law, Levels, Shape, dry, sliding};
 use crate::parameter::above;
 use math::{Over, Real};
 
@@ -36,12 +36,12 @@ fn is_leaving<P: Real>(mode: P) -> P::Mask {
     P::c(0.5 * (1.0 + LEAVING)).lt(mode.abs())
 }
 
-impl Karnopp<f64> {
-    pub(super) fn build(values: &[f64], choices: &Choices) -> Self {
+impl Described for Karnopp<f64> {
+    fn build(values: &[f64], choices: &Choices) -> Self {
         Karnopp::from_values(values, Shape::of(choices, values[3]))
     }
 
-    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
+    fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
         (self.dead_zone >= self.stribeck_velocity).then(|| {
             format!(
                 "friction.dead_zone = {} mm/s is not below friction.stribeck_velocity = {} mm/s: the Stribeck curve lies \

@@ -29,6 +29,10 @@ impl<P: Real> Law<P> for LuGre<P> {
         self.own_levels()
     }
 
+    fn spring(&self) -> Option<P> {
+        Some(self.bristle_stiffness)
+    }
+
     #[inline(always)]
     fn prepare<S: Over<P>>(&self, v: S) -> S {
         self.weight(v)
@@ -41,18 +45,6 @@ impl<P: Real> Law<P> for LuGre<P> {
         let rate = v - v.abs() * elastic / levels.at(at.prepared);
         dz[0] = rate;
         self.force_of(v, levels.viscous, elastic, rate)
-    }
-
-    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
-        v - dz[0]
-    }
-
-    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
-        S::c(0.5) * S::from(self.bristle_stiffness) * z[0] * z[0]
-    }
-
-    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
-        force * v - S::from(self.bristle_stiffness) * z[0] * dz[0]
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {

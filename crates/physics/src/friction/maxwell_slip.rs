@@ -1,5 +1,5 @@
 use super::stribeck::stribeck_parameters;
-use super::{At, Choices, Claims, FLOOR, InnerState, Law, Levels, Shape, sliding};
+use super::{At, Choices, Claims, Described, FLOOR, InnerState, Law, Levels, Shape, sliding};
 use crate::Parameter;
 use crate::parameter::{above, at_least};
 use math::{Lane, Over, Real};
@@ -122,8 +122,8 @@ impl<R: Lane> MaxwellSlip<R> {
     }
 }
 
-impl MaxwellSlip<f64> {
-    pub(super) fn build(values: &[f64], choices: &Choices) -> Self {
+impl Described for MaxwellSlip<f64> {
+    fn build(values: &[f64], choices: &Choices) -> Self {
         let common = Common::from_values(values, Shape::of(choices, values[3]));
         let mut law = MaxwellSlip { common, elements: Element::tangents(USUAL_ELEMENTS) };
         if !choices.elements.is_empty() {
@@ -131,7 +131,9 @@ impl MaxwellSlip<f64> {
         }
         law
     }
+}
 
+impl MaxwellSlip<f64> {
     /// The same elements and shape with other numbers, in the order of `PARAMETERS`.
     pub fn lifted<P: Real>(&self, values: &[P]) -> MaxwellSlip<P> {
         let constant = |e: &Element<f64>| Element { stiffness: P::c(e.stiffness), level: P::c(e.level) };
@@ -139,10 +141,6 @@ impl MaxwellSlip<f64> {
             common: self.common.lifted(values),
             elements: self.elements.iter().map(constant).collect(),
         }
-    }
-
-    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
-        None
     }
 }
 

@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, InnerState, Law, Levels};
+use super::{At, Choices, Claims, Described, InnerState, Law, Levels};
 use crate::parameter::{above, at_least, between};
 use math::{Over, Real};
 
@@ -79,12 +79,12 @@ crate::parameters! {
     }
 }
 
-impl RateAndState<f64> {
-    pub(super) fn build(values: &[f64], choices: &Choices) -> Self {
+impl Described for RateAndState<f64> {
+    fn build(values: &[f64], choices: &Choices) -> Self {
         RateAndState::from_values(values, choices.evolution)
     }
 
-    pub(super) fn warning(&self, levels: &Levels<f64>) -> Option<String> {
+    fn warning(&self, levels: &Levels<f64>) -> Option<String> {
         let needed = self.evolution_effect * levels.coulomb / self.distance;
         (self.bristle_stiffness < needed).then(|| {
             format!(
@@ -137,24 +137,16 @@ impl<P: Real> Law<P> for RateAndState<P> {
         Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }
     }
 
+    fn spring(&self) -> Option<P> {
+        Some(self.bristle_stiffness)
+    }
+
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
         let elastic = S::from(self.bristle_stiffness) * z[0];
         let slip = self.slip_rate(elastic, z[1], levels);
         dz[0] = at.v - slip;
         dz[1] = self.evolve(z[1], slip);
         levels.viscous.fma(at.v, elastic)
-    }
-
-    fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
-        v - dz[0]
-    }
-
-    fn stored<S: Over<P>>(&self, z: &[S]) -> S {
-        S::c(0.5) * S::from(self.bristle_stiffness) * z[0] * z[0]
-    }
-
-    fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
-        force * v - S::from(self.bristle_stiffness) * z[0] * dz[0]
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {

@@ -1,4 +1,4 @@
-use super::{At, Choices, Claims, Law, Levels, dry, sliding};
+use super::{At, Choices, Claims, Described, Law, Levels, dry, sliding};
 use math::{Over, Real};
 
 /// |v/vs| below this is taken as this in a general exponent, where the slope at zero would be
@@ -88,13 +88,9 @@ stribeck_parameters! {
     pub struct Stribeck {}
 }
 
-impl Stribeck<f64> {
-    pub(super) fn build(values: &[f64], choices: &Choices) -> Self {
+impl Described for Stribeck<f64> {
+    fn build(values: &[f64], choices: &Choices) -> Self {
         Stribeck::from_values(values, Shape::of(choices, values[3]))
-    }
-
-    pub(super) fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
-        None
     }
 }
 
