@@ -1,0 +1,301 @@
+//! `Drive`: simulation, balances along a record, shooting.
+
+use crate::convert::{Table, detached, options, parse, run_to_dict, statistics, to_python};
+use circuit::{ALONG, ByStart, Drive, Record, Restart, Servo, Shooting, Shot, specification};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// A drive, assembled from its description in SI (JSON).
+#[pyclass(name = "Drive", frozen)]
+pub struct PyDrive {
+    json: String,
+    spec: specification::Drive,
+    drive: Drive,
+}
+
+#[pymethods]
+impl PyDrive {
+    #[new]
+    fn new(json: String) -> PyResult<Self> {
+        let spec: specification::Drive = parse(&json)?;
+        let drive = Drive::assemble(&spec, false).map_err(to_python)?;
+        Ok(PyDrive { json, spec, drive })
+    }
+
+    /// Simulates a piecewise constant command.
+    #[pyo3(signature = (times, commands, duration, sample_rate, initial, rtol, ledger=false))]
+    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        duration: f64,
+        sample_rate: f64,
+        initial: &Bound<'py, PyDict>,
+        rtol: f64,
+        ledger: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let initial = initial_state(initial)?;
+        let with_ledger;
+        let drive = if ledger {
+            with_ledger = Drive::assemble(&self.spec, true).map_err(to_python)?;
+            &with_ledger
+        } else {
+            &self.drive
+        };
+        let run = detached(py, |interrupted| {
+            drive.simulate(&times, &commands, (duration, sample_rate), &initial, options(rtol), interrupted)
+        })?;
+        let out = run_to_dict(py, drive.columns(), run)?;
+        out.set_item("warnings", drive.warnings())?;
+        out.set_item("citations", drive.citations())?;
+        Ok(out)
+    }
+
+    /// The same run, but only its states as they are integrated, shape (samples, states).
+    #[allow(clippy::too_many_arguments)]
+    fn states<'py>(
+        &self,
+        py: Python<'py>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        duration: f64,
+        sample_rate: f64,
+        initial: &Bound<'py, PyDict>,
+        rtol: f64,
+    ) -> PyResult<Table<'py>> {
+        let initial = initial_state(initial)?;
+        let rows = detached(py, |interrupted| {
+            let sampling = (duration, sample_rate);
+            self.drive.states(&times, &commands, sampling, &initial, options(rtol), interrupted)
+        })?;
+        self.table(py, rows)
+    }
+
+    /// Pressure Pa and temperature K in chambers a and b (four columns) at states as `states` gives them.
+    fn chambers<'py>(&self, py: Python<'py>, states: PyReadonlyArray2<'py, f64>) -> PyResult<Table<'py>> {
+        let states = states.as_array();
+        let n = self.drive.n_states();
+        if states.ncols() != n {
+            let message = format!("states have {} columns; this drive has {n} states", states.ncols());
+            return Err(PyValueError::new_err(message));
+        }
+        let gas = self.drive.chambers(states.rows().into_iter().map(|row| row.to_vec()));
+        PyArray1::from_vec(py, gas).reshape([states.nrows(), 4])
+    }
+
+    /// Forces, steady friction and pressure rates along a measured record: columns by name. `openings` has
+    /// a row for each sample: supply to a, a to exhaust, supply to b, b to exhaust.
+    #[allow(clippy::too_many_arguments)]
+    fn along<'py>(
+        &self,
+        py: Python<'py>,
+        times: PyReadonlyArray1<'py, f64>,
+        position: PyReadonlyArray1<'py, f64>,
+        velocity: PyReadonlyArray1<'py, f64>,
+        pressure_a: PyReadonlyArray1<'py, f64>,
+        pressure_b: PyReadonlyArray1<'py, f64>,
+        openings: PyReadonlyArray2<'py, f64>,
+        temperatures: [f64; 2],
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let shares: Vec<[f64; 4]> =
+            openings.as_array().rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect();
+        let record = Record {
+            times: times.as_slice()?,
+            position: position.as_slice()?,
+            velocity: velocity.as_slice()?,
+            pressure: [pressure_a.as_slice()?, pressure_b.as_slice()?],
+            openings: &shares,
+            temperature: temperatures,
+        };
+        let n = record.times.len();
+        if [record.position, record.velocity, record.pressure[0], record.pressure[1]]
+            .iter()
+            .any(|column| column.len() != n)
+            || shares.len() != n
+            || openings.as_array().ncols() != 4
+        {
+            return Err(PyValueError::new_err(
+                "the columns of a record have one length, openings four columns",
+            ));
+        }
+        let rows = py.detach(|| self.drive.along(&record));
+        let out = PyDict::new(py);
+        for (i, name) in ALONG.iter().enumerate() {
+            let column = rows.iter().skip(i).step_by(ALONG.len()).copied().collect();
+            out.set_item(*name, PyArray1::from_vec(py, column))?;
+        }
+        Ok(out)
+    }
+
+    /// Simulates a command, put back at each of the restarts (rows of t, position, velocity, pressure a and b)
+    /// to a measured state: columns by name, and what could not go on.
+    #[allow(clippy::too_many_arguments)]
+    fn restarted<'py>(
+        &self,
+        py: Python<'py>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        duration: f64,
+        sample_rate: f64,
+        restarts: PyReadonlyArray2<'py, f64>,
+        temperatures: [f64; 2],
+        rtol: f64,
+    ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
+        if restarts.as_array().ncols() != 5 || restarts.as_array().nrows() == 0 {
+            return Err(PyValueError::new_err("restarts have five columns and at least one row"));
+        }
+        let restarts: Vec<Restart> = restarts
+            .as_array()
+            .rows()
+            .into_iter()
+            .map(|r| Restart { t: r[0], position: r[1], velocity: r[2], pressure: [r[3], r[4]] })
+            .collect();
+        let (columns, failures) = detached(py, |interrupted| {
+            let plan = (&times[..], &commands[..]);
+            self.drive.restarted(
+                plan,
+                (duration, sample_rate),
+                &restarts,
+                temperatures,
+                options(rtol),
+                interrupted,
+            )
+        })?;
+        let out = PyDict::new(py);
+        for (name, column) in self.drive.columns().iter().zip(columns) {
+            out.set_item(name, PyArray1::from_vec(py, column))?;
+        }
+        Ok((out, failures))
+    }
+
+    /// A sampled servo loop tracking a sine around mid stroke.
+    #[allow(clippy::too_many_arguments)]
+    fn servo<'py>(
+        &self,
+        py: Python<'py>,
+        kp: f64,
+        kd: f64,
+        amplitude_m: f64,
+        frequency_hz: f64,
+        duration_s: f64,
+        sample_rate_hz: f64,
+        initial: &Bound<'py, PyDict>,
+        rtol: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let initial = initial_state(initial)?;
+        let middle = 0.5 * self.spec.cylinder.stroke_m;
+        let servo = Servo { kp, kd, middle, amplitude: amplitude_m, frequency: frequency_hz };
+        let (rows, commands, work) = detached(py, |interrupted| {
+            self.drive.servo(&servo, (duration_s, sample_rate_hz), &initial, options(rtol), interrupted)
+        })?;
+        let out = PyDict::new(py);
+        out.set_item("states", self.table(py, rows)?)?;
+        out.set_item("commands", PyArray1::from_vec(py, commands))?;
+        out.set_item("statistics", statistics(py, &work)?)?;
+        Ok(out)
+    }
+
+    /// Names of the numbers from which a segment of `shoot` starts.
+    #[getter]
+    fn start_names(&self) -> Vec<String> {
+        self.drive.start_names()
+    }
+
+    /// Runs segments of a record, each from a start of its own, with exact derivatives of the outputs and
+    /// of the ends by numbers of the description and, if asked, by the starts.
+    #[pyo3(signature = (times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2))]
+    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    fn shoot<'py>(
+        &self,
+        py: Python<'py>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        sample_times: Vec<f64>,
+        starts: Vec<usize>,
+        initial: PyReadonlyArray2<'py, f64>,
+        parameters: Vec<String>,
+        with_initial: WithInitial,
+        outputs: Vec<String>,
+        rtol: f64,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let asked = Shooting {
+            times,
+            commands,
+            sample_times,
+            starts,
+            initial: initial.as_array().iter().copied().collect(),
+            parameters,
+            with_initial: match with_initial {
+                WithInitial::All(all) => all.into(),
+                WithInitial::Of(places) => ByStart::Of(places),
+            },
+            outputs,
+            options: options(rtol),
+            threads,
+        };
+        let shot = detached(py, |interrupted| self.drive.shoot(&self.json, &asked, interrupted))?;
+        let Shot { values, sensitivities, ends, end_sensitivities, failures, directions } = shot;
+        let (samples, outputs) = (asked.sample_times.len(), asked.outputs.len());
+        let (segments, states) = (asked.starts.len(), self.drive.start_names().len());
+        let array = |values: Vec<f64>| PyArray1::from_vec(py, values);
+        let out = PyDict::new(py);
+        out.set_item("values", array(values).reshape([samples, outputs])?)?;
+        out.set_item("sensitivities", array(sensitivities).reshape([samples, outputs, directions])?)?;
+        out.set_item("ends", array(ends).reshape([segments, states])?)?;
+        out.set_item("end_sensitivities", array(end_sensitivities).reshape([segments, states, directions])?)?;
+        out.set_item("failures", failures)?;
+        out.set_item("start_names", self.drive.start_names())?;
+        Ok(out)
+    }
+
+    /// What the user should know about this description.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.drive.warnings().to_vec()
+    }
+
+    /// Keys in references.bib of the laws and methods used.
+    #[getter]
+    fn citations(&self) -> Vec<&'static str> {
+        self.drive.citations().to_vec()
+    }
+}
+
+impl PyDrive {
+    /// Rows of states as an array of shape (samples, states).
+    fn table<'py>(&self, py: Python<'py>, rows: Vec<f64>) -> PyResult<Table<'py>> {
+        let n = self.drive.n_states();
+        let samples = rows.len() / n;
+        PyArray1::from_vec(py, rows).reshape([samples, n])
+    }
+}
+
+fn initial_state(initial: &Bound<'_, PyDict>) -> PyResult<specification::Initial> {
+    let value = |key: &str| -> PyResult<f64> {
+        match initial.get_item(key)? {
+            Some(value) => value.extract(),
+            None => Err(PyValueError::new_err(format!("initial.{key} is missing"))),
+        }
+    };
+    Ok(specification::Initial {
+        position_m: value("position_m")?,
+        velocity_m_s: initial.get_item("velocity_m_s")?.map_or(Ok(0.0), |v| v.extract())?,
+        pressure_a_pa: value("pressure_a_pa")?,
+        pressure_b_pa: value("pressure_b_pa")?,
+        temperature_a_k: value("temperature_a_k")?,
+        temperature_b_k: value("temperature_b_k")?,
+        contact_age_s: initial.get_item("contact_age_s")?.map_or(Ok(0.0), |age| age.extract())?,
+    })
+}
+
+/// Whether to differentiate by the starts, or by which of their numbers.
+#[derive(FromPyObject)]
+enum WithInitial {
+    All(bool),
+    Of(Vec<usize>),
+}

@@ -1,0 +1,149 @@
+//! Friction laws: which there are, laws of one's own, steady sliding.
+
+use crate::convert::{Table, detached, parse, to_python};
+use circuit::{friction_law, own_law, specification, steady_sensitivity};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
+use physics::friction::{At, LAWS, Meta};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+/// Every friction law that a description can name.
+#[pyfunction]
+pub fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let laws = PyList::empty(py);
+    for meta in LAWS {
+        laws.append(law_entry(py, meta)?)?;
+    }
+    Ok(laws)
+}
+
+fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> {
+    let law = PyDict::new(py);
+    law.set_item("name", meta.key)?;
+    law.set_item("title", meta.title)?;
+    law.set_item("source", meta.source)?;
+    law.set_item("states", meta.states.iter().map(|state| state.name).collect::<Vec<_>>())?;
+    law.set_item("bristles", meta.bristles)?;
+    law.set_item("elements", meta.elements)?;
+    law.set_item("evolves", meta.evolves)?;
+    let parameters = PyList::empty(py);
+    for p in meta.parameters {
+        let parameter = PyDict::new(py);
+        parameter.set_item("key", p.key)?;
+        parameter.set_item("unit", p.unit)?;
+        parameter.set_item("lower", p.bounds.lower)?;
+        parameter.set_item("upper", p.bounds.upper)?;
+        parameter.set_item("open", p.bounds.open)?;
+        parameter.set_item("open_above", p.bounds.open_above)?;
+        parameter.set_item("default", p.default)?;
+        parameter.set_item("meaning", p.meaning.trim())?;
+        parameters.append(parameter)?;
+    }
+    law.set_item("parameters", parameters)?;
+    Ok(law)
+}
+
+/// The entry, as of `friction_laws`, of a law of one's own (JSON), with `warnings`.
+///
+/// Raises ValueError(what, key, formula, line, column, text, caret, remedy); no line: not a place in a formula.
+#[pyfunction]
+pub fn formula_law<'py>(py: Python<'py>, json: &str) -> PyResult<Bound<'py, PyDict>> {
+    let spec: specification::Formula = parse(json)?;
+    let own = own_law(&spec).map_err(|refusal| {
+        let problem = &refusal.problem;
+        let (line, column, text, caret) = problem.shown(&refusal.formula).unwrap_or_default();
+        let what = problem.what.clone();
+        let remedy = problem.remedy.clone();
+        PyValueError::new_err((what, refusal.key, refusal.formula, line, column, text, caret, remedy))
+    })?;
+    let law = law_entry(py, &own.meta)?;
+    law.set_item("warnings", &own.warnings)?;
+    law.set_item("levels", own.has_levels())?;
+    Ok(law)
+}
+
+type Values = std::collections::BTreeMap<String, f64>;
+
+/// Steady sliding friction of a law, N, at each velocity m/s, at given gauge pressures Pa and position m;
+/// `dependences` are tables of the description's friction, as it has them.
+#[pyfunction]
+#[pyo3(signature = (law, parameters, velocity, gauge_a_pa=0.0, gauge_b_pa=0.0, pressure=None, dependences=None, position_m=0.0))]
+#[allow(clippy::too_many_arguments)] // The seam: named in Python.
+pub fn steady_friction<'py>(
+    py: Python<'py>,
+    law: &str,
+    parameters: Values,
+    velocity: PyReadonlyArray1<'py, f64>,
+    gauge_a_pa: f64,
+    gauge_b_pa: f64,
+    pressure: Option<Values>,
+    dependences: Option<&Bound<'py, PyAny>>,
+    position_m: f64,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let mut spec: specification::Friction = parse(&friction_json(py, law, dependences)?)?;
+    spec.parameters = parameters;
+    if let Some(pressure) = pressure {
+        let coefficient = |key: &str| pressure.get(key).copied().unwrap_or(0.0);
+        spec.pressure = Some(specification::SealPressure {
+            coulomb_a: coefficient("coulomb_a"),
+            coulomb_b: coefficient("coulomb_b"),
+            breakaway_a: coefficient("breakaway_a"),
+            breakaway_b: coefficient("breakaway_b"),
+        });
+    }
+    let friction = friction_law(&spec).map_err(to_python)?;
+    let force = |v: f64| {
+        let place = At { v, x: position_m, ..At::at_rest() };
+        friction.steady(&place.pressed(gauge_a_pa, gauge_b_pa))
+    };
+    Ok(PyArray1::from_iter(py, velocity.as_array().iter().map(|&v| force(v))))
+}
+
+/// The friction of a description as JSON, without its parameters: they may be infinite.
+fn friction_json(py: Python<'_>, law: &str, dependences: Option<&Bound<'_, PyAny>>) -> PyResult<String> {
+    let tables = PyDict::new(py);
+    if let Some(dependences) = dependences {
+        tables.call_method1("update", (dependences,))?;
+    }
+    tables.set_item("law", law)?;
+    tables.set_item("parameters", PyDict::new(py))?;
+    py.import("json")?.call_method1("dumps", (tables,))?.extract()
+}
+
+/// Steady sliding friction of a law, N, at each place, and its derivatives by numbers of the description,
+/// shape (places, names).
+#[pyfunction]
+#[pyo3(signature = (law, parameters, names, velocity, gauge_a_pa, gauge_b_pa, position_m, dependences=None))]
+#[allow(clippy::too_many_arguments)] // The seam: named in Python.
+pub fn steady_friction_sensitivity<'py>(
+    py: Python<'py>,
+    law: &str,
+    parameters: Values,
+    names: Vec<String>,
+    velocity: PyReadonlyArray1<'py, f64>,
+    gauge_a_pa: PyReadonlyArray1<'py, f64>,
+    gauge_b_pa: PyReadonlyArray1<'py, f64>,
+    position_m: PyReadonlyArray1<'py, f64>,
+    dependences: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, Table<'py>)> {
+    let n = velocity.as_array().len();
+    for (name, array) in
+        [("gauge_a_pa", &gauge_a_pa), ("gauge_b_pa", &gauge_b_pa), ("position_m", &position_m)]
+    {
+        let found = array.as_array().len();
+        if found != n {
+            return Err(PyValueError::new_err(format!("{name} has {found} values, velocity has {n}")));
+        }
+    }
+    let json = friction_json(py, law, dependences)?;
+    let conditions = gauge_a_pa.as_array().into_owned().into_iter().zip(gauge_b_pa.as_array().into_owned());
+    let places = velocity.as_array().into_owned().into_iter().zip(position_m.as_array().into_owned());
+    let places: Vec<At<f64>> = places
+        .zip(conditions)
+        .map(|((v, x), (gauge_a, gauge_b))| At { v, x, ..At::at_rest() }.pressed(gauge_a, gauge_b))
+        .collect();
+    let (forces, derivatives) = detached(py, |_| steady_sensitivity(&json, &parameters, &names, &places))?;
+    let table = PyArray1::from_vec(py, derivatives).reshape([n, names.len()])?;
+    Ok((PyArray1::from_vec(py, forces), table))
+}
