@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from pneudrive.cli.options import option
+
 
 def export(
     source: Annotated[str, typer.Argument(help="A fit (fit.toml), or a drive file.", metavar="FIT|DRIVE")],
@@ -24,29 +26,23 @@ def export(
     ] = None,
 ) -> None:
     """Write friction in another tool's form of the law, with how far it is off and what is lost."""
-    from pneudrive.errors import CommandError, DescriptionError
+    from pneudrive.errors import CommandError
     from pneudrive.identify.export import export as exported
     from pneudrive.identify.export import read_source
     from pneudrive.identify.export.convert import curve_of
     from pneudrive.units import parse_pressure, parse_range
 
-    def gauge(text: str | None, option: str) -> float | None:
+    def gauge(text: str | None, name: str) -> float | None:
         if text is None:
             return None
-        try:
+        with option(name):
             pressure = parse_pressure(text)
-        except DescriptionError as error:
-            raise CommandError(f"{option}: {error.what}", rule=error.rule, remedy=error.remedy) from None
         if not pressure.gauge:
-            raise CommandError(
-                f'{option} "{text}" is absolute', rule="friction counts from ambient", remedy="say gauge"
-            )
+            raise CommandError(f'{name} "{text}" is absolute', rule="friction counts from ambient", remedy="say gauge")
         return pressure.value_pa
 
-    try:
+    with option("--speeds"):
         between = None if speeds is None else parse_range(speeds, "m/s")
-    except DescriptionError as error:
-        raise CommandError(f"--speeds: {error.what}", rule=error.rule, remedy=error.remedy) from None
     pressures = gauge(pressure_a, "--pressure-a"), gauge(pressure_b, "--pressure-b")
     done = exported(curve_of(read_source(source), *pressures, between), to)
     if out is None:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pneudrive.cli.options import option
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -131,7 +133,8 @@ def _ambient(curves: xr.Dataset, said: str) -> float:
     from pneudrive.units import parse_pressure
 
     if said:
-        return parse_pressure(said if "abs" in said else f"{said} abs").value_pa
+        with option("--ambient"):
+            return parse_pressure(said if "abs" in said else f"{said} abs").value_pa
     if "ambient_pressure_pa" in curves.attrs:
         return float(curves.attrs["ambient_pressure_pa"])
     typer.echo(

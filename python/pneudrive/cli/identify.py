@@ -18,7 +18,9 @@ def identify(
         list[Path],
         typer.Argument(help="Recordings: time, command, position, pressures.", metavar="RECORDING..."),
     ],
-    free: Annotated[str, typer.Option(help="What is sought: friction.coulomb,valve.conductance,...", metavar="NAMES")],
+    free: Annotated[
+        str, typer.Option(help="What is sought, with commas: friction.coulomb, valve.conductance, ...", metavar="NAMES")
+    ],
     sensor: Annotated[
         list[str] | None,
         typer.Option(

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from pneudrive.cli.groups import group
+from pneudrive.cli.options import option
 
 rig = group(dict.fromkeys(("serve", "certificate", "user"), "pneudrive.cli.rig"))
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -59,7 +60,8 @@ def serve(
         )
     if pace < 0.0 or 0.0 < pace < 1.0:
         raise CommandError(f"--pace {pace:g}", rule="0, or at least 1")
-    heartbeat_s = parse(heartbeat, "s") if heartbeat else None
+    with option("--heartbeat"):
+        heartbeat_s = parse(heartbeat, "s") if heartbeat else None
     if heartbeat_s is not None and heartbeat_s <= 0.0:
         raise CommandError(f"--heartbeat {heartbeat}", rule="greater than zero")
     bench = load_rig(rig, seed, pace or None)

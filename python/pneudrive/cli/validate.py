@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pneudrive.cli.options import option
 from pneudrive.cli.output import console, writable_folder
 
 if TYPE_CHECKING:
@@ -36,16 +37,14 @@ def validate(
     A friction map (map.parquet, map.csv) or the folder of a campaign is compared with the drive's friction law.
     """
     from pneudrive.describe import Drive
-    from pneudrive.errors import CommandError, DescriptionError
+    from pneudrive.errors import CommandError
     from pneudrive.report.validation import write_validation_report
     from pneudrive.units import parse
     from pneudrive.validate import validate as validated
     from pneudrive.validate.static import is_friction
 
-    try:
+    with option("--window"):
         seconds = parse(window, "s")
-    except DescriptionError as error:
-        raise CommandError(f"--window: {error.what}", rule=error.rule, remedy=error.remedy) from None
     described = Drive.load(drive)
     if any(is_friction(path) for path in recordings):
         if len(recordings) > 1:
