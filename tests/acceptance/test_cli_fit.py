@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from pneudrive import _core
 from pneudrive.characterise import write_map
 from pneudrive.characterise.friction_map import COLUMNS, columns_to_dataset
 from pneudrive.cli.main import run
+from pneudrive.describe import toml
 from pneudrive.identify import FrictionFit
 
 DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston" / "friction"
@@ -91,6 +93,14 @@ def test_next_points_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys)
     assert "stribeck_velocity" in said
     assert run(["campaign", "plan", str(target)]) == 0
     assert "pre-flight: passed" in capsys.readouterr().out
+
+
+def test_a_protocol_takes_no_longer_than_asked_for_and_runs_what_was_proposed(folder, tmp_path, capsys):
+    target = tmp_path / "next.toml"
+    assert run(["design", str(folder / "fit.toml"), "--time", "20 min", "--out", str(target)]) == 0
+    assert re.search(r"the protocol takes 1\d min", capsys.readouterr().out), "all but little of the time is used"
+    protocol = toml.read(target)[0]
+    assert len(protocol["fraction"]["cells"]) < len(protocol["speed"]["list"]) * len(protocol["pressure"]["pairs"])
 
 
 def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):

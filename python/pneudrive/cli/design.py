@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from pneudrive.identify import FrictionFit
-    from pneudrive.identify.design import Limits
+    from pneudrive.identify.design import Design, Limits
     from pneudrive.rig.interface import Envelope, Identity
 
 #: Lowest speed that is proposed where nothing is said, m/s.
@@ -18,6 +19,10 @@ SLOWEST_M_S = 1e-3
 HIGHEST_PA, LEVELS = 6e5, 4
 #: Share of the force range that the difference of the pressure forces may take; the rest is for friction and inertia.
 FORCE_SHARE = 0.5
+#: Designs that are tried until the protocol takes no longer than what was asked for, each for this share of its time.
+FITS, FIT_SHARE = 5, 0.97
+#: A protocol whose settling times are those that a protocol has by default.
+ANY_PROTOCOL = 'schema = 1\nname = "any"\n[speed]\nlist = ["1 mm/s"]\n'
 
 
 def design(
@@ -53,15 +58,20 @@ def design(
     if stops:
         text, said = _stops(stops, parse(scale, "s"), points, found)
     else:
-        plan = designed(
-            found,
-            _limits(found, identity, envelope, speeds, strokes),
-            points=points or None,
-            seconds=parse(time, "s") if time else None,
-            criterion=criterion,
-            noise_n=parse(noise, "N") if noise else None,
-        )
-        text, said = plan.protocol(), str(plan)
+        limits = _limits(found, identity, envelope, speeds, strokes)
+        asked_s = parse(time, "s") if time else None
+        options = {"criterion": criterion, "noise_n": parse(noise, "N") if noise else None}
+        plan = designed(found, limits, points=points or None, seconds=asked_s, **options)
+        text = _protocol(plan, identity, envelope)
+        for _ in range(FITS):  # a cycle takes more than its strokes
+            if asked_s is None:
+                break
+            over = lay_out(parse_protocol(text), identity, envelope).time_s / asked_s
+            if over <= 1.0:
+                break
+            plan = designed(found, limits, seconds=FIT_SHARE * plan.seconds / over, **options)
+            text = _protocol(plan, identity, envelope)
+        said = str(plan)
     typer.echo(said)
     whole = lay_out(parse_protocol(text), identity, envelope)
     typer.echo(f'on "{identity.name}" the protocol takes {duration(whole.time_s)}')
@@ -72,8 +82,31 @@ def design(
         typer.echo(str(out))
 
 
+def _protocol(plan: Design, identity: Identity, envelope: Envelope) -> str:
+    """Return the protocol of a design, without the cells of the crossed table that were not proposed."""
+    from pneudrive.campaign.plan import cell_name, lay_out
+    from pneudrive.campaign.protocol import parse_protocol
+    from pneudrive.describe.toml import value_text
+
+    text = plan.protocol()
+    wanted = [(p.speed_m_s, p.gauge_a_pa, p.gauge_b_pa) for p in plan.points]
+    cells: dict[str, bool] = {}
+    for one in lay_out(parse_protocol(text), identity, envelope).planned:
+        if one.cell is not None and one.cell.speed_m_s is not None:
+            pair = one.cell.pressures
+            at = (one.cell.speed_m_s, pair.a.value_pa, pair.b.value_pa)
+            near = any(isclose(at[0], v, rel_tol=1e-4) and abs(at[1] - a) + abs(at[2] - b) < 1.0 for v, a, b in wanted)
+            cells[cell_name(one.cycle.levels, one.cell)] = near
+    chosen = [name for name, near in cells.items() if near]
+    if len(chosen) == len(cells):
+        return text
+    listed = "".join(f"    {value_text(name)},\n" for name in sorted(chosen))
+    return f"{text.rstrip()}\n\n[fraction]  # the points that were proposed\ncells = [\n{listed}]\n"
+
+
 def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
     """Give what the rig can do: speeds that it reaches and holds, and pressures on a grid."""
+    from pneudrive.campaign.protocol import parse_protocol
     from pneudrive.errors import CommandError
     from pneudrive.identify.design import Limits
     from pneudrive.units import parse_range
@@ -91,7 +124,8 @@ def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: st
                 rule=f"at most {1e3 * fastest:.3g} mm/s",
             )
         fastest = wanted
-    return Limits((slowest, fastest), _gauges(fit, identity, envelope), stroke, acceleration, strokes)
+    settling = parse_protocol(ANY_PROTOCOL).pressure.settling_s
+    return Limits((slowest, fastest), _gauges(fit, identity, envelope), stroke, acceleration, strokes, settling)
 
 
 def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 DRAWS = 32
 #: Speeds that are tried, in logarithmic steps, and digits of those that are proposed.
 SPEEDS, DIGITS = 120, 3
+#: Speeds that are tried where time is given: each is taken once, and neighbours of one would be its repeats.
+SPEEDS_IN_TIME = 30
 #: Standard deviation of ln vs (and ln n) in the prior where a fit hardly knows it: a factor of 2.7 either way.
 WIDEST = 1.0
 
@@ -205,11 +207,14 @@ class Design:
         return "\n".join(lines)
 
     def protocol(self, name: str = "Next points") -> str:
-        """Return a protocol that ``pneudrive campaign plan`` takes: every proposed speed at every proposed pressure."""
+        """Return a protocol that ``pneudrive campaign plan`` takes: every proposed speed at every proposed pressure.
+
+        All cells are repeated alike, as often as the points are in the mean. ``pneudrive design`` adds the table
+        ``[fraction]`` that leaves out the cells which were not proposed.
+        """
         speeds = sorted({p.speed_m_s for p in self.points})
         gauges = sorted({(p.gauge_a_pa, p.gauge_b_pa) for p in self.points})
-        cells = len(speeds) * len(gauges)
-        repeats = max(1, round(sum(p.repeats for p in self.points) / cells))
+        repeats = max(1, round(sum(p.repeats for p in self.points) / len(self.points)))
         listed = ", ".join(f'"{1e3 * v:.6g} mm/s"' for v in speeds)
         pairs = ", ".join(f'{{ a = "{1e-5 * a:.6g} bar gauge", b = "{1e-5 * b:.6g} bar gauge" }}' for a, b in gauges)
         lines = ["schema = 1", f'name = "{name}"', f'about = "{self.criterion}-optimal points"', f"repeats = {repeats}"]
@@ -239,7 +244,8 @@ def design(
     points : int, optional
         Number of points, repeats counted. Without it, and without `seconds`: twice the free parameters.
     seconds : float, optional
-        Time on the rig instead of a number of points: each next point is the one that tells most for its time.
+        Time on the rig instead of a number of points: each next point is the one that tells most for its time. All are
+        repeated alike, as a protocol does.
     criterion : str
         ``D`` (all parameters) or ``I`` (the prediction over the range `over`).
     over : Limits, optional
@@ -254,13 +260,14 @@ def design(
     prior = Prior.of_fit(source) if isinstance(source, FrictionFit) else source
     noise = _noise(source) if noise_n is None else noise_n
     _check(limits, criterion, points, seconds, noise)
-    grid = _grid(limits)
+    grid = _grid(limits, SPEEDS if seconds is None else SPEEDS_IN_TIME)
     candidates = Candidates(
         _gradients(prior, grid) / noise, prior.known, _region(prior, over or limits) if criterion == "I" else None
     )
     cost = limits.seconds(grid.speed_m_s)
     if seconds is not None:
-        chosen = within_budget(candidates, cost, seconds, criterion)
+        once, repeats = within_budget(candidates, cost, seconds, criterion)
+        chosen = np.repeat(once, repeats)
         if not chosen.size:
             shortest = f"the shortest point takes {cost.min():.3g} s"
             raise FitError("no point fits into the time", value=f"{seconds:g} s", rule=shortest)
@@ -316,11 +323,11 @@ def _noise(source: FrictionFit | Prior) -> float:
     return float(np.sqrt(source.statistics["variance"])) * typical
 
 
-def _grid(limits: Limits) -> Observations:
-    speeds = np.geomspace(*limits.speed_m_s, SPEEDS)
+def _grid(limits: Limits, count: int = SPEEDS) -> Observations:
+    speeds = np.geomspace(*limits.speed_m_s, count)
     speeds[1:-1] = [float(f"{v:.{DIGITS}g}") for v in speeds[1:-1]]
     pairs = np.array(limits.gauges_pa, dtype=float).reshape(-1, 2)
-    return at_conditions(np.tile(speeds, len(pairs)), np.repeat(pairs[:, 0], SPEEDS), np.repeat(pairs[:, 1], SPEEDS))
+    return at_conditions(np.tile(speeds, len(pairs)), np.repeat(pairs[:, 0], count), np.repeat(pairs[:, 1], count))
 
 
 def _gradients(prior: Prior, at: Observations) -> Array:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+#: Repeats of all points that are tried where time is given.
+MOST_REPEATS = 12
 #: Information added along each parameter so that a first point can be chosen, relative to that of all candidates.
 RIDGE = 1e-9
 #: Passes of exchanges; each improves the criterion, and three to six reach the end.
@@ -121,17 +123,44 @@ def exchange(candidates: Candidates, count: int, criterion: str = "D") -> NDArra
     return np.sort(np.array(chosen, dtype=np.int64))
 
 
-def within_budget(candidates: Candidates, cost: Array, budget: float, criterion: str = "D") -> NDArray[np.int64]:
-    """Choose measurements one after the other by gain for their cost (c,), as long as the budget lasts."""
+def within_budget(
+    candidates: Candidates, cost: Array, budget: float, criterion: str = "D"
+) -> tuple[NDArray[np.int64], int]:
+    """Choose measurements one after the other by gain for their cost (c,), as long as the budget lasts.
+
+    Each is chosen once and all are repeated alike, as a protocol runs them; the number of repeats is the best one.
+
+    Returns
+    -------
+    ndarray of int, shape (count,)
+        Indices of candidates, sorted.
+    int
+        Repeats of each.
+    """
     scaled = candidates.scaled()
-    matrix, chosen, left = scaled.known.copy(), [], budget
-    while (cost <= left).any():
-        gain = np.where(cost <= left, _gain(scaled, matrix, criterion) / cost, -np.inf)
-        best = int(np.argmax(gain))
-        chosen.append(best)
-        left -= float(cost[best])
-        matrix = matrix + _outer(scaled, best)
-    return np.sort(np.array(chosen, dtype=np.int64))
+    best, most = (np.zeros(0, dtype=np.int64), 1), -np.inf
+    for repeats in range(1, min(MOST_REPEATS, int(budget // cost.min())) + 1):
+        repeated = Candidates(scaled.gradients * np.sqrt(repeats), scaled.known, scaled.region)
+        matrix, chosen, left = scaled.known.copy(), [], budget / repeats
+        free = cost <= left
+        while free.any():
+            one = int(np.argmax(np.where(free, _gain(repeated, matrix, criterion) / cost, -np.inf)))
+            chosen.append(one)
+            left -= float(cost[one])
+            matrix = matrix + _outer(repeated, one)
+            free[one] = False
+            free &= cost <= left
+        if (value := _criterion(repeated, matrix, criterion)) > most:
+            best, most = (np.sort(np.array(chosen, dtype=np.int64)), repeats), value
+    return best
+
+
+def _criterion(candidates: Candidates, matrix: Array, criterion: str) -> float:
+    """Give what is to be large: the mean of ln det M, or minus that of trace(M^-1 W)."""
+    if criterion == "D":
+        return float(np.mean(np.linalg.slogdet(matrix)[1]))
+    assert candidates.region is not None
+    return -float(np.mean(np.trace(np.linalg.solve(matrix, candidates.region), axis1=1, axis2=2)))
 
 
 def _outer(candidates: Candidates, index: int) -> Array:
