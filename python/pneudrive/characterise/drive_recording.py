@@ -287,9 +287,17 @@ def _beside(path: Path) -> Layout:
     raise RecordingError(
         "the file is no recording of a drive, and no layout says how it is read",
         where=str(path),
+        value=_first_line(path),
         rule=f"a recording of a drive has {', '.join(NEEDED)}",
         remedy="say with --layout LAYOUT.toml where time, command, position and both pressures are",
     )
+
+
+def _first_line(path: Path) -> str | None:
+    """Begin of a text file, which mostly names its columns."""
+    with path.open("rb") as file:
+        line = file.readline(200)
+    return f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None
 
 
 def _through(path: Path, layout: Layout, needed: Sequence[str], *, gaps: bool) -> DriveRecording:

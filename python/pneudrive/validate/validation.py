@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.drive_recording import read_drive_recordings
+from pneudrive.characterise.plausible import check_plausible, time_gaps
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.validate.breakaway import Breakaway, breakaways
 from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
@@ -272,8 +273,10 @@ def validate(
     if not (np.isfinite(window_s) and window_s > 0.0):
         raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
     read = read_drive_recordings(recordings, layout)
+    for recording in read:
+        check_plausible(recording, drive)
     records = tuple(_record(drive, Signals.of(r), window_s) for r in read)
-    return Validation(drive, records, window_s, tuple(_notes(records)))
+    return Validation(drive, records, window_s, (*_notes(records), *time_gaps(read)))
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.characterise.drive_recording import read_drive_recordings
+from pneudrive.characterise.plausible import check_plausible, time_gaps
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.files import fit_hash
@@ -48,6 +49,8 @@ NOISE_CHANGE = 0.02
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
 #: Residuals above this multiple of the noise from sample to sample are no noise (assumed).
 MISFIT = 2.0
+#: A fit below this is no matter of parameters, %.
+SENSELESS_PERCENT = 50.0
 #: Huber's constant: 95 % efficient for normal errors [huber2009].
 HUBER_K = 1.345
 
@@ -162,6 +165,9 @@ def identify(
     records = read_drive_recordings(recordings, layout, needed=("time_s", "command"), gaps=True)
     present = [channels_in(record, channels) for record in records]
     options = _options(segment, robust, rtol, threads)
+    for record in records:
+        check_plausible(record, drive)
+    options.notes += time_gaps(records)
     names = [c for c in CHANNELS if any(c in p for p in present)]
     described = {c.name: c for c in channels_of(names, sensors)}
     options.delay = command_delay(sensors)
@@ -385,6 +391,14 @@ def _notes(
         notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
     missed = _missed(problem, solved)
     if missed:
+        fits = {k: v for k, v in _statistics(problem, solved, Watcher()).items() if k.startswith("fit_percent.")}
+        worst = min(fits, key=lambda k: fits[k])
+        if fits[worst] < SENSELESS_PERCENT:
+            notes.append(
+                f"the model does not follow what was recorded ({worst.removeprefix('fit_percent.')}: fit "
+                f"{fits[worst]:.0f} %). Look whether a sign is reversed or chambers are swapped: a command above "
+                "0 fills chamber a, which moves the piston towards greater positions"
+            )
         notes.append(
             f"the model does not fit: {', '.join(missed)}. Values and intervals make up for what it lacks, so the "
             "truth may lie outside them: put the fit into the drive and ask `pneudrive validate` what is missing"
