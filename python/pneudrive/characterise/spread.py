@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CONFIDENCE = 0.95  # of every interval
+#: Two-sided quantile of the normal distribution at this confidence.
+NORMAL_95 = 1.959963984540054
 TREND_LEVEL = 0.05
 MINIMUM_FOR_TREND = 5
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import NORMAL_95
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import Fits, curve_speeds, fit_response, in_newton, kept_conditions
 from pneudrive.characteristics.curves import systematic as systematic_of
 from pneudrive.characteristics.effects import AirShare

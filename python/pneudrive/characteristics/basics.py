@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 PA_PER_BAR = 1e5
-NORMAL_95 = 1.959964  # two-sided 95 % of the normal distribution
 BOTH = 0  # direction of a curve that is half the difference of both directions
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import NORMAL_95
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import curve_speeds, in_newton, kept_conditions, systematic
 from pneudrive.characteristics.result import Source
 

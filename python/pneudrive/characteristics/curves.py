@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import BOTH, NORMAL_95
+from pneudrive.characterise.spread import NORMAL_95
+from pneudrive.characteristics.basics import BOTH
 from pneudrive.characteristics.plausible import implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import NORMAL_95
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import Fits
 from pneudrive.characteristics.effects import Drift, Repeatability
 from pneudrive.characteristics.mixed import MixedModel, independent

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pneudrive.characteristics.basics import BOTH, NORMAL_95
+from pneudrive.characterise.spread import NORMAL_95
+from pneudrive.characteristics.basics import BOTH
 
 if TYPE_CHECKING:
     from pathlib import Path

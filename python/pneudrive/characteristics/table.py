@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.friction_map import COLUMNS as MAP_COLUMNS
-from pneudrive.characteristics.basics import NORMAL_95
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import Fits, Points, deviation_n, systematic
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import NORMAL_95
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import Fits, curve_speeds, kept_conditions, systematic
 from pneudrive.characteristics.effects import Asymmetry, SensorZero
 from pneudrive.characteristics.mixed import Component, MixedModel, widened

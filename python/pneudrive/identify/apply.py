@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import FitError
 from pneudrive.identify.files import fit_toml
 from pneudrive.identify.identified import Identified, apply_identified
@@ -53,7 +54,6 @@ def identified(fit: FrictionFit, forces: dict[str, float] | None = None) -> Iden
 
 #: Digits of the hash of a fit: those with which `sha256sum fit.toml` begins.
 HASH_DIGITS = 16
-NORMAL_95 = 1.959963984540054
 
 
 def whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:

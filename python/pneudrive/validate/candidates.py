@@ -141,6 +141,12 @@ def _direction(drive: Drive, amount: float) -> dict[str, object]:
     return {"friction.direction": {"positive": positive * (1.0 + amount), "negative": negative * (1.0 - amount)}}
 
 
+def _moving_mass(drive: Drive, share: float) -> dict[str, object]:
+    """Piston and load together by a share, as a change of the piston."""
+    piston = drive.cylinder.moving_mass_kg
+    return {"cylinder.moving_mass": write(piston + share * (piston + drive.carried.mass_kg), "kg")}
+
+
 def _dead_volume(sides: str) -> Change:
     def changes(drive: Drive, share: float) -> dict[str, object]:
         old = drive.cylinder.dead_volume_m3
@@ -270,26 +276,26 @@ _PATH_REMEDY = "measure C of this path (ISO 6358), look for a fitting, silencer 
 
 def candidates(drive: Drive) -> list[Candidate]:
     """Everything that is asked of a residual, for this drive."""
-    parameters = drive.friction.parameters
-    conductance = _scaled("valve.conductance", lambda d: d.valve.conductance_m3_s_pa, "m^3/(s Pa)")
-    out = _of_friction(drive) if "coulomb" in parameters else []
-    mass = _scaled("cylinder.moving_mass", lambda d: d.cylinder.moving_mass_kg + d.carried.mass_kg, "kg")
-    if drive.carried.mass_kg:
-        mass = _drive(
-            lambda d, share: {
-                "cylinder.moving_mass": write(
-                    d.cylinder.moving_mass_kg + share * (d.cylinder.moving_mass_kg + d.carried.mass_kg), "kg"
-                )
-            }
-        )
-    out += [
+    friction = _of_friction(drive) if "coulomb" in drive.friction.parameters else []
+    leaks = _of_leaks(drive)
+    return [*friction, *_of_load(), *_of_valve(), *_of_supply(), *leaks, *_of_chambers(drive), *_of_sensors()]
+
+
+def _of_load() -> list[Candidate]:
+    return [
         Candidate("moving mass", "load", "{size} moving mass", "share", 0.05, 0.03,
-                  "weigh piston, slide and load", mass, bounds=SHARE),
+                  "weigh piston, slide and load", _drive(_moving_mass), bounds=SHARE),
         Candidate("constant force", "load", "a constant force of {size} in +x that the model lacks", "N", 1.0, 1.0,
                   "look for weight (incline), a cable drag, and the zeros of the pressure sensors",
                   _drive(lambda d, f: {"load.force": write(d.carried.force_n + f, "N")})),
         Candidate("spring", "load", "a spring of {size} around mid stroke that the model lacks", "N/m", 20.0, 10.0,
                   "look for cables, hoses and covers that pull", _drive(_spring)),
+    ]  # fmt: skip
+
+
+def _of_valve() -> list[Candidate]:
+    conductance = _scaled("valve.conductance", lambda d: d.valve.conductance_m3_s_pa, "m^3/(s Pa)")
+    return [
         Candidate("conductance", "valve", "{size} conductance C of the valve, all paths", "share", 0.05, 0.03,
                   "measure C (ISO 6358), or fit valve.conductance to these records", conductance, bounds=SHARE),
         Candidate("conductance to exhaust", "valve", "{size} conductance of the valve towards exhaust", "share",
@@ -311,11 +317,21 @@ def candidates(drive: Drive) -> list[Candidate]:
                   _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0))),
         Candidate("dead zone", "valve", "a dead zone of the valve of {size} of its command", "1", 0.01, 0.005,
                   "measure the flow over the command near zero", _command(_dead_zone)),
+    ]  # fmt: skip
+
+
+def _of_supply() -> list[Candidate]:
+    return [
         Candidate("supply pressure", "supply", "{size} supply pressure", "Pa", 0.05e5, 0.05e5,
                   "measure the pressure at the valve's inlet while the drive runs",
                   _drive(lambda d, p: {"supply.pressure": f"{d.supply_pressure_pa + p!r} Pa abs"})),
         Candidate("supply sag", "supply", "a supply pressure that falls by {size} at the greatest flow", "Pa",
                   0.05e5, 0.1e5, "a larger regulator or a tank near the valve; measure the pressure there", term=_sag),
+    ]  # fmt: skip
+
+
+def _of_leaks(drive: Drive) -> list[Candidate]:
+    return [
         Candidate("leak from a", "valve", "a leak from chamber a outside, {size} of C", "share of C", 0.005, 0.002,
                   "seal-tightness test: shut the valve and watch pressure a", _leak(1)),
         Candidate("leak from b", "valve", "a leak from chamber b outside, {size} of C", "share of C", 0.005, 0.002,
@@ -326,6 +342,11 @@ def candidates(drive: Drive) -> list[Candidate]:
                   0.005, 0.002, "hold the piston with one chamber under pressure and watch the other; "
                   "cylinder.leakage describes it", _drive(_piston_leak),
                   bounds=(-drive.cylinder.leakage_m3_s_pa / drive.valve.conductance_m3_s_pa, np.inf)),
+    ]  # fmt: skip
+
+
+def _of_chambers(drive: Drive) -> list[Candidate]:
+    out = [
         *[Candidate(f"dead volume of {c}", "chamber", f"{{size}} dead volume of chamber {c}", "share", 0.1, 0.08,
                     "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume(c),
                     bounds=SHARE)
@@ -333,10 +354,19 @@ def candidates(drive: Drive) -> list[Candidate]:
         Candidate("dead volumes", "chamber", "{size} dead volume of both chambers", "share", 0.1, 0.08,
                   "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume("ab"),
                   bounds=SHARE),
-        Candidate("heat transfer", "chamber", "{size} heat transfer to the walls", "share", 0.3, 0.3,
-                  "fit cylinder.heat_transfer to the pressure decay after a fast fill with the valve shut",
-                  _scaled("cylinder.heat_transfer", lambda d: d.cylinder.heat_transfer_w_m2_k, "W/(m^2 K)"),
-                  bounds=SHARE),
+    ]  # fmt: skip
+    if drive.cylinder.heat_transfer_w_m2_k > 0.0:
+        out.append(
+            Candidate("heat transfer", "chamber", "{size} heat transfer to the walls", "share", 0.3, 0.3,
+                      "fit cylinder.heat_transfer to the pressure decay after a fast fill with the valve shut",
+                      _scaled("cylinder.heat_transfer", lambda d: d.cylinder.heat_transfer_w_m2_k, "W/(m^2 K)"),
+                      bounds=SHARE)
+        )  # fmt: skip
+    return out
+
+
+def _of_sensors() -> list[Candidate]:
+    return [
         *[Candidate(f"zero of pressure {c}", "sensor", f"pressure sensor {c} that shows {{size}} too much", "Pa",
                     2e3, 2e3, "tare the sensor at ambient pressure", _sensor(c)) for c in "ab"],
         Candidate("gain of the pressures", "sensor", "pressure sensors that show {size} too much", "share", 0.01, 0.01,
@@ -344,7 +374,6 @@ def candidates(drive: Drive) -> list[Candidate]:
         Candidate("zero of the position", "sensor", "a position that is shown {size} too large", "m", 2e-3, 2e-3,
                   "tare the position at the end of the stroke", _sensor("position")),
     ]  # fmt: skip
-    return [c for c in out if c.key != "heat transfer" or drive.cylinder.heat_transfer_w_m2_k > 0.0]
 
 
 def _of_friction(drive: Drive) -> list[Candidate]:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import DescriptionError
 from pneudrive.validate.candidates import Candidate, candidates
 from pneudrive.validate.residuals import BALANCES, Residuals, Scene, half_support, raw_residuals, residuals
@@ -44,7 +45,6 @@ REFINED = 8
 #: A candidate whose remaining squared residual is within this factor of the best one's cannot be told from it.
 RIVAL = 2.0
 NEWTON_STEPS = 3
-NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import NORMAL_95
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 LAGS = 25
-#: Two-sided 95 % of the normal distribution.
-NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import RecordingError
 from pneudrive.validate.metrics import Metrics, metrics
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 #: Target (assumed, as those of free runs).
 STATIC_FIT_PERCENT = 98.0
-NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.campaign.folder import Campaign
-from pneudrive.characteristics.basics import NORMAL_95, Estimate
+from pneudrive.characterise.spread import NORMAL_95
+from pneudrive.characteristics.basics import Estimate
 from pneudrive.characteristics.compare.checks import Check, checks_of
 from pneudrive.characteristics.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
 from pneudrive.characteristics.result import Statement
