@@ -10,8 +10,9 @@ import pytest
 
 from oracle.campaigns import World, write_campaign
 from pneudrive import _core
-from pneudrive.characterise import write_map
+from pneudrive.characterise import read_map, write_map
 from pneudrive.characterise.friction_map import COLUMNS, columns_to_dataset
+from pneudrive.cli.fit import _joined
 from pneudrive.cli.main import run
 from pneudrive.describe import toml
 from pneudrive.identify import FrictionFit
@@ -101,6 +102,20 @@ def test_a_protocol_takes_no_longer_than_asked_for_and_runs_what_was_proposed(fo
     assert re.search(r"the protocol takes 1\d min", capsys.readouterr().out), "all but little of the time is used"
     protocol = toml.read(target)[0]
     assert len(protocol["fraction"]["cells"]) < len(protocol["speed"]["list"]) * len(protocol["pressure"]["pairs"])
+
+
+def test_maps_are_fitted_together_at_their_gauge_pressures(folder, tmp_path, capsys):
+    path = folder / "map.parquet"
+    both = ["fit", str(path), str(path), "--laws", "stribeck gaussian", "--pressure", "linear"]
+    assert run([*both, "--out", str(tmp_path / "fit.toml")]) == 0
+    assert "from 72 values" in capsys.readouterr().out
+    first = read_map(path).assign_attrs(ambient_pressure_pa=101325.0)
+    low = {name: first[name] - 3000.0 for name in ("pressure_a_pa", "pressure_b_pa")}
+    joined = _joined([path, path], [first, first.assign(low).assign_attrs(ambient_pressure_pa=98325.0)])
+    assert sorted(set(joined["pressure_a_pa"].to_numpy())) == sorted(set(first["pressure_a_pa"].to_numpy()))
+    (tmp_path / "recording.csv").write_text("1,2")
+    assert run([*both[:2], str(tmp_path / "recording.csv")]) == 2
+    assert "recordings by themselves" in capsys.readouterr().err
 
 
 def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):

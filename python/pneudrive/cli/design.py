@@ -71,7 +71,7 @@ def design(
                 break
             plan = designed(found, limits, seconds=FIT_SHARE * plan.seconds / over, **options)
             text = _protocol(plan, identity, envelope)
-        said = str(plan)
+        said = "\n".join([str(plan), *_shared(found, plan)])
     typer.echo(said)
     whole = lay_out(parse_protocol(text), identity, envelope)
     typer.echo(f'on "{identity.name}" the protocol takes {duration(whole.time_s)}')
@@ -80,6 +80,21 @@ def design(
     else:
         out.write_text(text, encoding="utf-8")
         typer.echo(str(out))
+
+
+def _shared(fit: FrictionFit, plan: Design) -> list[str]:
+    """Say where what all rows share is more than what points can narrow."""
+    from pneudrive.identify.model import unit_of
+    from pneudrive.identify.result import shown
+
+    out = []
+    for name, then in plan.half_widths_then.items():
+        factor, unit = shown(unit_of(name))
+        if (both := 2.0 * fit.systematic[name]) > then:
+            out.append(f"{name} +-{factor * both:.2g} {unit}")
+    if not out:
+        return []
+    return ["- errors that all values share (sensors, area) are more, and no point narrows them: " + ", ".join(out)]
 
 
 def _protocol(plan: Design, identity: Identity, envelope: Envelope) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +26,8 @@ def fit(
     source: Annotated[
         list[Path],
         typer.Argument(
-            help="A friction map (map.parquet, map.csv), recordings, or a campaign.", metavar="MAP|RECORDING..."
+            help="Friction maps (map.parquet, map.csv) or campaigns, several together; or recordings.",
+            metavar="MAP|RECORDING...",
         ),
     ],
     laws: Annotated[
@@ -95,20 +97,41 @@ def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     missing = next((path for path in source if not path.exists()), None)
     if missing is not None:
         raise CommandError(f"there is no {missing}", rule="a friction map, recordings, or the folder of a campaign")
-    if len(source) == 1 and source[0].is_dir():
-        return characteristics(source[0]).friction_map
-    if any(path.is_dir() for path in source):
-        raise CommandError("a campaign is fitted by itself", value=" ".join(map(str, source)))
+    finished = [path for path in source if path.is_dir() or path.suffix == ".parquet"]
+    if finished and len(finished) < len(source):
+        raise CommandError(
+            "campaigns and finished maps are fitted together, recordings by themselves",
+            value=" ".join(map(str, source)),
+            remedy="make a map of the recordings first: pneudrive characterise",
+        )
+    if finished:
+        maps = [characteristics(one).friction_map if one.is_dir() else read_map(one) for one in finished]
+        return maps[0] if len(maps) == 1 else _joined(finished, maps)
     if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
-        try:
+        with suppress(PneudriveError):
             return read_map(source[0])
-        except PneudriveError:
-            if source[0].suffix == ".parquet":
-                raise
     found = characterise_recordings(list(source), layout)
     seals, runs = row_seals_and_runs(found)
     labels = {"seal": ("row", np.array(seals, dtype=object)), "run": ("row", np.array(runs, dtype=object))}
     return found.friction_map.assign(labels)
+
+
+def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
+    """Put the rows of several maps into one; each keeps its gauge pressures, whatever the air pressure was."""
+    import numpy as np
+    import xarray as xr
+
+    ambient = [float(one.attrs.get("ambient_pressure_pa", STANDARD_PA)) for one in maps]
+    common = [str(name) for name in maps[0] if all(name in one for one in maps)]
+    parts = []
+    for path, one, air in zip(paths, maps, ambient, strict=True):
+        names = np.array([f"{path}: {name}" for name in one["recording"].to_numpy()], dtype=object)
+        gauges = {name: one[name] + (ambient[0] - air) for name in ("pressure_a_pa", "pressure_b_pa")}
+        parts.append(one[common].assign(gauges | {"recording": ("row", names)}))
+    joined = xr.concat(parts, "row", combine_attrs="drop")
+    return joined.assign_attrs(
+        {} if "ambient_pressure_pa" not in maps[0].attrs else {"ambient_pressure_pa": ambient[0]}
+    )
 
 
 def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None) -> list[str]:

@@ -248,7 +248,12 @@ class Friction(Described):
                 continue  # an infinite default means that the effect is absent, and so is the value
             if default is None:
                 si_unit, _ = _UNITS.get(parameter["unit"], (parameter["unit"], None))
-                remedy = f"{parameter['meaning']}: {units.needed(si_unit) if si_unit else 'a number'}."
+                needed = units.needed(si_unit) if si_unit else "a number"
+                remedy = (
+                    f"{parameter['meaning']}: {needed}."
+                    if parameter["meaning"]
+                    else f"{needed[0].upper()}{needed[1:]}."
+                )
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
         out = {"law": name, "formula": own, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}

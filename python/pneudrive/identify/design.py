@@ -198,7 +198,9 @@ class Design:
             times = f" x {p.repeats}" if p.repeats > 1 else ""
             gauges = f"a {1e-5 * p.gauge_a_pa:.3g} bar, b {1e-5 * p.gauge_b_pa:.3g} bar gauge"
             lines.append(f"  {1e3 * p.speed_m_s:8.3g} mm/s  {gauges}{times}")
-        lines.append("expected half-width of the 95 % interval, now and then:")
+        lines.append(
+            "expected half-width of the 95 % interval, now and when these values are fitted together with those before:"
+        )
         for name, then in self.half_widths_then.items():
             factor, unit = shown(unit_of(name))
             now = self.half_widths_now[name]

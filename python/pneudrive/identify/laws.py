@@ -40,6 +40,8 @@ CANDIDATES = {
 }
 #: A miss of a straight line that is said.
 MISSED = 0.2
+#: A curve has to miss by less than this share of what the line misses by, or it is not the line that is wrong.
+CURVED = 0.75
 
 
 @dataclass(frozen=True)
@@ -182,11 +184,34 @@ def compare_laws(
     rows = [row for row in tried if isinstance(row, Compared)]
     if not rows:
         raise FitError("no law can be compared on this map", value="; ".join(str(row) for row in tried))
+    rows, same = _distinct(rows)
+    tried += same
     best = min(rows, key=lambda row: row.error_n)
     recommended = min((row for row in rows if _as_good(row, best)), key=lambda row: (row.free, row.error_n))
     said = (*_statements(rows, best, recommended, held_out), *(row for row in tried if isinstance(row, str)))
     ordered = tuple(sorted(rows, key=lambda row: row.error_n))
     return LawComparison(ordered, held_out, int(folds.max()) + 1, probability, recommended, said)
+
+
+def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
+    """Leave out laws of which the values carry no more than of a plainer one that is compared too, and say so."""
+    asked = {(row.name, row.pressure) for row in rows}
+    kept, curve, line = [], [], []
+    for row in rows:
+        form = row.pressure and row.fit.model.pressure
+        name = row.name if row.fit.model.stribeck else "coulomb"
+        if (name, form) == (row.name, row.pressure) or (name, form) not in asked:
+            kept.append(row)
+            continue
+        curve += [row.name] if name != row.name else []
+        line += [str(row.pressure)] if form != row.pressure else []
+    said = []
+    if curve:
+        said.append(f"these values carry no Stribeck curve: coulomb stands for {', '.join(dict.fromkeys(curve))}")
+    if line:
+        listed = ", ".join(dict.fromkeys(line))
+        said.append(f"these pressures carry no more than a straight line: linear stands for {listed} in pressure")
+    return kept, said
 
 
 def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:
@@ -322,7 +347,8 @@ def _statements(rows: list[Compared], best: Compared, recommended: Compared, hel
             f"and predicts what was left out with {100 * smallest.error:.2g} %"
         )
     lines = [row for row in rows if row.pressure == "linear" and row.name == recommended.name]
-    if lines and recommended.pressure != "linear" and abs(lines[0].worst) > MISSED:
+    gained = bool(lines) and abs(recommended.worst) < CURVED * abs(lines[0].worst)
+    if gained and recommended.pressure != "linear" and abs(lines[0].worst) > MISSED:
         yield (
             f"a straight line in pressure does not hold: it misses a {held_out} that was left out by up to "
             f"{100 * abs(lines[0].worst):.0f} % ({lines[0].worst_at})"

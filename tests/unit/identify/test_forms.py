@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from pneudrive import Drive, _core
 from pneudrive.errors import FitError
 from pneudrive.identify import FrictionFit, fit_friction
+from pneudrive.identify.laws import compare_laws
 from pneudrive.identify.losses import LOSSES
 from pneudrive.identify.model import FrictionModel, Observations
 
@@ -148,3 +149,14 @@ def test_profile_and_first_order_agree_where_values_are_many(make_map, form):
     for name in fit.free:
         low, high = fit.intervals[name]
         assert 0.85 < (high - low) / (2.0 * 1.99 * fit.standard_errors[name]) < 1.2, name
+
+
+def test_a_law_that_is_a_plainer_one_for_these_values_is_not_listed_twice(make_map):
+    """Two pressures in chamber b carry no curve, and one speed no Stribeck part: it is said, not shown as five rows."""
+    gauge_a, gauge_b = np.repeat([0.0, 2e5, 4e5], 2), np.tile([0.0, 3e5], 3)
+    friction = 20.0 + 1e-5 * gauge_a + 1e-5 * gauge_b + 0.1 * np.random.default_rng(2).standard_normal(6)
+    curves = make_map(np.full(6, 0.01), friction, 0.1, gauge_a=gauge_a, gauge_b=gauge_b)
+    found = compare_laws(curves, hold_out="pressure", pressure=["linear", "quadratic"])
+    assert [row.title for row in found.rows] == ["coulomb, linear in pressure"]
+    assert any("coulomb stands for stribeck gaussian" in said for said in found.statements)
+    assert any("linear stands for quadratic in pressure" in said for said in found.statements)
