@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.characterise.drive_recording import read_drive_recordings
 from pneudrive.characterise.plausible import check_plausible, time_gaps
-from pneudrive.characterise.spread import student
+from pneudrive.characterise.spread import robust_deviation, student
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.files import fit_hash
 from pneudrive.identify.dynamic.parameters import Candidates, Coordinates, Parameter, chosen
@@ -49,8 +49,8 @@ NOISE_CHANGE = 0.02
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
 #: Residuals above this multiple of the noise from sample to sample are no noise (assumed).
 MISFIT = 2.0
-#: A fit below this is no matter of parameters, %.
-SENSELESS_PERCENT = 50.0
+#: A fit below this, worse than the mean of the record, is no matter of parameters, %.
+SENSELESS_PERCENT = 0.0
 #: Huber's constant: 95 % efficient for normal errors [huber2009].
 HUBER_K = 1.345
 
@@ -325,7 +325,7 @@ def _renew_noise(problem: Problem, at: Joined, stated: list[NDArray[np.bool_]], 
             r = residual[experiment.weight[:, c] > 0.0, c]
             size = float(np.sqrt(np.mean(r**2)))
             if np.isfinite(problem.huber_k):
-                size = float(np.median(np.abs(r))) / 0.6745
+                size = robust_deviation(r)
             new = max(size * experiment.noise[c], _least_noise(channel, rtol))
             if abs(new / experiment.noise[c] - 1.0) > NOISE_CHANGE:
                 experiment.noise[c], changed = new, True
