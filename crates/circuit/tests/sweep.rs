@@ -257,10 +257,10 @@ fn sweep(seeds: std::ops::Range<u64>, laws: &[&str]) {
     attempts.sort_unstable();
     let failures: Vec<&String> = results.iter().filter_map(|r| r.as_ref().err()).collect();
     println!(
-        "{} runs, {} failures; attempts: median {}, largest (attempts, member) {:?}",
+        "{} runs, {} failures; attempts: median {:?}, largest (attempts, member) {:?}",
         results.len(),
         failures.len(),
-        attempts[attempts.len() / 2].0,
+        attempts.get(attempts.len() / 2).map(|attempts| attempts.0),
         &attempts[attempts.len().saturating_sub(8)..]
     );
     for failure in failures.iter().take(10) {
@@ -277,6 +277,8 @@ fn two_hundred_drives() {
 #[test]
 fn a_hundred_drives_with_other_laws() {
     sweep(0..100, OTHERS);
+    // Karnopp without viscous friction, at its end stop: the force stays at breakaway while the mass is in the band.
+    sweep(2037..2038, OTHERS);
 }
 
 #[test]
@@ -292,10 +294,9 @@ fn five_thousand_drives() {
 }
 
 #[test]
-#[ignore = "a minute; by hand"]
-fn a_thousand_drives_with_other_laws() {
-    // Of the next thousand one stops with its message: 2037, karnopp without viscous friction, at its end stop.
-    sweep(1000..2000, OTHERS);
+#[ignore = "minutes; by hand"]
+fn two_thousand_drives_with_other_laws() {
+    sweep(1000..3000, OTHERS);
 }
 
 /// Largest errors of position, m, and of a pressure, relative, at the default tolerance, against a run at

@@ -163,12 +163,13 @@ impl<R: Lane> Axis<R> {
         let node = &net.axis[self.node];
         let mut after = z.to_vec();
         let mode = contact.next_mode(self.mode, &at(node), &mut after);
-        let goes_on = self.mode.get(lane) * mode.get(lane) > 0.0;
+        let v = node.v.get(lane);
+        // One that stands and is pushed on in the same direction begins anew: else its event would come again at once.
+        let goes_on = self.mode.get(lane) * mode.get(lane) > 0.0 && mode.get(lane) * v > 0.0;
         self.mode.put(lane, mode.get(lane));
         for (z, after) in z.iter_mut().zip(&after) {
             z.take(lane, after);
         }
-        let v = node.v.get(lane);
         (self.stops() && !goes_on).then(|| 0.5 * (self.mass + self.inertia).get(lane) * v * v)
     }
 
