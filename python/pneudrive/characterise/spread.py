@@ -14,6 +14,8 @@ import numpy as np
 from pneudrive.characterise.motion import straight_line
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 CONFIDENCE = 0.95  # of every interval
@@ -60,6 +62,17 @@ def student(dof: float, confidence: float = CONFIDENCE) -> float:
 
     upper = 0.5 * (1.0 + confidence)
     return float(stdtrit(dof, upper)) if dof > 0 else float(ndtri(upper))
+
+
+def robust_deviation(residual: NDArray[np.float64]) -> float:
+    """Return the standard deviation of normal residuals by their median absolute value: few outliers do not count."""
+    return float(np.median(np.abs(residual))) / 0.6745
+
+
+def intervals_of_draws(names: Sequence[str], draws: NDArray[np.float64]) -> dict[str, tuple[float, float]]:
+    """95 % interval of each column of `draws`, shape (m, p), by the quantiles of its values: name -> (lower, upper)."""
+    low, high = np.quantile(draws, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=0)
+    return {name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)}
 
 
 def spread_of(stroke_means_n: NDArray[np.float64]) -> Spread:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
+from pneudrive.characterise.spread import NORMAL_95, robust_deviation
 from pneudrive.characteristics.basics import BOTH
 from pneudrive.characteristics.plausible import implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
@@ -221,7 +221,7 @@ def _outliers(fits: Fits) -> set[int]:
     for number in range(int(fit.data.curve.max()) + 1):
         members = fit.data.curve == number
         rest[members] -= fit.at(number, fit.data.speed_m_s[members]).mean
-    usual = max(float(np.median(np.abs(rest))) / 0.6745, float(np.sqrt(np.median(fit.data.noise))))
+    usual = max(robust_deviation(rest), float(np.sqrt(np.median(fit.data.noise))))
     level = 1.0 if fit.logarithmic else float(np.median(np.abs(fit.data.y)))
     far = (np.abs(rest) > OUTLIER * usual) & (np.abs(rest) > OUTLIER_SHARE * level)
     return set(rows[far].tolist()) if 0 < far.sum() <= max(1, int(OUTLIERS_SHARE * rows.size)) else set()

@@ -16,11 +16,12 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
-from pneudrive.identify.assemble import covariance, systematic
+from pneudrive.identify.assemble import SINGULAR_SHARE, covariance, internal_covariance, systematic
 from pneudrive.identify.fit import ambient_of, fingerprint, recordings_of
 from pneudrive.identify.law_fit import LawFit
 from pneudrive.identify.observations import observations
 from pneudrive.identify.robust import deviance, estimate
+from pneudrive.identify.support import information_criteria
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
 STARTS, FACTOR = 5, 5.0
 #: A derivative below this share of the largest friction, over the parameter's whole size, is none.
 NO_EFFECT = 1e-9
-#: Singular values of the scaled Jacobian below this share of the largest are directions without information.
-SINGULAR_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -52,10 +51,13 @@ class AnyLaw:
         Law, and the values of what is not free.
     names : tuple of str
         Free parameters of the law.
+    start : tuple of float
+        Where to search, SI; the values of `friction` where nothing is said.
     """
 
     friction: Friction
     names: tuple[str, ...]
+    start: tuple[float, ...] = field(default=(), compare=False)
     stribeck: bool = field(default=False, init=False)  # no shortcuts of the Stribeck laws
     chosen: int = field(default=0, init=False)
 
@@ -70,6 +72,11 @@ class AnyLaw:
         """Parameters whose logarithm is the coordinate, shape (p,)."""
         lower = {p["key"]: p["lower"] for p in self.friction.entry["parameters"]}
         return np.array([lower[n] is not None and lower[n] >= 0.0 for n in self.names])
+
+    @property
+    def given(self) -> Array:
+        """Where to search, shape (p,), SI."""
+        return np.array(self.start or [self.friction.parameters[n] for n in self.names])
 
     @cached_property
     def excess(self) -> tuple[int, int] | None:
@@ -104,10 +111,10 @@ class AnyLaw:
     def bounds(self, data: Observations) -> tuple[Array, Array]:
         """Bounds of the coordinates: the law's own, and six decades about the given values."""
         del data
-        given = self.internal(np.array([self.friction.parameters[n] for n in self.names]))
+        given = self.internal(self.given)
         lower, upper = np.full(given.size, -np.inf), np.full(given.size, np.inf)
         lower[self.positive], upper[self.positive] = given[self.positive] - 14.0, given[self.positive] + 14.0
-        for k, entry in enumerate(self._entries()):
+        for k, entry in enumerate(self.entries()):
             if entry["upper"] is not None and np.isfinite(entry["upper"]):
                 top = self.internal(np.full(given.size, float(entry["upper"])))[k]
                 upper[k] = min(upper[k], top)
@@ -137,7 +144,8 @@ class AnyLaw:
         )
         return force, slopes @ self.natural_jacobian(q)
 
-    def _entries(self) -> list[dict[str, Any]]:
+    def entries(self) -> list[dict[str, Any]]:
+        """Return what the core says of each free parameter: bounds, unit, meaning."""
         by_key = {p["key"]: p for p in self.friction.entry["parameters"]}
         return [by_key[n] for n in self.names]
 
@@ -184,8 +192,8 @@ def fit_any_law(
         raise FitError(
             f"law {friction.law!r} has no parameter {unknown[0]!r}", rule="its parameters: " + ", ".join(known)
         )
-    seen = _seen(AnyLaw(friction, known), data)
-    model = AnyLaw(friction, tuple(free) if free else seen)
+    seen = _seen(_with_sizes(AnyLaw(friction, known), data), data)
+    model = _with_sizes(AnyLaw(friction, tuple(free) if free else seen), data)
     if not model.names:
         raise FitError("steady sliding shows none of the free parameters", value=", ".join(free or known))
     if len(data) <= len(model.names):
@@ -207,16 +215,30 @@ def fit_any_law(
     return replace(fit, provenance=origin)
 
 
-def _seen(model: AnyLaw, data: Observations) -> tuple[str, ...]:
-    q = model.internal(np.array([model.friction.parameters[n] for n in model.names]))
+def _with_sizes(model: AnyLaw, data: Observations) -> AnyLaw:
+    """Give guesses of zero a size: in a logarithm zero has none. It is that which changes friction by about a tenth."""
+    start = model.given
+    zero = model.positive & (start == 0.0)
+    if not zero.any():
+        return model
+    q = model.internal(start)
     value, jac = model.value_and_jacobian(q, data)
+    slope = np.abs(jac).max(axis=0) / np.diag(model.natural_jacobian(q))
+    sizes = 0.1 * float(np.median(np.abs(value))) / np.where(slope > 0.0, slope, np.inf)
+    uppers = [one["upper"] for one in model.entries()]
+    most = np.array([np.inf if top is None else 0.5 * top for top in uppers])
+    return replace(model, start=tuple(np.where(zero, np.minimum(sizes, most), start).tolist()))
+
+
+def _seen(model: AnyLaw, data: Observations) -> tuple[str, ...]:
+    value, jac = model.value_and_jacobian(model.internal(model.given), data)
     size = np.abs(jac).max(axis=0)
     return tuple(n for n, s in zip(model.names, size, strict=True) if s > NO_EFFECT * np.abs(value).max())
 
 
 def _best(model: AnyLaw, data: Observations, loss: str, seed: int) -> tuple[Estimate, int, int]:
     """Estimate from the guesses and from places about them; the most likely one."""
-    given = model.internal(np.array([model.friction.parameters[n] for n in model.names]))
+    given = model.internal(model.given)
     noise = np.random.default_rng(seed).uniform(-1.0, 1.0, (STARTS, given.size)) * np.log(FACTOR)
     lower, upper = model.bounds(data)
     found = []
@@ -237,21 +259,16 @@ def _described(
     _, singular, vt = np.linalg.svd(scaled, full_matrices=False)
     weak = vt[singular < SINGULAR_SHARE * singular[0]]
     open_ones = dead | found.active | (np.abs(weak) > 0.3).any(axis=0)
-    inner = found.variance * np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_SHARE**2, hermitian=True)
-    inner = inner / np.outer(np.where(dead, 1.0, size), np.where(dead, 1.0, size))
     dof = len(data) - len(model.names)
-    low, high = _interval(model, found.q, inner, student(dof))
+    low, high = _interval(model, found.q, internal_covariance(found), student(dof))
     low = np.where(open_ones, np.where(model.positive, 0.0, -np.inf), low)
     high = np.where(open_ones, np.inf, high)
-    count, fit = len(model.names) + 1, deviance(data, found)
-    small = 2.0 * count * (count + 1) / (len(data) - count - 1) if len(data) > count + 1 else np.inf
     statistics = {
         "values": float(len(data)),
         "degrees_of_freedom": float(dof),
         "scale": found.scale,
         "rms_n": float(np.sqrt(np.mean((found.residual * data.stderr_n) ** 2))),
-        "aicc": fit + 2.0 * count + small,
-        "bic": fit + count * float(np.log(len(data))),
+        **information_criteria(model, data, found),
         "starts": float(starts[0]),
         "starts_agreeing": float(starts[1]),
     }

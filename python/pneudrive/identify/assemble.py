@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+#: Singular values of the scaled Jacobian below this share of the largest are directions without information.
+SINGULAR_SHARE = 1e-4
+
 
 def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
     """Put the estimate into natural parameters with covariance, intervals and statistics."""
@@ -93,14 +96,19 @@ def _statistics(support: Support) -> dict[str, float]:
     }
 
 
-def covariance(model: FrictionModel | AnyLaw, found: Estimate) -> Array:
-    """Covariance in natural units; directions that the data do not determine are left out (the intervals are open)."""
+def internal_covariance(found: Estimate) -> Array:
+    """Covariance of the internal coordinates; directions that the data do not determine are left out."""
     size = np.linalg.norm(found.jacobian, axis=0)
     size[size == 0.0] = 1.0
     scaled = found.jacobian / size
-    inner = np.linalg.pinv(scaled.T @ scaled, rcond=1e-8, hermitian=True) / np.outer(size, size)
+    inner = np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_SHARE**2, hermitian=True) / np.outer(size, size)
+    return found.variance * inner
+
+
+def covariance(model: FrictionModel | AnyLaw, found: Estimate) -> Array:
+    """Covariance in natural units; directions that the data do not determine are left out (the intervals are open)."""
     to_natural = model.natural_jacobian(found.q)
-    matrix = found.variance * to_natural @ inner @ to_natural.T
+    matrix = to_natural @ internal_covariance(found) @ to_natural.T
     return 0.5 * (matrix + matrix.T)
 
 

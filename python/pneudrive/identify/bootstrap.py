@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
+from pneudrive.identify.levels import SAME_SPEED
 from pneudrive.identify.robust import estimate
 from pneudrive.identify.survey import pressure_levels
 
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Speeds of one level, relative.
-SAME_SPEED = 0.05
 #: Blocks below which a bootstrap says little.
 LEAST_BLOCKS = 6
 
@@ -98,9 +98,7 @@ def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "hu
             sign = rng.choice([-1.0, 1.0], len(blocks))[np.unique(data.group, return_inverse=True)[1]]
             again = replace(data, friction_n=fitted + sign * residual)
         found[i] = model.natural(estimate(model, again, loss=loss, start=start).q)
-    low, high = np.quantile(found, [0.025, 0.975], axis=0)
-    intervals = {n: (float(a), float(b)) for n, a, b in zip(fit.free, low, high, strict=True)}
-    return Bootstrap(fit.free, found, intervals, len(blocks), kind)
+    return Bootstrap(fit.free, found, intervals_of_draws(fit.free, found), len(blocks), kind)
 
 
 def _strata(data: Observations, blocks: list[NDArray[np.int64]]) -> list[list[int]]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
 
 if TYPE_CHECKING:
@@ -106,14 +107,13 @@ def posterior(fit: FrictionFit, steps: int = 3000, seed: int = 1) -> Posterior:
     kept = sampler.get_chain(discard=steps // 3, thin=max(1, int(time / 2.0)), flat=True)
     assert kept is not None
     samples = np.array([model.natural(q) for q in kept[:, :-1]])
-    low, high = np.quantile(samples, [0.025, 0.975], axis=0)
     said = []
     if steps < LENGTHS * time:
         said.append(
             f"the chain is {steps / time:.0f} autocorrelation times long, fewer than {LENGTHS:.0f}: its quantiles are "
             f"not to be relied on; steps={int(2 * LENGTHS * time)} would do, or the data do not bound a parameter"
         )
-    intervals = {n: (float(a), float(b)) for n, a, b in zip(fit.free, low, high, strict=True)}
+    intervals = intervals_of_draws(fit.free, samples)
     return Posterior(
         fit.free, samples, intervals, time, float(np.mean(sampler.acceptance_fraction)), PRIORS, tuple(said)
     )

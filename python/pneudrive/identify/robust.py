@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import robust_deviation
 from pneudrive.identify.losses import LINEAR, LOSSES, Loss
 
 if TYPE_CHECKING:
@@ -235,7 +236,7 @@ def _polish(model: FrictionModel, data: Observations, q: Array, kind: Loss, scal
 
 def _mad(residual: Array, dof: int) -> float:
     """Median absolute deviation from zero as a standard deviation, with a small-sample factor."""
-    return float(np.median(np.abs(residual))) / 0.6745 * float(np.sqrt(residual.size / dof))
+    return robust_deviation(residual) * float(np.sqrt(residual.size / dof))
 
 
 def proposal_2(residual: Array, scale: float, dof: int, k: float) -> float:

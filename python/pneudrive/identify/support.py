@@ -14,6 +14,7 @@ from pneudrive.identify.robust import Estimate, deviance, estimate
 from pneudrive.identify.scatter import with_scatter
 
 if TYPE_CHECKING:
+    from pneudrive.identify.any_law import AnyLaw
     from pneudrive.identify.model import FrictionModel, Observations
 
 #: Knees that are tried, as multiples of the largest gauge pressure; beyond four the curve is a straight line to 20 %
@@ -85,7 +86,7 @@ def _excess_p_value(model: FrictionModel, data: Observations, found: Estimate, d
     return float(fdtrc(extra, dof, max(gain, 0.0) / extra / found.variance))
 
 
-def information_criteria(model: FrictionModel, data: Observations, found: Estimate) -> dict[str, float]:
+def information_criteria(model: FrictionModel | AnyLaw, data: Observations, found: Estimate) -> dict[str, float]:
     """AICc and BIC from the deviance, see `robust.deviance`."""
     n, k, fit = len(data), len(model.names) + model.chosen + 1, deviance(data, found)
     small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import noise_level
+from pneudrive.characterise.spread import robust_deviation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -150,7 +151,7 @@ class Noise:
             return cls(white, 0.0, 0.0)
         kernel = _parabola(NOISE_HALF_WIDTH)
         rest = behind[NOISE_HALF_WIDTH:-NOISE_HALF_WIDTH] - np.convolve(behind, kernel, "valid")
-        limit = 4.0 * float(np.median(np.abs(rest))) / 0.6745
+        limit = 4.0 * robust_deviation(rest)
         rest = np.clip(rest, -limit, limit)
         first, second = (float(rest[k:] @ rest[:-k]) / rest.size for k in (1, 2))
         power = float(rest @ rest) / rest.size

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError, nearest
 
 if TYPE_CHECKING:
@@ -148,10 +149,8 @@ class DriveFit:
         """
         from pneudrive.identify.dynamic.fit import bootstrap_of
 
-        draws = bootstrap_of(self._search(), count, seed)
-        ends = np.quantile(draws, [0.025, 0.975], axis=0)
-        at = {name: i for i, name in enumerate(self.free)}
-        return {n: (float(ends[0, at[n]]), float(ends[1, at[n]])) for n in self._asked(names)}
+        found = intervals_of_draws(self.free, bootstrap_of(self._search(), count, seed))
+        return {name: found[name] for name in self._asked(names)}
 
     def apply(self, drive: Drive | None = None) -> Drive:
         """Return a drive with the determined values of this fit, each with its interval and its recordings.
