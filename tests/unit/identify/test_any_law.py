@@ -114,6 +114,27 @@ def test_a_fit_of_any_law_comes_back_from_its_file(pressed, tmp_path):
         LawFit.from_toml(tmp_path / "fit.toml")
 
 
+def test_a_guess_of_zero_is_no_end_of_the_search(make_map):
+    law = pn.FrictionLaw(
+        name="pressed-smooth",
+        parameters={
+            "coulomb": {"unit": "N", "above": 0},
+            "v0": {"unit": "m/s", "above": 0, "default": "1 mm/s"},
+            "pressed": {"unit": "1/Pa", "at_least": 0, "default": 0},
+            "viscous": {"unit": "N s/m", "at_least": 0, "default": 0},
+        },
+        force="coulomb*(1 + pressed*max(pressure_a, 0))*tanh(v/v0) + viscous*v",
+    )
+    speed, gauge = np.tile(np.geomspace(1e-4, 0.45, 10), 3), np.repeat([0.0, 2e5, 4e5], 10)
+    friction = 22.0 * (1.0 + 1.5e-6 * gauge) * np.tanh(speed / 0.002) + 30.0 * speed
+    friction += 0.1 * np.random.default_rng(6).standard_normal(30)
+    fit = fit_any_law(make_map(speed, friction, 0.1, gauge_a=gauge), pn.Friction(law=law, coulomb="30 N"))
+    assert not fit.undetermined
+    for name, truth in {"coulomb": 22.0, "v0": 0.002, "pressed": 1.5e-6, "viscous": 30.0}.items():
+        assert fit.parameters[name] == pytest.approx(truth, rel=0.01), name
+        assert np.isfinite(fit.intervals[name]).all(), name
+
+
 def test_what_the_map_cannot_tell_is_open(make_map, friction_of):
     speed = np.full(8, 0.4) * np.linspace(0.99, 1.01, 8)
     curves = make_map(speed, friction_of(speed), 0.2)
