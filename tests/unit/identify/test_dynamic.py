@@ -287,3 +287,18 @@ def test_a_model_that_lacks_something_is_told_by_what_noise_cannot_explain() -> 
     note = next(n for n in pn.identify(reference(), record, ["friction.coulomb"]).notes if "does not fit" in n)
     assert "position is off by" in note
     assert not any("does not fit" in n for n in servo_fit().notes)
+
+
+def test_one_pressure_is_enough_from_near_values() -> None:
+    run = pn.simulate(reference(), [(0.0, 0.1), (0.6, -0.15), (1.2, 0.2), (1.8, -0.1)], "2.4 s")
+    rng = np.random.default_rng(1)
+    record = {
+        "time_s": run.time.values,
+        "command": run.command.values,
+        "position_m": run.position.values + 5e-6 * rng.standard_normal(run.sizes["time"]),
+        "pressure_a_pa": run.pressure_a.values + 500.0 * rng.standard_normal(run.sizes["time"]),
+    }
+    start = reference().replace({"friction.coulomb": "27 N", "valve.conductance": "2.1 dm3/(s bar)"})
+    fit = pn.identify(start, record, ["friction.coulomb", "valve.conductance"])
+    assert fit.converged
+    assert fit.values["friction.coulomb"] == pytest.approx(30.0, rel=2e-3)

@@ -35,6 +35,8 @@ LONGEST, SHORTER, LONGER = 1.0, 0.25, 4.0
 SHORT_STEP = 0.02
 #: ... and gaps, in the sizes of the states, than this.
 SMALL_GAP = 1e-3
+#: No step can lower cost and gaps further, which is the solver's error, when it is short and gaps are below this.
+SOLVER_GAP = 3e-3
 #: The first phase ends when a step gains less than this share of the cost.
 SMALL_GAIN = 0.01
 MOST_STEPS = 40
@@ -383,7 +385,7 @@ def join_segments(
             problem, point, at, longest, lambda trial, new: judge(problem, trial, believed, new), "merit"
         )
         if found is None:
-            return point, at, length < 1.0 and at.standing.gap < SMALL_GAP
+            return point, at, length < 1.0 and at.standing.gap < SOLVER_GAP
         point, longest = found.point, found.longest
         at = linearise(problem, point, believed, _run(problem, point, "the search came to a drive that cannot be run"))
         if watcher is not None:
