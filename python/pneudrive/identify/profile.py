@@ -31,7 +31,7 @@ SINGULAR_SHARE = 1e-7
 
 
 def profile_intervals(
-    model: FrictionModel, data: Observations, found: Estimate, quantile: float
+    model: FrictionModel, data: Observations, found: Estimate, quantile: float, least: float | None = None
 ) -> dict[str, tuple[float, float]]:
     """Intervals of all free parameters, natural units.
 
@@ -43,15 +43,22 @@ def profile_intervals(
         The estimate; its pseudo-values and variance define the equivalent plain least squares problem.
     quantile : float
         Two-sided Student quantile of the wanted probability.
+    least : float, optional
+        Sum of squares of the best model, of which this one is a neighbour; by default this one is the best.
 
     Returns
     -------
     dict
-        Name -> (lower, upper); infinite (or zero, for what cannot be negative) where the data set no bound.
+        Name -> (lower, upper); empty where nothing lies under the threshold; infinite (or zero, for what cannot be
+        negative) where the data set no bound.
     """
     y = found.pseudo / data.stderr_n
     allowed = found.variance * quantile**2
     best = float(np.sum((y - model.value(found.q, data) / data.stderr_n) ** 2))
+    if least is not None:
+        if best > least + allowed:
+            return {}
+        best = least
     velocities, exponents = _grid(model, data, found, quantile)
     linear = [n for n in model.names if not n.startswith("stribeck_")]
     slack = np.empty((velocities.size, exponents.size))

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 #: of its end, and below a tenth a step.
 KNEES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 
+#: Between the best of them and its neighbours.
+FINER = np.geomspace(0.6, 1.0 / 0.6, 9)
+#: Knees about the best one over which intervals are joined, by their factor, as long as the values allow them.
+NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
+
 
 @dataclass(frozen=True)
 class Support:
@@ -41,7 +46,7 @@ def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) ->
         dof = len(stated) - len(model.names) - model.chosen
         found = estimate(model, stated, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
         data, found, scatter = with_scatter(model, stated, found, loss=loss)
-        intervals = profile_intervals(model, data, found, student(dof))
+        intervals = _over_knees(model, data, found, student(dof), loss)
         smaller, statements = without_support(model, data, found, intervals, _excess_p_value(model, data, found, dof))
         if smaller == model:
             return Support(model, data, found, scatter, intervals, lost)
@@ -61,14 +66,44 @@ def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionMo
     if model.pressure != "saturating" or not model.chambers:
         return model
     top = float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
-    start, best, least = None, model, np.inf
+    start, best, least, chosen = None, model, np.inf, 1.0
     for share in KNEES[::-1]:  # from the nearest to a straight line on, each from the estimate before
         tried = replace(model, knee_pa=share * top)
         found = estimate(tried, data, loss=loss, start=start)
         start, size = found.q, deviance(data, found)
         if size < least:
-            best, least = tried, size
+            best, least, chosen = tried, size, share
+    for share in chosen * FINER:
+        if KNEES[0] <= share <= KNEES[-1]:
+            tried = replace(model, knee_pa=share * top)
+            size = deviance(data, estimate(tried, data, loss=loss, start=start))
+            if size < least:
+                best, least = tried, size
     return best
+
+
+def _over_knees(
+    model: FrictionModel, data: Observations, found: Estimate, quantile: float, loss: str
+) -> dict[str, tuple[float, float]]:
+    """Profile intervals, over all knees that the values allow: at one knee alone the slopes seem known far too well."""
+    out = profile_intervals(model, data, found, quantile)
+    if model.knee_pa is None:
+        return out
+    top = float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
+    least = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
+    pseudo = replace(data, friction_n=found.pseudo)
+    for side in (NEIGHBOURS, 1.0 / NEIGHBOURS):
+        for knee in model.knee_pa * side:
+            if not KNEES[0] * top <= knee <= KNEES[-1] * top:
+                break
+            tried = replace(model, knee_pa=float(knee))
+            near = estimate(tried, pseudo, loss="linear", start=found.q)
+            near = replace(near, pseudo=found.pseudo, variance=found.variance)
+            more = profile_intervals(tried, data, near, quantile, least)
+            if not more:
+                break
+            out = {n: (min(low, more[n][0]), max(high, more[n][1])) for n, (low, high) in out.items()}
+    return out
 
 
 def _excess_p_value(model: FrictionModel, data: Observations, found: Estimate, dof: int) -> float | None:

@@ -131,7 +131,7 @@ def test_a_guess_of_zero_is_no_end_of_the_search(make_map):
     fit = fit_any_law(make_map(speed, friction, 0.1, gauge_a=gauge), pn.Friction(law=law, coulomb="30 N"))
     assert not fit.undetermined
     for name, truth in {"coulomb": 22.0, "v0": 0.002, "pressed": 1.5e-6, "viscous": 30.0}.items():
-        assert fit.parameters[name] == pytest.approx(truth, rel=0.01), name
+        assert fit.parameters[name] == pytest.approx(truth, rel=0.03), name
         assert np.isfinite(fit.intervals[name]).all(), name
 
 

@@ -160,3 +160,18 @@ def test_a_law_that_is_a_plainer_one_for_these_values_is_not_listed_twice(make_m
     assert [row.title for row in found.rows] == ["coulomb, linear in pressure"]
     assert any("coulomb stands for stribeck gaussian" in said for said in found.statements)
     assert any("linear stands for quadratic in pressure" in said for said in found.statements)
+
+
+def test_slopes_of_a_saturating_dependence_know_that_the_knee_was_sought(make_map):
+    """At the best knee alone the intervals of the slopes held the truth in one of ten maps."""
+
+    def law(a, b):
+        return 20.0 + 4e-5 * a / (1 + a / 2.6e5) + 2e-5 * b / (1 + b / 2.6e5)
+
+    inside = np.zeros(2)
+    for seed in range(12):
+        curves = at_pressures(make_map, law, noise=0.3, seed=seed)
+        fit = fit_friction(curves, pressure_dependence=True, pressure="saturating")
+        ends = [fit.intervals["coulomb_a"], fit.intervals["coulomb_b"]]
+        inside += [low <= value <= high for value, (low, high) in zip((4e-5, 2e-5), ends, strict=True)]
+    assert (inside >= 10).all(), inside
