@@ -153,10 +153,6 @@ class Survey:
         stderr = np.sqrt(weight @ (variance + (value - mean) ** 2))
         return Prediction(*(x.reshape(speed.shape) for x in (mean, lower, upper, stderr)))
 
-    def scatter_of(self, seal: str) -> float:
-        """Relative standard deviation between recordings of one seal, from its own and the others' recordings."""
-        return float(np.sqrt(self.weights[seal].sum(axis=(0, 1)) @ SCATTER**2))
-
     def statements(self) -> list[str]:
         """Say in words what was found."""
         lines = [

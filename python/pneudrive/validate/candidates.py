@@ -85,17 +85,6 @@ class Candidate:
         changed, _ = raw_residuals(self.change(scene, signals, amount), signals)
         return tuple(b - c for b, c in zip(base, changed, strict=True))  # type: ignore[return-value]
 
-    def changed(self, drive: Drive, amount: float) -> Drive | None:
-        """Return the drive with the change, None where it is not one of the drive."""
-        if self.change is None or self.family in ("sensor",):
-            return None
-        scene = Scene(drive, np.zeros(1), (np.zeros(1), np.zeros(1)), np.zeros((1, 4)))
-        try:
-            after = self.change(scene, None, amount).drive  # type: ignore[arg-type]
-        except (AttributeError, TypeError):  # it acts on signals
-            return None
-        return None if after is drive else after
-
 
 def _drive(changes: Callable[[Drive, float], dict[str, object]]) -> Change:
     return lambda scene, _, amount: replace(scene, drive=scene.drive.replace(changes(scene.drive, amount)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -231,13 +231,9 @@ class DriveFit:
 
         return read_fit(path)
 
-    def without_search(self) -> DriveFit:
-        """Return the fit without the linearised problem, which takes memory: no profile and no bootstrap then."""
-        return replace(self, solved=None)
-
     def _search(self) -> Solved:
         if self.solved is None:
-            raise FitError("this fit was read from a file, or its problem was dropped", remedy="Fit again.")
+            raise FitError("this fit was read from a file, without the problem that it solved", remedy="Fit again.")
         return self.solved
 
     def _asked(self, names: Sequence[str] | None) -> list[str]:

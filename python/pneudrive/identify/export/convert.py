@@ -89,11 +89,6 @@ class Exported:
         """Greatest deviation relative to our friction at that speed, %."""
         return 100.0 * float(np.abs(self.converted_n / self.curve.friction_n - 1.0).max())
 
-    @property
-    def worst_at_m_s(self) -> float:
-        """Speed of the greatest deviation, m/s."""
-        return float(self.curve.speed_m_s[int(np.abs(self.converted_n - self.curve.friction_n).argmax())])
-
     def value(self, name: str) -> float:
         """Value of one parameter, SI."""
         for parameter in self.parameters:
