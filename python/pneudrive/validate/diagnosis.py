@@ -224,6 +224,8 @@ class _Search:
         """Estimate the standard error of an amount with scores summed over blocks."""
         score = np.bincount(self.blocks, weights=column * left)
         power = float(column @ column)
+        if power == 0.0:
+            return np.inf
         blocks = max(int(np.unique(self.blocks).size), 2)
         return max(float(np.sqrt(score @ score * blocks / (blocks - 1))) / power, 1.0 / float(np.sqrt(power)))
 

@@ -66,14 +66,20 @@ def at_samples(held: Array) -> Array:
 
 @lru_cache(maxsize=32)
 def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
-    """Give (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time."""
+    """Give (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time.
+
+    The sums are those of the integrals: a constant has no derivative, a ramp of slope 1 has 1, and so has t^2/2 in the
+    second. Samples alone miss that by so much that at 500 Hz a position of 0.3 m looked like a force.
+    """
     s = np.arange(-half, half + 1) / (half + 1)
     width = (half + 1) * step_s
     inside = 1.0 - s * s
     value, first = inside**4, -8.0 * s * inside**3
     second = -8.0 * inside**3 + 48.0 * s * s * inside**2
-    total = value.sum()
-    return value / total, first / (total * width), second / (total * width**2)
+    value = value / value.sum()
+    first = first / (-width * (s @ first))
+    second = second - value * second.sum()
+    return value, first, second / (0.5 * width**2 * (s * s @ second))
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,6 +37,8 @@ WINDOW_S = 0.5
 POSITION_FIT_PERCENT, PRESSURE_NRMSE, BREAKAWAY_ERROR = 90.0, 0.03, 0.05
 #: The free run is off where its error first stays beyond this share of the measured span.
 OFF_SHARE = 0.1
+#: Runs from measured states that fit less than this, %, beside a free run that is worse than the mean: another way.
+WAY_PERCENT = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,8 +282,14 @@ def validate(
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
-    """Say where the model could not go on: metrics count only what it gave."""
+    """Say where the model could not go on, as metrics count only what it gave, and where it goes another way."""
     for r in records:
+        position = r.channels["position_m"]
+        if position.free.fit_percent < 0.0 and position.restarted.fit_percent < WAY_PERCENT:
+            yield (
+                f"{r.recording.name}: the model goes another way. Look whether a sign is reversed or chambers are "
+                "swapped: a command above 0 fills chamber a, which moves the piston towards greater positions"
+            )
         for run, words in ((r.free, "free run"), (r.restarted, "runs from measured states")):
             if run.failures:
                 lost = int(np.isnan(run["position_m"]).sum())

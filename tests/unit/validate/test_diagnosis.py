@@ -5,6 +5,7 @@ import pytest
 
 from oracle.diagnosis_hits import CASES
 from oracle.drive_records import drive, record
+from pneudrive.characterise.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
 from pneudrive.validate.candidates import candidates
 from pneudrive.validate.residuals import residuals
@@ -81,3 +82,19 @@ def test_every_candidate_acts_on_some_balance():
             effect = candidate.effect(scene, signals, candidate.step, base)
             assert max(float(np.abs(v).max()) for v in effect) > 0.0, candidate.key
             assert all(np.isfinite(v).all() for v in effect), candidate.key
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_the_true_model_is_called_right_at_fewer_samples(every):
+    made = record(drive(), 21)
+    found = diagnose(drive(), [Signals.of(drive_recording({k: v[::every] for k, v in made.columns.items()}))])
+    assert found.is_clean
+    assert not found.culprits
+
+
+def test_a_reversed_command_is_told_as_such():
+    made = record(drive(), 21, duration_s=3.0)
+    reversed_command = drive_recording({**made.columns, "command": -made.columns["command"]})
+    found = validate(drive(), reversed_command)
+    assert any("sign is reversed" in note for note in found.notes)
+    assert str(found.diagnosis())
