@@ -48,7 +48,7 @@ def test_both_evolutions_of_rate_and_state_slide_alike():
     assert slip.to_dict()["evolution"] == "slip"
     v = np.array([1e-4, 1e-3, 1e-2])
     steady = [_core.steady_friction(f.law, dict(f.parameters), v) for f in (ageing, slip)]
-    np.testing.assert_array_equal(*steady)
+    np.testing.assert_array_equal(steady[0], steady[1])
     # (a - b) F0 for each e-fold of the velocity.
     np.testing.assert_allclose(np.diff(steady[0]), (0.04 - 0.05) * 30.0 * np.log(10.0), rtol=1e-3)
 
@@ -64,6 +64,8 @@ def test_both_evolutions_of_rate_and_state_slide_alike():
         (ROCK | {"elements": ELEMENTS}, 'belongs to law "gms"'),
         (COMMON | {"bristle_stiffness": "1e5 N/m", "evolution": "slip"}, 'belongs to law "rate-and-state"'),
         (ROCK | {"evolution": "healing"}, "evolution"),
+        (ROCK | {"attraction": "2000 N/s"}, "not a known key.*\n?.*belongs to gms"),
+        (COMMON | {"elements": 4}, r"is not a list.*\n?.*elements = \[...\]"),
     ],
 )
 def test_what_does_not_fit_is_refused(friction, message):

@@ -249,6 +249,8 @@ class Described(BaseModel):
             return wrong(key, f"{key} = {first['input']!r} is not known", remedy=nearest(str(first["input"]), known))
         if first["type"] in {"model_type", "model_attributes_type", "dict_type"}:
             return wrong(key, f"{key or 'the description'} = {first['input']!r} is not a table")
+        if first["type"] in {"tuple_type", "list_type"}:
+            return wrong(key, f"{key} = {first['input']!r} is not a list", remedy=f"Write {key} = [...].")
         return wrong(key, f"{key} = {first['input']!r}: {first['msg']}")
 
     @classmethod

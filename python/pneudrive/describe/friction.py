@@ -66,6 +66,18 @@ SHARES_WITHIN = 1e-3
 CHOICES = ("stribeck_shape", "elements", "evolution")
 
 
+def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
+    """Return the keys that a friction table with this law may have."""
+    parameters = [p["key"] for p in entry["parameters"]]
+    has = {
+        "stribeck_shape": law in friction_laws() and has_stribeck_curve(law),
+        "elements": entry["elements"],
+        "evolution": entry["evolves"],
+        "relaxation": entry["bristles"],
+    }
+    return ["law", *parameters, *(key for key in (*CHOICES, *DEPENDENCES) if has.get(key, True))]
+
+
 class SlipElement(Described):
     """One spring with slider of law ``gms``: its stiffness, and its share of the friction level."""
 
@@ -236,7 +248,8 @@ class Friction(Described):
         for key, given in rest.items():
             full = f"friction.{key}"
             if key not in parameters:
-                remedy = nearest(key, [*parameters, "law", *CHOICES, *DEPENDENCES])
+                owners = [law for law, about in laws.items() if key in {p["key"] for p in about["parameters"]}]
+                remedy = f"It belongs to {', '.join(owners)}." if owners else nearest(key, _keys(name, entry))
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
             try:
                 values[key] = _parameter_quantity(parameters[key]).read(given)

@@ -137,7 +137,10 @@ def _friction(reader: Reader) -> dict[str, Any]:
     from pneudrive.rig.friction_table import read_friction
 
     given = reader.content.pop("friction", {})
-    law = str(given.pop("law", "stribeck"))
+    law = given.pop("law", None)
+    if not isinstance(law, str):
+        what = "friction.law is missing" if law is None else "friction.law is a name alone"
+        raise DescriptionError(what, where=reader.where, rule='law = "stribeck", without source')
     own = law_of(law, Path(reader.where).parent)
     if own is not None:
         return {"law": own.name} | read_friction(reader, own, given)

@@ -57,6 +57,9 @@ def _plain(reader: Reader, name: str, entry: Any) -> Any:  # noqa: ANN401
     """Take the sources off: what remains is written as in a drive file."""
     if isinstance(entry, list):
         return [_plain(reader, f"{name}.{i}", one) for i, one in enumerate(entry)]
+    if isinstance(entry, dict) and isinstance(entry.get("value"), list):
+        rest = {key: about for key, about in entry.items() if key != "value"}
+        return [_plain(reader, f"{name}.{i}", one | rest) for i, one in enumerate(entry["value"])]
     if isinstance(entry, dict) and "value" not in entry and "source" in entry:
         rest = {key: entry[key] for key in ("source", "reason") if key in entry}
         parts = {key: value for key, value in entry.items() if key not in rest}

@@ -38,6 +38,19 @@ def test_another_law_takes_no_values_of_the_old_one(tmp_path):
     assert SimulatedRig(mine).true_friction(0.1) == pytest.approx(7.0)
 
 
+def test_a_list_of_the_friction_table_gives_its_source_once(tmp_path):
+    values = {"coulomb": "20 N", "breakaway": "28 N", "stribeck_velocity": "20 mm/s", "attraction": "2000 N/s"}
+    lines = [f'{key} = {{ value = "{value}", {ASSUMED} }}' for key, value in values.items()]
+    elements = '[{ stiffness = "4e4 N/m", share = 0.15 }, { stiffness = "6e4 N/m", share = 0.85 }]'
+    head = ['extends = "default"', "[friction]", 'law = "gms"', f"elements = {{ value = {elements}, {ASSUMED} }}"]
+    mine = read_description(written(tmp_path, "\n".join([*head, *lines]) + "\n"))
+    assert mine.dependences["elements"] == [
+        {"stiffness_n_m": 4e4, "share": 0.15},
+        {"stiffness_n_m": 6e4, "share": 0.85},
+    ]
+    assert SimulatedRig(mine).true_friction(1e-4) == pytest.approx(28.0, abs=0.02)
+
+
 def extending(table, key, value):
     return f'extends = "default"\n[{table}]\n{key} = {{ value = "{value}", {ASSUMED} }}\n'
 
@@ -56,6 +69,7 @@ def extending(table, key, value):
         (extending("mounting.odd", "side_lode", "5 N"), "side_lode is unknown"),
         (extending("friction", "coulomb", "9 mm"), "friction.coulomb"),
         (extending("friction", "sigma", "9 N"), "friction.sigma is unknown"),
+        (extending("friction", "law", "gms"), "friction.law is a name alone"),
         (extending("encoder", "resolution", "1 um").replace(" }", ', sauce = "x" }'), "'sauce' is unknown"),
     ],
 )
