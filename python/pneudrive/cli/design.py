@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pneudrive.cli.options import option
+
 if TYPE_CHECKING:
     from pneudrive.identify import FrictionFit
     from pneudrive.identify.design import Design, Limits
@@ -56,11 +58,16 @@ def design(
     machine = load_rig(rig)
     identity, envelope = machine.identity(), machine.limits()
     if stops:
-        text, said = _stops(stops, parse(scale, "s"), points, found)
+        with option("--scale"):
+            scale_s = parse(scale, "s")
+        text, said = _stops(stops, scale_s, points, found)
     else:
         limits = _limits(found, identity, envelope, speeds, strokes)
-        asked_s = parse(time, "s") if time else None
-        options = {"criterion": criterion, "noise_n": parse(noise, "N") if noise else None}
+        with option("--time"):
+            asked_s = parse(time, "s") if time else None
+        with option("--noise"):
+            noise_n = parse(noise, "N") if noise else None
+        options = {"criterion": criterion, "noise_n": noise_n}
         plan = designed(found, limits, points=points or None, seconds=asked_s, **options)
         text = _protocol(plan, identity, envelope)
         for _ in range(FITS):  # a cycle takes more than its strokes
@@ -132,7 +139,8 @@ def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: st
     fastest = min(envelope.speed_m_s, (0.5 * stroke * acceleration) ** 0.5)
     slowest = min(SLOWEST_M_S, fastest / 10.0)
     if speeds:
-        slowest, wanted = parse_range(speeds, "m/s")
+        with option("--speeds"):
+            slowest, wanted = parse_range(speeds, "m/s")
         if wanted > fastest:
             raise CommandError(
                 f"--speeds {speeds!r} goes beyond what the rig reaches and holds over half of its stroke",

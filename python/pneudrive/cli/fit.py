@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from pneudrive.identify.laws import LawComparison
 
 MAP_SUFFIXES = (".parquet", ".csv")
-#: Standard atmosphere: taken where a map does not say the ambient pressure.
-STANDARD_PA = 101325.0
 
 
 def fit(
@@ -121,7 +119,9 @@ def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
     import numpy as np
     import xarray as xr
 
-    ambient = [float(one.attrs.get("ambient_pressure_pa", STANDARD_PA)) for one in maps]
+    from pneudrive.characterise.recording import STANDARD_ATMOSPHERE_PA
+
+    ambient = [float(one.attrs.get("ambient_pressure_pa", STANDARD_ATMOSPHERE_PA)) for one in maps]
     common = [str(name) for name in maps[0] if all(name in one for one in maps)]
     parts = []
     for path, one, air in zip(paths, maps, ambient, strict=True):
@@ -153,6 +153,7 @@ def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None
 
 def _ambient(curves: xr.Dataset, said: str) -> float:
     """Ambient pressure from the option, from the map, or standard: that is then said."""
+    from pneudrive.characterise.recording import STANDARD_ATMOSPHERE_PA
     from pneudrive.units import parse_pressure
 
     if said:
@@ -163,7 +164,7 @@ def _ambient(curves: xr.Dataset, said: str) -> float:
     typer.echo(
         "- the map does not say the ambient pressure: 1.01325 bar is assumed; --ambient states another", err=True
     )
-    return STANDARD_PA
+    return STANDARD_ATMOSPHERE_PA
 
 
 def _groups(curves: xr.Dataset, by: str) -> list[tuple[str, xr.Dataset]]:
