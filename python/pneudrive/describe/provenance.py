@@ -102,6 +102,19 @@ def values(drive: Drive) -> dict[str, Value]:
     return dict(_walk(drive, ""))
 
 
+def marks(drive: Drive) -> dict[str, Quantity | StatedPressure | None]:
+    """How every number is written that a drive gives, or could give: another size of its valve, a wall temperature."""
+    out: dict[str, Quantity | StatedPressure | None] = {}
+    for table, field in type(drive).model_fields.items():
+        part = getattr(drive, table)
+        if isinstance(part, Described) and not isinstance(part, Friction):
+            for name, own in type(part).model_fields.items():
+                mark = next((m for m in own.metadata if isinstance(m, Quantity | StatedPressure)), None)
+                if mark is not None:
+                    out[f"{field.alias or table}.{own.alias or name}"] = mark
+    return out | {name: value.mark for name, value in values(drive).items()}
+
+
 def _walk(part: Described, path: str) -> Iterator[tuple[str, Value]]:
     if isinstance(part, Friction):
         for key, mark in parameter_quantities(part.entry).items():

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from pneudrive import units
 from pneudrive.describe.base import Quantity, StatedPressure
 from pneudrive.describe.friction import friction_laws, parameter_quantities
+from pneudrive.describe.provenance import marks as marks_of
 from pneudrive.describe.provenance import values as values_of
 from pneudrive.errors import FitError, nearest
 
@@ -80,7 +81,7 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
         A value that the drive refuses.
     """
     changes: dict[str, object] = dict(tables or {})
-    known = {name: value.mark for name, value in values_of(drive).items()}
+    known = marks_of(drive)
     law = changes.get("friction.law")
     entry = drive.friction.entry if law is None else friction_laws()[str(law)]
     known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
@@ -93,8 +94,7 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
         else:
             raise FitError(f"the fit has {name}, which this drive does not have", remedy=nearest(name, known))
     after = drive.replace(changes)
-    marks = {name: value.mark for name, value in values_of(after).items()}
-    return after.replace({"provenance": found.origins(marks)})
+    return after.replace({"provenance": found.origins(marks_of(after))})
 
 
 def _both(found: Identified, drive: Drive, table: str) -> dict[str, str]:

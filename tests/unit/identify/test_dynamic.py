@@ -302,3 +302,24 @@ def test_one_pressure_is_enough_from_near_values() -> None:
     fit = pn.identify(start, record, ["friction.coulomb", "valve.conductance"])
     assert fit.converged
     assert fit.values["friction.coulomb"] == pytest.approx(30.0, rel=2e-3)
+
+
+def test_a_contact_ages_beyond_the_shortest_segment_and_a_valve_gets_its_conductance():
+    """The starter drive stands in a stop for 0.5 s, and gives its valve by nominal flow."""
+    drive = pn.Drive.load("catalogue:starter")
+    run = pn.simulate(drive, "0 s: 0.4, 0.6 s: -0.5, 1.4 s: 0.3, 2.2 s: -0.2, 3 s: 0.6", "4 s")
+    assert float(run.contact_age.max()) > 0.3
+    rng = np.random.default_rng(11)
+    record = {"time_s": run.time.values, "command": run.command.values}
+    for name, column, noise in (("position", "position_m", 1e-6), ("pressure_a", "pressure_a_pa", 200.0)):
+        record[column] = run[name].values + noise * rng.standard_normal(run.time.size)
+    record["pressure_b_pa"] = run.pressure_b.values + 200.0 * rng.standard_normal(run.time.size)
+    fit = pn.identify(drive.replace({"friction.coulomb": "30 N"}), record, ["friction.coulomb", "valve.conductance"])
+    assert fit.converged
+    truth = drive.valve.conductance_m3_s_pa
+    assert fit.values["valve.conductance"] == pytest.approx(truth, rel=1e-3)
+    assert fit.values["friction.coulomb"] == pytest.approx(drive.friction.parameters["coulomb"], rel=1e-3)
+    changed = fit.apply(drive)
+    assert changed.valve.conductance_m3_s_pa == pytest.approx(truth, rel=1e-3)
+    assert changed.valve.nominal_flow_m3_s_anr is None
+    assert set(changed.provenance) == {"friction.coulomb", "valve.conductance"}

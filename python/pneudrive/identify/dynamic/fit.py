@@ -242,8 +242,9 @@ def _problem(
         outputs = [c.column for c in own]
         shooter = Shooter(record, outputs, starts, candidates, options.rtol, options.threads, options.delay.value_s)
         noise = np.array([_noise(c, record, options.rtol) for c in own])
-        state, spread = measured_starts(record, own, noise, starts, drive, shooter.inner_states(drive))
-        experiments.append(Experiment(shooter, own, observed(shooter, values, state, spread), noise))
+        inner = shooter.inner_states(drive)
+        state, spread = measured_starts(record, own, noise, starts, drive, len(inner))
+        experiments.append(Experiment(shooter, own, observed(shooter, values, state, spread, inner), noise))
     free_sensors = sensor_parameters(
         list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay.free
     )

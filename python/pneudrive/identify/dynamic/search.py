@@ -37,6 +37,8 @@ SHORT_STEP = 0.02
 SMALL_GAP = 1e-3
 #: No step can lower cost and gaps further, which is the solver's error, when it is short and gaps are below this.
 SOLVER_GAP = 3e-3
+#: Residuals below this share of the noise leave nothing to look for until the noise is found.
+EXACT_SHARE = 0.1
 #: The first phase ends when a step gains less than this share of the cost.
 SMALL_GAIN = 0.01
 MOST_STEPS = 40
@@ -173,6 +175,11 @@ class Joined:
     def residuals(self) -> list[Array]:
         """Residuals of each recording, shape (n, c), in units of the noise."""
         return self.standing.residuals
+
+    @property
+    def exact(self) -> bool:
+        """Whether residuals are far below the noise, which is never taken below the solver's error."""
+        return self.cost < EXACT_SHARE**2 * sum(r.size for r in self.residuals)
 
 
 def judge(problem: Problem, point: Point, believed: list[Array], shots: list[Shot], *, reset: bool = False) -> Standing:
@@ -379,7 +386,8 @@ def join_segments(
         information, gradient = equations(problem, point, at)
         step = bounded_step(information, gradient, LONGEST)
         length = float(np.sqrt(max(step @ information @ step, 0.0) / problem.size))
-        if length < SHORT_STEP and at.standing.gap < SMALL_GAP:
+        short = length < SHORT_STEP and at.standing.gap < SMALL_GAP
+        if short or (at.exact and at.standing.gap < SOLVER_GAP):
             return point, at, True
         found = _shortened(
             problem, point, at, longest, lambda trial, new: judge(problem, trial, believed, new), "merit"

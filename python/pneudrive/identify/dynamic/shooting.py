@@ -86,9 +86,9 @@ class Shooter:
         self._candidates, self._rtol, self._threads = candidates, rtol, threads
         self._delay_s = delay_s
 
-    def inner_states(self, drive: Drive) -> int:
-        """Count the friction's own states."""
-        return len(compiled(drive.core_json()).start_names) - 6
+    def inner_states(self, drive: Drive) -> list[str]:
+        """Name the friction's own states."""
+        return list(compiled(drive.core_json()).start_names[6:])
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
         """Return the same with segments that begin at other samples."""

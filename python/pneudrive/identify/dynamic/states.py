@@ -42,6 +42,8 @@ ROUNDS = 3
 BELIEF = np.array([1e-2, 0.2, 5e4, 20.0, 5e4, 20.0])
 #: Multiple of the belief within which what nothing measures stays.
 POSSIBLE = 4.0
+#: States that go on growing through a record: what short segments show of them is no bound.
+GROWING = ("contact_age_s", "sliding_distance_m", "contact_warming_k")
 #: Sizes in which the continuity of states is judged, likewise.
 SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
@@ -110,11 +112,11 @@ def measured_starts(
     return state, spread
 
 
-def observed(shooter: Shooter, values: Array, state: Array, spread: Array) -> Starts:
+def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names: list[str]) -> Starts:
     """Let the model find what was not measured: the gas temperatures and the bristles.
 
     All segments are run, and each takes over from the end of the one before what was not measured; after a few rounds
-    a wrong guess has died away.
+    a wrong guess has died away. `names` are those of the friction's own states.
     """
     hidden = np.flatnonzero(np.isnan(spread))
     inner = state.shape[1] - BELIEF.size
@@ -130,7 +132,8 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array) -> St
     most = np.where(most > 0.0, most, 1e-6)
     belief = np.r_[BELIEF, most]  # wide also where it is measured: the samples say it better than their smoothed start
     reach = np.where(np.isnan(spread), POSSIBLE * belief, np.inf)
-    limits = (state.min(axis=0) - reach, state.max(axis=0) + reach)
+    grows = np.r_[np.zeros(BELIEF.size, dtype=bool), [name in GROWING for name in names]]
+    limits = (state.min(axis=0) - reach, np.where(grows, np.inf, state.max(axis=0) + reach))
     return Starts(state, belief, np.r_[SIZE, 0.1 * most], ~np.isnan(spread), limits)
 
 
