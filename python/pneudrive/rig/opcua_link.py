@@ -22,6 +22,8 @@ Answer = TypeVar("Answer")
 COUNTER = 2**31 - 1  # counters go round below this, so that a signed one of a PLC can hold them
 BEATS = 4  # heartbeats sent within the heartbeat time
 NODES_A_REQUEST = 64  # what small PLCs still take
+#: A server on a busy machine may take this long for an answer; one that is gone is told at once.
+LEAST_TIMEOUT_S = 5.0
 CLOSING_S = 2.0
 # Words in the status codes of a server that does not want us: trying again does not help.
 REFUSALS = ("ertificate", "Identity", "UserAccess", "Security", "Signature", "No matching endpoints", "Nonce")
@@ -98,7 +100,7 @@ class Link:
         quieten()
         self.url, self.nodes, self.access = url, nodes, access
         self.ambient_pa = 0.0
-        self.timeout_s = max(2.0 * nodes.heartbeat_s, 2.0)
+        self.timeout_s = max(2.0 * nodes.heartbeat_s, LEAST_TIMEOUT_S)
         self.places: dict[str, Place] = {}
         self.lost: str | None = "there is no connection yet"
         self.number = 0  # of the connection
