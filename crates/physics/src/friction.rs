@@ -196,8 +196,6 @@ pub trait Law<P: Real> {
     const STICKS: bool = false;
     /// The law has one inner state, the deflection of bristles, and stores energy as its square.
     const BRISTLES: bool = false;
-    /// Bristles that slip from the first load on.
-    const CREEPS: bool = false;
     /// An event of the mode leaves the velocity at zero exactly, unless it goes on in the same direction.
     const STOPS: bool = true;
     /// A description may list its elements.
@@ -287,7 +285,6 @@ pub struct Meta {
     pub states: &'static [InnerState],
     pub sticks: bool,
     pub bristles: bool,
-    pub creeps: bool,
     pub stops: bool,
     pub elements: bool,
     pub evolves: bool,
@@ -343,7 +340,6 @@ macro_rules! laws {
             states: <$name<f64> as Law<f64>>::STATES,
             sticks: <$name<f64> as Law<f64>>::STICKS,
             bristles: <$name<f64> as Law<f64>>::BRISTLES,
-            creeps: <$name<f64> as Law<f64>>::CREEPS,
             stops: <$name<f64> as Law<f64>>::STOPS,
             elements: <$name<f64> as Law<f64>>::ELEMENTS,
             evolves: <$name<f64> as Law<f64>>::EVOLVES,

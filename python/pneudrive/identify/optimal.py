@@ -78,24 +78,6 @@ def prediction_variance(candidates: Candidates, matrix: Array) -> Array:
     return np.mean(np.einsum("dci,dic->dc", g, solved), axis=0)
 
 
-def d_optimal_weights(candidates: Candidates, tolerance: float = 1e-3, most: int = 50_000) -> Array:
-    """Weights (c,), of sum one, that are D-optimal for the candidates alone (nothing known).
-
-    The multiplicative algorithm: each weight times its variance over p, which raises the criterion at every step. It
-    ends where no candidate has a variance above p (1 + tolerance).
-    """
-    scaled = Candidates(candidates.scaled().gradients, np.zeros_like(candidates.known))
-    size = scaled.gradients.shape[2]
-    weight = np.full(scaled.gradients.shape[1], 1.0 / scaled.gradients.shape[1])
-    for _ in range(most):
-        variance = prediction_variance(scaled, information(scaled, weight))
-        if variance.max() <= size * (1.0 + tolerance):
-            break
-        weight = weight * variance / size
-        weight /= weight.sum()
-    return weight
-
-
 def exchange(candidates: Candidates, count: int, criterion: str = "D") -> NDArray[np.int64]:
     """Choose `count` measurements, repeats allowed: the best one each time, then exchanges as long as they improve.
 

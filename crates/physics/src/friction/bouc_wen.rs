@@ -45,7 +45,6 @@ impl<P: Real> Law<P> for BoucWen<P> {
     const SOURCE: &'static str = "wen1976";
     const STATES: &'static [InnerState] = &[DEFLECTION];
     const BRISTLES: bool = true;
-    const CREEPS: bool = true;
     const CLAIMS: Claims = Claims { rate_independent: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {

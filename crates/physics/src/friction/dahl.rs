@@ -41,7 +41,6 @@ impl<P: Real> Law<P> for Dahl<P> {
     const SOURCE: &'static str = "dahl1968";
     const STATES: &'static [InnerState] = &[DEFLECTION];
     const BRISTLES: bool = true;
-    const CREEPS: bool = true;
     const CLAIMS: Claims = Claims { rate_independent: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {

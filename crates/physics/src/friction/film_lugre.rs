@@ -95,7 +95,6 @@ impl<P: Real> Law<P> for FilmLuGre<P> {
     const TITLE: &'static str = "LuGre with a lubricant film: friction that lags in sliding, too";
     const SOURCE: &'static str = "tran2013";
     const STATES: &'static [InnerState] = &[DEFLECTION, FILM];
-    const CREEPS: bool = true;
 
     fn levels(&self) -> Levels<P> {
         self.own_levels()

@@ -23,7 +23,6 @@ impl<P: Real> Law<P> for LuGre<P> {
     const SOURCE: &'static str = "canudas1995";
     const STATES: &'static [InnerState] = &[DEFLECTION];
     const BRISTLES: bool = true;
-    const CREEPS: bool = true;
 
     fn levels(&self) -> Levels<P> {
         self.own_levels()

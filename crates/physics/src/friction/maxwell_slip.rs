@@ -177,7 +177,6 @@ impl<P: Real> Law<P> for MaxwellSlip<P> {
     const TITLE: &'static str = "Generalised Maxwell slip: presliding that remembers reversals";
     const SOURCE: &'static str = "albender2005";
     const STATES: &'static [InnerState] = STATES.split_at(USUAL_ELEMENTS + 1).0;
-    const CREEPS: bool = true;
     const ELEMENTS: bool = true;
     const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 

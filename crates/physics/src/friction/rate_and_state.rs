@@ -129,7 +129,6 @@ impl<P: Real> Law<P> for RateAndState<P> {
     const TITLE: &'static str = "Rate and state: logarithmic in velocity and in the age of the contact";
     const SOURCE: &'static str = "ruina1983";
     const STATES: &'static [InnerState] = &[DEFLECTION, STATE];
-    const CREEPS: bool = true;
     const EVOLVES: bool = true;
     const CLAIMS: Claims = Claims { always_passive: true, ..Claims::USUAL };
 

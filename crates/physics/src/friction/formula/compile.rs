@@ -398,7 +398,6 @@ fn meta(text: &Text) -> Meta {
         bristles: false,
         elements: false,
         evolves: false,
-        creeps: false,
         stops: true,
         claims: Claims { odd: text.odd, ..Claims::USUAL },
     }
