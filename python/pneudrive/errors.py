@@ -113,6 +113,10 @@ class CampaignError(PneudriveError):
     """A campaign folder cannot be used: locked, read-only, full, not a campaign, files that do not fit together."""
 
 
+class Cancelled(PneudriveError):  # noqa: N818 - nothing went wrong
+    """A long call ended because its cancel flag was set."""
+
+
 class PneudriveWarning(UserWarning):
     """A result is there, but something about it should be known: a friction law that is not passive, for instance."""
 

@@ -10,7 +10,7 @@ import typer
 
 from pneudrive import __version__
 from pneudrive.cli.groups import group
-from pneudrive.errors import PneudriveError, SimulationError, nearest
+from pneudrive.errors import Cancelled, PneudriveError, SimulationError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,10 +76,10 @@ def run(arguments: Sequence[str]) -> int:
         return EXIT_INPUT
     try:
         status = app(list(arguments), prog_name="pneudrive", standalone_mode=False)
+    except (KeyboardInterrupt, Cancelled):
+        status = EXIT_INTERRUPTED
     except PneudriveError as error:
         return fail(error)
-    except KeyboardInterrupt:
-        status = EXIT_INTERRUPTED
     except BrokenPipeError:  # the reader of our output has gone (pneudrive ... | head): no more to say
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

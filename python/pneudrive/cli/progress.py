@@ -1,0 +1,42 @@
+"""Progress of long commands on the terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from pneudrive.watch import Watch
+
+FIRST_S = 1.0  # shorter work shows nothing
+LINE_EVERY_S = 10.0  # where stderr is a file, one line now and then
+
+
+class _Line:
+    """One line of stderr, written over itself; in a file, a line every ten seconds."""
+
+    def __init__(self) -> None:
+        self.began = self.written = time.monotonic()
+        self.width = 0
+
+    def __call__(self, done: float, total: float, task: str) -> None:
+        """Write where the work stands."""
+        now = time.monotonic()
+        if now - self.began < FIRST_S:
+            return
+        share = f"{done:g} of {total:g}" if total else f"{done:g}"
+        text = f"{task}: {share}"
+        if sys.stderr.isatty():
+            sys.stderr.write("\r" + text.ljust(self.width))
+            self.width = len(text)
+            if done >= total > 0:
+                sys.stderr.write("\r" + " " * self.width + "\r")
+                self.width = 0
+        elif now - self.written >= LINE_EVERY_S:
+            self.written = now
+            sys.stderr.write(text + "\n")
+        sys.stderr.flush()
+
+
+def on_terminal() -> Watch:
+    """Return the watch of one command: it shows progress on stderr from its second second on."""
+    return Watch(_Line())

@@ -1,0 +1,90 @@
+"""How a long call says how far it is, and how it is stopped from outside."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from pneudrive.errors import Cancelled
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+T = TypeVar("T")
+
+LEAST_PAUSE_S = 0.1  # the callback is called at most this often: no caller can read faster
+
+
+class Flag(Protocol):
+    """What a cancel flag has to have: `threading.Event` and `multiprocessing.Event` are flags."""
+
+    def is_set(self) -> bool:
+        """Return whether the call should end."""
+        ...
+
+
+class Watch:
+    """The progress callback and the cancel flag of one long call, handed down to whatever takes time.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Is called as ``progress(done, total, task)``, at most every 0.1 s and at the end of each task: `done` of `total`
+        (both counts, or both seconds of simulated time) of what `task` names in plain words. `total` is 0 where
+        nobody knows it.
+    cancel : object with ``is_set()``, optional
+        A `threading.Event`, for instance. Once set, the call ends with `Cancelled` at its next look.
+
+    Examples
+    --------
+    >>> said = []
+    >>> watch = Watch(lambda done, total, task: said.append(f"{task}: {done:g} of {total:g}"))
+    >>> list(watch.each([10, 20], "recordings"))
+    [10, 20]
+    >>> said
+    ['recordings: 0 of 2', 'recordings: 2 of 2']
+    """
+
+    def __init__(self, progress: Callable[[float, float, str], None] | None = None, cancel: Flag | None = None) -> None:
+        self._progress, self._cancel = progress, cancel
+        self._last = float("-inf")
+
+    def look(self) -> None:
+        """End the call where the flag is set.
+
+        Raises
+        ------
+        Cancelled
+            It is.
+        """
+        if self._cancel is not None and self._cancel.is_set():
+            raise Cancelled(
+                "the call was cancelled", remedy="What was finished before is kept; call it again to go on."
+            )
+
+    def tell(self, done: float, total: float, task: str) -> None:
+        """Tell the callback where the call is, and end the call where the flag is set.
+
+        Raises
+        ------
+        Cancelled
+            The flag is set.
+        """
+        self.look()
+        if self._progress is None:
+            return
+        now = time.monotonic()
+        if now - self._last >= LEAST_PAUSE_S or done >= total > 0:
+            self._last = now
+            self._progress(done, total, task)
+
+    def each(self, items: Iterable[T], task: str) -> Iterator[T]:
+        """Yield the items one by one, telling how many are done."""
+        known = list(items)
+        for i, item in enumerate(known):
+            self.tell(i, len(known), task)
+            yield item
+        self.tell(len(known), len(known), task)
+
+
+UNWATCHED = Watch()
