@@ -6,6 +6,7 @@ import json
 import math
 import random
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -15,6 +16,7 @@ from campaign.fake_rig import FakeRig, contents, protocol
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Campaign, CycleFile, Head, create, read_head, tidy, write_cycle
 from pneudrive.campaign.motion import steps_from_motion
+from pneudrive.campaign.status import status_of
 from pneudrive.errors import CampaignError
 from pneudrive.rig.interface import Move, Samples, Sampling
 
@@ -188,3 +190,20 @@ def test_pressures_that_are_not_measured_are_those_of_the_cycle(folder):
     assert set(samples.pressure_b_pa) == {1.5e5}
     assert np.isnan(samples.temperature_k).all()
     assert "digest is ignored" in str(Campaign.open(folder).problems()[0])
+
+
+def test_status_opens_each_file_once(folder, monkeypatch):
+    """A seal proves samples and head together: a second reading would prove nothing more."""
+    opened = []
+    read = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: opened.append(path.name) or read(path))
+    found = status_of(folder)
+    assert sorted(opened) == [file.path.name for file in found.files]
+    assert not found.problems
+
+
+def test_status_says_whose_samples_no_seal_proves(folder):
+    path = Campaign.open(folder).files()[1]
+    head = pl.read_parquet_metadata(path)["pneudrive"]
+    pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": head})
+    assert "1 of 3 carry no seal" in str(status_of(folder).problems[0])

@@ -103,6 +103,8 @@ class World:
     air_pa_s_m: float = 0.0
     measured_at: str = "chamber"
     temperature_share_k: float = 0.0  # friction per kelvin; temperature rises by 4 K over the campaign
+    wild: tuple[tuple[int, float], ...] = ()  # sweeps by their number from 0, and the factor on their friction
+    written_too_high_pa: float = 0.0  # by which the samples' pressures differ from those that the heads state
 
     def truth(self, speed: Array | float, gauge: tuple[float, float], direction: int = 0) -> Array:
         """Friction of the seal without anything that passes."""
@@ -123,7 +125,7 @@ class _State:
     travel_m: float = 0.0
     gain: float = 1.0
     block: float = 0.0
-    zero_wander_n: float = 0.0
+    wild: float = 1.0
 
 
 def plan(world: World, rng: np.random.Generator) -> Iterator[dict]:
@@ -163,8 +165,11 @@ def write_campaign(folder: str | Path, world: World, seed: int) -> Path:
     (folder / "rig.json").write_text(json.dumps(_identity(world)))
     (folder / "campaign.json").write_text(json.dumps({"schema": 1, "name": "oracle", "seed": seed}))
     (folder / "campaign.toml").write_text('schema = 1\nname = "oracle"\n')
-    block = 0
+    block, sweeps = 0, 0
+    wild = dict(world.wild)
     for index, cycle in enumerate(cycles, start=1):
+        state.wild = wild.get(sweeps, 1.0) if cycle["kind"] == "sweep" else 1.0
+        sweeps += cycle["kind"] == "sweep"
         if cycle["block"] != block:
             block, state.block = cycle["block"], world.block_share * rng.standard_normal()
         state.share_done = (index - 1) / max(len(cycles) - 1, 1)
@@ -266,7 +271,7 @@ def _sliding(
     v, a = np.tile(velocity, 2), direction * np.tile(acceleration, 2)
     travelled = np.tile(way, 2)
     level = world.friction.at(np.maximum(v, 1e-6), *gauge, 0) * (1.0 + direction * world.friction.asymmetry)
-    level = level * _wander(world, state) * _pattern(true_x, world)
+    level = level * _wander(world, state) * _pattern(true_x, world) * state.wild
     level = level + world.cycle_n * rng.standard_normal()
     friction = direction * level * (1.0 - 2.0 * np.exp(-travelled / world.presliding_m))
     change = world.air_pa_s_m * v * direction
@@ -279,8 +284,8 @@ def _sliding(
         "time_s": time,
         "position_m": true_x + world.position_noise_m * rng.standard_normal(time.size),
         "force_n": force,
-        "pressure_a_pa": AMBIENT_PA + gauge[0] - shown + pressures[0],
-        "pressure_b_pa": AMBIENT_PA + gauge[1] + shown + pressures[1],
+        "pressure_a_pa": AMBIENT_PA + gauge[0] - shown + pressures[0] + world.written_too_high_pa,
+        "pressure_b_pa": AMBIENT_PA + gauge[1] + shown + pressures[1] + world.written_too_high_pa,
         "temperature_k": np.full(time.size, _temperature(world, state)),
         "step": np.repeat(np.array([0, 1]), once.size),
     }
@@ -332,16 +337,14 @@ def _zero(world: World, state: _State) -> float:
 
 def _noise(time: Array, world: World, state: _State) -> Array:
     """White noise, and noise that forgets itself over a time, at any spacing of the samples."""
-    n = time.size
     kept = np.exp(-np.diff(time, prepend=time[0]) / world.correlation_s)
-    fresh = world.correlated_n * np.sqrt(1.0 - kept**2) * state.rng.standard_normal(n)
+    fresh = world.correlated_n * np.sqrt(1.0 - kept**2) * state.rng.standard_normal(time.size)
     fresh[0] = world.correlated_n * state.rng.standard_normal()
-    slow = np.empty(n)
-    value = 0.0
-    for i in range(n):
-        value = kept[i] * value + fresh[i] if i else fresh[0]
+    slow, value = np.empty(time.size), 0.0
+    for i, (k, f) in enumerate(zip(kept.tolist(), fresh.tolist(), strict=True)):
+        value = k * value + f
         slow[i] = value
-    return slow + world.white_n * state.rng.standard_normal(n)
+    return slow + world.white_n * state.rng.standard_normal(time.size)
 
 
 def random_world(seed: int) -> World:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.adaptive import Finished, measure, needless
-from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.folder import CYCLES, Campaign, Problem
 from pneudrive.campaign.lock import Holder, holder
 from pneudrive.campaign.run import plan_of
 from pneudrive.errors import CampaignError, ProtocolError
@@ -15,7 +15,7 @@ from pneudrive.errors import CampaignError, ProtocolError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.campaign.folder import CycleFile, Problem
+    from pneudrive.campaign.folder import CycleFile
     from pneudrive.campaign.plan import Plan
 
 
@@ -57,7 +57,9 @@ class Status:
 
 
 def status_of(folder: str | Path) -> Status:
-    """Look at a campaign folder, whoever works in it, and check every file to its last sample.
+    """Look at a campaign folder, whoever works in it, and check every file: by its seal to the last byte.
+
+    Samples of files without a seal, which pneudrive did not write, are checked where they are read; a note says so.
 
     Raises
     ------
@@ -65,9 +67,11 @@ def status_of(folder: str | Path) -> Status:
         If it is not a campaign.
     """
     campaign = Campaign.open(folder)
-    problems = campaign.problems()
-    broken = {problem.where for problem in problems if problem.lost}
-    files = [file for file in campaign.cycles() if f"cycles/{file.path.name}" not in broken]
+    files, problems = campaign.scan()
+    foreign = sum(not file.sealed for file in files)
+    if foreign:
+        note = f"{foreign} of {len(files)} carry no seal: their samples are checked when they are characterised"
+        problems.append(Problem(CYCLES, note, lost=False))
     done = {file.head.cycle.key for file in files}
     planned, remaining, extra = None, None, 0
     try:

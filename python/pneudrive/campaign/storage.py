@@ -138,8 +138,10 @@ def damage(parquet: bytes) -> str | None:
     at = _seal_at(parquet)
     if at is None:
         return "the file is damaged: its seal cannot be read" if has_seal(parquet) else None
-    blank = parquet[:at] + BLANK.encode() + parquet[at + len(BLANK) :]
-    if hashlib.sha256(blank).hexdigest().encode() != parquet[at : at + len(BLANK)]:
+    total = hashlib.sha256(memoryview(parquet)[:at])
+    total.update(BLANK.encode())
+    total.update(memoryview(parquet)[at + len(BLANK) :])
+    if total.hexdigest().encode() != parquet[at : at + len(BLANK)]:
         return "the file is damaged: its bytes do not have the SHA-256 that they had when it was written"
     return None
 
