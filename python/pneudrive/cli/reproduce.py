@@ -17,12 +17,13 @@ def reproduce(
     from pneudrive.paper import FOLDER
     from pneudrive.report import reproduce as run
     from pneudrive.report import write_report
+    from pneudrive.report.paper import count_verdicts
 
     folder = writable_folder(out)
     made = run(folder / FOLDER, seed)
     report = write_report(None, {}, folder, made)
-    for figure in made.figures.values():
-        verdict = "holds" if figure.holds else "DOES NOT HOLD"
-        typer.echo(f"figure {figure.number}: {figure.sentence}")
-        typer.echo(f"          {verdict}: {figure.measured}")
+    for claim in made.claims:
+        typer.echo(f'{claim.place}: "{claim.said}"')
+        typer.echo(f"    {claim.verdict}: {claim.found}")
+    typer.echo(f"\nOf the paper, {count_verdicts(made.claims)}.")
     typer.echo(str(report))

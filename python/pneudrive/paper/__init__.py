@@ -1,12 +1,13 @@
-"""The source paper's figures from simulated data, each with the check of the paper's sentence."""
+"""The source paper's figures from simulated data, and what they say to every sentence of it that can be checked."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from pneudrive.paper.experiments import EXPERIMENTS, FOLDER, Experiment, run_experiments
-from pneudrive.paper.figure import PaperFigure
+from pneudrive.paper.figure import Claim, PaperFigure
 from pneudrive.paper.friction_curves import figure_5, figure_6, figure_8
+from pneudrive.paper.general import UNCHECKED, general_claims
 from pneudrive.paper.rigs import figure_4, figure_7
 from pneudrive.paper.stick_slip import figure_1, figure_2, figure_3
 from pneudrive.paper.stops import figure_9
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 __all__ = [
     "EXPERIMENTS",
     "FOLDER",
+    "UNCHECKED",
+    "Claim",
     "Experiment",
     "PaperFigure",
     "figure_1",
@@ -28,6 +31,7 @@ __all__ = [
     "figure_7",
     "figure_8",
     "figure_9",
+    "general_claims",
     "paper_figures",
     "run_experiments",
 ]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.paper.figure import PaperFigure
+from pneudrive.paper.figure import Claim, PaperFigure, judge
 
 if TYPE_CHECKING:
     from pneudrive.paper.experiments import Experiment
@@ -28,9 +28,20 @@ def figure_4(run: Experiment) -> PaperFigure:
     return PaperFigure(
         number=4,
         title="Rig of the first campaign",
-        sentence="A linear servo moves the drive through a force sensor; the speed rises by itself from 1 to 450 mm/s; "
-        "every cycle gives about 5000 samples.",
-        holds=_spans(speeds, SPEEDS_M_S) and near,
+        claims=(
+            Claim(
+                "figure 4",
+                "The measurement process takes place automatically by increasing the speed from 1 to 450 mm / s",
+                judge(_spans(speeds, SPEEDS_M_S) and np.all(np.diff(speeds) > 0.0), part=False),
+                f"{speeds.size} cycles ran by themselves, from {1e3 * speeds[0]:.3g} to {1e3 * speeds[-1]:.4g} mm/s",
+            ),
+            Claim(
+                "figure 4",
+                "Every single cycle generates about 5 000 measurements of friction force",
+                judge(near, part=False),
+                f"{few} to {many} evenly spaced samples in each, and bursts around the turns",
+            ),
+        ),
         measured=f"{speeds.size} cycles from {1e3 * speeds.min():.3g} to {1e3 * speeds.max():.4g} mm/s ran by "
         f"themselves; {few} to {many} evenly spaced samples in each, and bursts around the turns",
         quantities={"slowest_m_s": float(speeds.min()), "fastest_m_s": float(speeds.max()), "samples": float(few)},
@@ -45,8 +56,19 @@ def figure_7(run: Experiment) -> PaperFigure:
     return PaperFigure(
         number=7,
         title="Rig of the campaign under pressure",
-        sentence="The same with pressure in both chambers: 1 to 500 mm/s at 0.1 to 1.5 bar.",
-        holds=_spans(speeds, SPEEDS_UNDER_PRESSURE_M_S) and _spans(gauges, GAUGES_PA, REACHED * GAUGES_PA[1]),
+        claims=(
+            Claim(
+                "figure 7",
+                "The piston velocity was changed in the range of 1 - 500 mm / sec, and the pressure from 0.1 to 1.5 "
+                "Bar which was fed to both chambers",
+                judge(
+                    _spans(speeds, SPEEDS_UNDER_PRESSURE_M_S) and _spans(gauges, GAUGES_PA, REACHED * GAUGES_PA[1]),
+                    part=False,
+                ),
+                f"{speeds.size} cycles from {1e3 * speeds.min():.3g} to {1e3 * speeds.max():.4g} mm/s at "
+                f"{1e-5 * gauges.min():.2g} to {1e-5 * gauges.max():.2g} bar gauge",
+            ),
+        ),
         measured=f"{speeds.size} cycles from {1e3 * speeds.min():.3g} to {1e3 * speeds.max():.4g} mm/s at "
         f"{1e-5 * gauges.min():.2g} to {1e-5 * gauges.max():.2g} bar gauge in both chambers ran by themselves; "
         "that one regulator fed both through a manifold is our reading of the paper's picture",

@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.characterise.motion import local_slope
 from pneudrive.characterise.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip
 from pneudrive.describe import Drive
-from pneudrive.paper.figure import PaperFigure
+from pneudrive.paper.figure import Claim, PaperFigure, judge
 from pneudrive.rig.sensors import AnalogSensor, Encoder
 from pneudrive.simulate import simulate
 
@@ -31,6 +31,12 @@ LEAST_PEAK_RATIO = 3.0
 LEAST_STUCK_SHARE = 0.3
 #: Valve openings at which the drive of `slow_drive.toml` reaches that mean speed, found by bisection.
 OPENING = {"lugre": 0.0016, "stribeck": 0.0016}
+#: Opening, in multiples of that, at which the speed is no longer low.
+FASTER = 10
+FASTER_S = 6.0
+MIDDLE_M = (0.15, 0.45)  # of the stroke of 0.5 m, so that neither start nor stop counts
+#: Steps from this length on make positioning difficult, m (our reading).
+COARSE_M = 1e-3
 START_M = 0.05
 SKIPPED_S = 4.0
 SHOWN_S = 16.0
@@ -87,22 +93,62 @@ def figure_1(seed: int = 0) -> PaperFigure:
         "pressure_a_pa": PRESSURE_SENSOR.read(run.pressure_a.to_numpy(), rng),
         "pressure_b_pa": PRESSURE_SENSOR.read(run.pressure_b.to_numpy(), rng),
     }
-    return _figure(1, "Stick-slip of a drive, read by sensors", columns)
+    found = whole_periods(columns)
+    faster = _faster()
+    steps = Claim(
+        "section 2.1, figure 1",
+        "compressibility of the working medium causes a phenomenon known as stick-slip, which makes piston moves in a "
+        "stepped manner when at low velocity",
+        judge(_sticks(found) and not _sticks(faster), part=_sticks(found)),
+        f"{_steps(found)}; with the valve {FASTER} times as far open the same piston moves at "
+        f"{1e3 * faster.mean_speed_m_s:.0f} mm/s and is stuck for {100 * faster.stuck_share:.0f} % of the time",
+    )
+    return _figure(1, "Stick-slip of a drive, read by sensors", columns, steps, _near("figure 1, caption", found))
+
+
+def _faster() -> StickSlip:
+    """Measure the motion of the same drive through the middle of its stroke with the valve further open."""
+    start = f"position = {START_M} m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
+    run = simulate(slow_drive(), [(0.0, FASTER * OPENING["lugre"])], FASTER_S, initial=start, sample_rate=SAMPLE_RATE)
+    columns = _columns(run)
+    inside = (columns["position_m"] > MIDDLE_M[0]) & (columns["position_m"] < MIDDLE_M[1])
+    return whole_periods({name: values[inside] for name, values in columns.items()})
 
 
 def figure_2() -> PaperFigure:
     """Stick-slip of the same drive simulated with the LuGre law."""
-    return _figure(2, "Simulated with the LuGre law", _columns(creep("lugre")))
+    columns = _columns(creep("lugre"))
+    found = whole_periods(columns)
+    simulates = Claim(
+        "section 2.1, figure 2",
+        "This model ... also allows to simulate the stick - slip phenomenon",
+        judge(_sticks(found), part=False),
+        _steps(found),
+    )
+    coarse = Claim(
+        "section 2.1",
+        "for a very low speed of the piston makes positioning accurate very difficult",
+        judge(_sticks(found) and found.step_m > COARSE_M, part=_sticks(found)),
+        f"the piston goes on in steps of {1e3 * found.step_m:.1f} mm",
+    )
+    return _figure(2, "Simulated with the LuGre law", columns, simulates, coarse)
 
 
 def figure_3() -> PaperFigure:
     """Stick-slip of the same drive simulated with Coulomb and Stribeck friction combined, sticking exactly."""
     columns = _columns(creep("stribeck"))
-    figure = _figure(3, "Simulated with Coulomb and Stribeck friction", columns)
+    found = whole_periods(columns)
     still = float(np.mean(columns["velocity_m_s"] == 0.0))
+    simulates = Claim(
+        "section 2.1, figure 3",
+        "Another much simpler approach that allows to simulate friction in pneumatic drives is a combination of "
+        "Coulomb model and Stribeck curve",
+        judge(_sticks(found) and still > 0.0, part=_sticks(found)),
+        f"{_steps(found)}; between steps the piston rests exactly",
+    )
+    figure = _figure(3, "Simulated with Coulomb and Stribeck friction", columns, simulates)
     return replace(
         figure,
-        holds=figure.holds and still > 0.0,
         measured=f"{figure.measured}; exactly at rest for {100.0 * still:.0f} % of the time",
         quantities=figure.quantities | {"rest_share": still},
     )
@@ -139,19 +185,35 @@ def _onsets(velocity: Array, mean: float) -> list[int]:
     return onsets
 
 
-def _figure(number: int, title: str, columns: dict[str, Array]) -> PaperFigure:
+def _sticks(found: StickSlip) -> bool:
+    """Whether a motion is stick-slip."""
+    ratio = found.peak_speed_m_s / found.mean_speed_m_s
+    return found.periods >= LEAST_PERIODS and ratio >= LEAST_PEAK_RATIO and found.stuck_share >= LEAST_STUCK_SHARE
+
+
+def _steps(found: StickSlip) -> str:
+    return (
+        f"{found.periods} steps of {1e3 * found.step_m:.1f} mm; the piston is stuck for "
+        f"{100 * found.stuck_share:.0f} % of the time"
+    )
+
+
+def _near(place: str, found: StickSlip) -> Claim:
+    return Claim(
+        place,
+        "approximate velocity 9.34 mm/s",
+        judge(abs(found.mean_speed_m_s - MEAN_SPEED_M_S) <= SPEED_TOLERANCE_M_S, part=False),
+        f"mean speed {1e3 * found.mean_speed_m_s:.2f} mm/s; the opening of the valve was chosen for it",
+    )
+
+
+def _figure(number: int, title: str, columns: dict[str, Array], *claims: Claim) -> PaperFigure:
     found = whole_periods(columns)
     ratio = found.peak_speed_m_s / found.mean_speed_m_s
-    near = abs(found.mean_speed_m_s - MEAN_SPEED_M_S) <= SPEED_TOLERANCE_M_S
-    holds = (
-        near and found.periods >= LEAST_PERIODS and ratio >= LEAST_PEAK_RATIO and found.stuck_share >= LEAST_STUCK_SHARE
-    )
     return PaperFigure(
         number=number,
         title=title,
-        sentence="At low speed the compressible air makes the piston move in steps: it sticks and slips "
-        "(mean speed about 9.34 mm/s).",
-        holds=holds,
+        claims=claims,
         measured=f"{found.periods} periods of {found.period_s:.2f} s and {1e3 * found.step_m:.1f} mm at a mean of "
         f"{1e3 * found.mean_speed_m_s:.2f} mm/s; slips peak at {ratio:.1f} times the mean; below a fifth of it for "
         f"{100.0 * found.stuck_share:.0f} % of the time",

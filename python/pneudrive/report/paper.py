@@ -1,4 +1,4 @@
-"""The source paper's figures: its sentence, ours, and whether it holds."""
+"""The source paper: each sentence that can be checked, ours beside it, the verdict; and its figures."""
 
 from __future__ import annotations
 
@@ -6,47 +6,44 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.paper import UNCHECKED
 from pneudrive.report import style
-from pneudrive.report.page import Picture, Section, Table, Text
+from pneudrive.report.page import Items, Picture, Section, Table, Text
 from pneudrive.report.rig_diagram import rig_diagram
 from pneudrive.report.words import plural, sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.figure import Figure
 
-    from pneudrive.paper import PaperFigure
+    from pneudrive.paper import Claim, PaperFigure
 
 
 #: Travel after a stop that figure 9 shows, m.
 SHOWN_M = 3e-3
 
 
-def section(figures: Mapping[int, PaperFigure]) -> Section:
-    """Table of sentences and checks, then figures 4 to 9; 1 to 3 stand in the section on stick-slip."""
-    held = sum(f.holds for f in figures.values())
-    rows = [
-        (str(f.number), f.sentence, sentence(f.measured), f.assumed, "holds" if f.holds else "DOES NOT HOLD")
-        for f in figures.values()
-    ]
-    failed = ", ".join(str(f.number) for f in figures.values() if not f.holds)
+def section(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Section:
+    """Table of sentences and verdicts, then figures 4 to 9; 1 to 3 stand in the section on stick-slip."""
+    rows = [(c.place, f"“{c.said}”", sentence(c.found), c.verdict) for c in claims]
+    assumed = [f"Figure {f.number}: {f.assumed}." for f in figures.values() if f.assumed]
+    failed = any(c.verdict == "does not hold" for c in claims)
     blocks: list = [
         Text(
             "The paper prints figures but no data, and does not name drive, seals or sensors. What can be checked "
             "is whether simulated drives and rigs with parameters of our own, all of them assumed, show what the "
             "paper says in words."
         ),
-        Text(
-            f"{held} of {plural(len(figures), 'sentence')} hold"
-            + (f"; those that do not: figure {failed}." if failed else "."),
-            "fails" if failed else "holds",
-        ),
-        Table(("figure", "what the paper says", "what ours shows", "assumed", "verdict"), tuple(rows), numbers_from=9),
+        Text(sentence(count_verdicts(claims)), "fails" if failed else "holds"),
+        Table(("place", "what the paper says", "what ours shows", "verdict"), tuple(rows), numbers_from=4),
+        Text("Sentences that simulated data cannot check:"),
+        Items(tuple(f"“{said}”: {why}." for said, why in UNCHECKED.items())),
+        Text("Assumed for the figures, beside the values of rigs and drives that are listed under provenance:"),
+        Items(tuple(assumed)),
         Text(
             "Figures 4 to 9 come from campaigns: ready protocols, run on simulated rigs into campaign folders beside "
-            "this page (campaigns/), which `pneudrive characterise` takes like any other. All values of rigs and "
-            "drives are listed under provenance."
+            "this page (campaigns/), which `pneudrive characterise` takes like any other."
         ),
         Text(
             "A sentence that holds here says that the laws and the measuring chain can show the effect, since the "
@@ -60,6 +57,23 @@ def section(figures: Mapping[int, PaperFigure]) -> Section:
             caption = f"As the paper's figure {number}. {figure.title}. {sentence(figure.measured)}"
             blocks.append(Picture(f"paper-{number}-{name}", caption, drawer(figure), synthetic=True))
     return Section("paper", "The source paper's figures from simulated rigs", tuple(blocks), synthetic=True)
+
+
+def count_verdicts(claims: Sequence[Claim]) -> str:
+    """Say how many sentences hold, hold in part and do not hold.
+
+    Examples
+    --------
+    >>> from pneudrive.paper import Claim
+    >>> count_verdicts([Claim("figure 1", "It moves", "holds", "it does")])
+    '1 of 1 sentence that can be checked holds, 0 hold in part, 0 do not hold'
+    """
+    whole, part, none = (sum(c.verdict == v for c in claims) for v in ("holds", "holds in part", "does not hold"))
+    holds = "holds" if whole == 1 else "hold"
+    return (
+        f"{whole} of {plural(len(claims), 'sentence')} that can be checked {holds}, {part} hold in part, "
+        f"{none} do not hold"
+    )
 
 
 def rig(data: PaperFigure) -> Figure:
@@ -88,19 +102,26 @@ def cycle(data: PaperFigure) -> Figure:
 
 
 def over_speed(data: PaperFigure) -> Figure:
-    """Figure 6: friction over speed, on the paper's linear axis and on a logarithmic one."""
-    figure = style.new_figure(2.9)
-    axes = figure.subplots(1, 2, sharey=True)
+    """Figure 6: friction over speed, on the paper's linear axis and on a logarithmic one; below, less the truth."""
+    figure = style.new_figure(4.2)
+    axes, below = figure.subplots(2, 2, sharex="col", sharey="row", height_ratios=(2, 1))
     c = data.columns
     speed = 1e3 * c["speed_m_s"]
     for axis in axes:
         axis.plot(speed, c["friction_n"], "o", color=style.BLACK, mfc="white", ms=3.5, label="force, as in the paper")
         axis.plot(speed, c["air_n"], ":", color=style.ORANGE, label="of it air")
-        axis.fill_between(speed, c["low_n"], c["high_n"], color=style.BAND, lw=0, label="seal, 95 % band")
         axis.plot(speed, c["friction_settled_n"], "x", color=style.BLUE, ms=3.5, mew=0.8, label="seal, settled samples")
         axis.plot(speed, c["friction_true_n"], "-", color=style.GREY, lw=0.8, label="seal, true in each cycle")
-        axis.set_xlabel("speed / (mm/s)")
         axis.set_ylim(bottom=0)
+    for axis in below:
+        low, high = (1e3 * (c[name] - c["friction_true_n"]) for name in ("low_n", "high_n"))
+        axis.fill_between(speed, low, high, color=style.BAND, lw=0, label="95 % band")
+        axis.plot(speed, 1e3 * (c["friction_settled_n"] - c["friction_true_n"]), "x", color=style.BLUE, ms=3.5, mew=0.8)
+        axis.axhline(0, color=style.GREY, lw=0.8)
+        axis.set_xlabel("speed / (mm/s)")
+    below[0].set_ylabel("seal − true / mN")
+    style.headroom(below[0], below=0.35)
+    below[0].legend(loc="lower right")
     axes[0].set_title("linear axis, as in the paper")
     style.logarithmic(axes[1])
     axes[1].set_title("logarithmic axis")
@@ -118,7 +139,7 @@ def over_pressure(data: PaperFigure) -> Figure:
     parts = ((left, "friction_n", "force sensor, as in the paper"), (middle, "seal_n", "of it the seal"))
     for axis, name, title in (*parts, (right, "air_n", "of it air")):
         for i, values in enumerate(c[name]):
-            look = style.look(i)
+            look = style.ramp(i, bar.size)
             axis.plot(
                 1e3 * c["speed_m_s"],
                 values,

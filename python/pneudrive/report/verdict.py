@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.pressure_line import CONFOUNDED
+from pneudrive.report.paper import count_verdicts
 from pneudrive.report.recovered import recovered
 from pneudrive.report.speed import richest
 from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s, with_u
@@ -135,14 +136,9 @@ def _quality(found: Characterisation) -> str:
 
 
 def _reproduced(made: Reproduction, *, all_of_it: bool) -> list[str]:
-    figures = made.figures.values()
-    held = sum(f.holds for f in figures)
     pairs = recovered(made.found)
     truth = f"friction recovered within U in {pairs.inside} of {pairs.true_n.size} recordings" if pairs else ""
-    failed = [str(f.number) for f in figures if not f.holds]
-    tail = f" (not: figure {', '.join(failed)})" if failed else ""
-    paper = f"{held} of {plural(len(figures), 'sentence')} of the source paper hold{tail}"
-    first = f"Simulated rig (synthetic, parameters assumed): {paper}"
+    first = f"Simulated rig (synthetic, parameters assumed): of the source paper, {count_verdicts(made.claims)}"
     if not all_of_it:
         return [f"{first}; {truth}."]
     slip = made.figures.get(2) or made.figures.get(1)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation
     from pneudrive.identify import FrictionFit
-    from pneudrive.paper import PaperFigure
+    from pneudrive.paper import Claim, PaperFigure
     from pneudrive.paper.chamber_laws import ChamberComparison
     from pneudrive.report.page import Section
     from pneudrive.rig import SimulatedRig
@@ -62,6 +62,8 @@ class Reproduction:
         Group -> law -> fit, of those recordings.
     chambers : ChamberComparison
         Printed equations against the energy balance.
+    claims : tuple of Claim
+        Every sentence of the paper that can be checked, with its verdict.
     seed : int
         Of the simulated sensors.
     """
@@ -72,6 +74,7 @@ class Reproduction:
     found: Characterisation
     fits: Fits
     chambers: ChamberComparison
+    claims: tuple[Claim, ...]
     seed: int
 
 
@@ -102,7 +105,7 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
 
     from pneudrive.characterise import characterise_recordings
     from pneudrive.identify.seals import fit_characterisation
-    from pneudrive.paper import paper_figures, run_experiments
+    from pneudrive.paper import general_claims, paper_figures, run_experiments
     from pneudrive.paper.chamber_laws import compare_chamber_laws
     from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 
@@ -113,7 +116,10 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
     fits, _ = fit_characterisation(found)
     files = {run.rig: shipped_rigs().get(run.rig, run.rig) for run in runs.values()}
     described = {name: SimulatedRig.load(path).description for name, path in files.items()}
-    return Reproduction(rig, paper_figures(runs, seed), described, found, fits, compare_chamber_laws(), seed)
+    figures, chamber_laws = paper_figures(runs, seed), compare_chamber_laws()
+    claims = tuple(claim for figure in figures.values() for claim in figure.claims)
+    claims += general_claims(chamber_laws, figures)
+    return Reproduction(rig, figures, described, found, fits, chamber_laws, claims, seed)
 
 
 def write_report(
@@ -170,7 +176,7 @@ def sections(found: Characterisation | None, fits: Fits, made: Reproduction | No
     if made is not None:
         if found is None or not found.synthetic:
             parts.append(recovered.section(made.found, made.fits))
-        parts.append(paper.section(made.figures))
+        parts.append(paper.section(made.figures, made.claims))
     parts.append(stick_slip.section(found, made.figures if made is not None else {}))
     if made is not None:
         parts.append(chambers.section(made.chambers))

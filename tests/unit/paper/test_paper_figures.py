@@ -50,16 +50,38 @@ def test_all_figures_hold_and_are_marked_synthetic(figures):
     assert list(figures) == list(range(1, 10))
     for number, figure in figures.items():
         assert figure.number == number
-        assert figure.holds, figure.measured
+        assert figure.claims
         assert figure.synthetic
         assert all(np.isfinite(values).all() for values in figure.columns.values())
         assert all(np.isfinite(value) for value in figure.quantities.values())
 
 
 def test_a_seal_without_stribeck_pressure_and_age_does_not_show_them(flat):
-    assert not [n for n in (5, 6, 8, 9) if flat[n].holds]
-    assert flat[4].holds  # the campaigns themselves ran
-    assert flat[7].holds
+    assert flat[5].verdict("the friction value is the largest") != "holds"
+    assert flat[6].verdict("for small values of speed") != "holds"
+    assert flat[8].verdict("Lower line") != "holds"
+    assert flat[8].verdict("as the pressure increases") == "does not hold"
+    assert flat[8].verdict("As a result of drive seal") == "does not hold"
+    assert flat[9].verdict("Even short-term stop") == "does not hold"
+    assert flat[9].verdict("static friction value") == "does not hold"
+    assert all(claim.verdict == "holds" for number in (4, 7) for claim in flat[number].claims)  # the campaigns ran
+
+
+def test_verdicts_are_those_of_the_numbers(figures):
+    """Where ours differs from the paper, the table says so: a plain Stribeck point, a change that is soon over."""
+    assert figures[6].verdict("it is difficult to see") == "does not hold"
+    assert figures[8].verdict("as the pressure increases") == "holds in part"  # a Stribeck curve at 0.1 bar already
+    assert figures[9].quantities["recovery_m"] < 2e-3
+    assert figures[9].verdict("Even short-term stop") == "holds in part"
+    for number, said in (
+        (1, "compressibility"),
+        (2, "This model"),
+        (3, "Another"),
+        (5, "the friction value"),
+        (6, "for small"),
+        (8, "Lower line"),
+    ):
+        assert figures[number].verdict(said) == "holds"
 
 
 @pytest.mark.parametrize("figure", [figure_1(), figure_2(), figure_3()], ids=lambda f: f"figure-{f.number}")
@@ -91,10 +113,18 @@ def test_sensors_of_figure_1_show_counts_and_noise():
     )
 
 
-def test_faster_drive_is_not_the_papers():
-    quick = ss._figure(2, "", ss._columns(ss.creep("lugre", 0.003)))
-    assert quick.quantities["mean_speed_m_s"] > 12e-3
-    assert not quick.holds
+def test_faster_drive_does_not_stick():
+    faster = ss._faster()
+    assert faster.mean_speed_m_s > 50e-3
+    assert faster.stuck_share == 0.0
+    assert not ss._sticks(faster)
+    assert ss._near("", faster).verdict == "does not hold"
+
+
+def test_figure_8_reaches_the_speeds_that_it_names(figures):
+    c = figures[8].columns
+    assert c["speed_m_s"][[0, -1]] == pytest.approx([1e-3, 0.5])
+    assert c["mean_speed_m_s"][-1] < 0.9 * c["speed_m_s"][-1]  # ramps are part of the paper's mean
 
 
 def test_protocol_and_settling_against_the_truth(figures):
