@@ -29,7 +29,8 @@ def section(compared: ChamberComparison) -> Section:
         _table(compared),
         Picture(
             "chamber-laws",
-            "One stroke out and back with both chamber laws: position, pressure and gas temperature.",
+            "One stroke out and back with both chamber laws: position and its difference (as printed less balance), "
+            "pressure and gas temperature.",
             draw(compared),
             synthetic=True,
         ),
@@ -68,7 +69,7 @@ def draw(compared: ChamberComparison) -> Figure:
     balanced, printed = (compared.runs[law] for law in (ENERGY_BALANCE, AS_PRINTED))
     part = style.thin(balanced.time)
     time = balanced.time[part]
-    shown = (("pressure", 1e-5, "pressure {} / bar abs"), ("temperature", 1.0, "gas in {} / K"))
+    shown = (("pressure", 1e-5, "pressure {} / bar abs"), ("temperature", 1.0, "gas temperature {} / K"))
     for law, (line, color, words) in LINES.items():
         run = compared.runs[law]
         axes[0, 0].plot(time, 1e3 * run.position[part], line, color=color, label=words)
@@ -79,7 +80,7 @@ def draw(compared: ChamberComparison) -> Figure:
     axes[0, 0].set_ylabel("position / mm")
     axes[0, 0].legend(loc="lower center")
     axes[0, 1].plot(time, 1e3 * (printed.position - balanced.position)[part], color=style.BLACK)
-    axes[0, 1].set_ylabel("as printed − balance:\nposition / mm")
+    axes[0, 1].set_ylabel("difference of position / mm")
     for axis in axes[-1]:
         axis.set_xlabel("time / s")
     figure.align_ylabels()

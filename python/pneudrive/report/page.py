@@ -115,6 +115,7 @@ class Report:
 
 def write_picture(picture: Picture, folder: Path) -> str:
     """Write PNG and SVG; return the SVG as it stands inside a page."""
+    style.finish(picture.figure, synthetic=picture.synthetic)
     png = BytesIO()
     picture.figure.savefig(png, format="png", dpi=style.PNG_DPI)
     picture.figure.set_layout_engine("none")  # laid out once is enough: it is half of the time

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pneudrive.identify import FrictionFit
 
 SAME_PRESSURE_PA = 100.0
+SHOWN_ERRORS = 4.0  # standard errors to either side
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,8 @@ def section(found: Characterisation, fits: Mapping[str, Mapping[str, FrictionFit
         ),
         Picture(
             "recovered",
-            "Left: friction recovered (markers) and true (lines) over speed, by gauge pressure in the chambers. Right: "
-            "error of each value with two statistical standard errors.",
+            "(a) Friction recovered (markers) and true (lines) over speed, by gauge pressure in the chambers. (b) "
+            "Error of each value over its statistical standard error; of 100 some 95 are expected in the band.",
             draw(pairs),
             synthetic=True,
         ),
@@ -126,25 +127,26 @@ def draw(pairs: Recovered) -> Figure:
     figure = style.new_figure(3.0)
     left, right = figure.subplots(1, 2)
     gauges = np.unique(pairs.gauge_pa.round(-2))
+    right.axhspan(-2, 2, color=style.BAND, lw=0, label="two standard errors")
     for index, gauge in enumerate(gauges[:8]):
-        look = style.look(index)
+        look = style.ramp(index, min(gauges.size, 8))
         chosen = np.flatnonzero(np.abs(pairs.gauge_pa - gauge) < SAME_PRESSURE_PA)
         chosen = chosen[np.argsort(pairs.speed_m_s[chosen])]
         speed = pairs.speed_m_s[chosen] * 1e3
         left.plot(speed, pairs.true_n[chosen], linestyle=look.linestyle, color=look.color, lw=0.9)
         label = f"{gauge / 1e5:.2g} bar"
         left.plot(speed, pairs.friction_n[chosen], look.marker, color=look.color, mfc="white", ms=3.2, label=label)
-        error = 1e3 * (pairs.friction_n[chosen] - pairs.true_n[chosen])
-        reach = 2e3 * np.nan_to_num(pairs.stderr_n[chosen])
-        shifted = speed * (1 + 0.05 * (index - (gauges.size - 1) / 2))  # side by side
-        right.errorbar(
-            shifted, error, yerr=reach, fmt=look.marker, color=look.color, mfc="white", ms=3, elinewidth=0.6, capsize=0
-        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = (pairs.friction_n[chosen] - pairs.true_n[chosen]) / pairs.stderr_n[chosen]
+        error = np.clip(error, -SHOWN_ERRORS, SHOWN_ERRORS)  # one that is further off stands on the frame
+        right.plot(speed, error, look.marker, color=look.color, mfc="white", ms=3.2)
     right.axhline(0, color=style.BLACK, lw=0.8)
     for axis in (left, right):
         style.logarithmic(axis)
         axis.set_xlabel("speed / (mm/s)")
     left.set_ylabel("friction / N")
-    right.set_ylabel("recovered − true / mN")
+    right.set_ylim(-SHOWN_ERRORS, SHOWN_ERRORS)
+    right.set_ylabel("error / standard error")
+    right.legend(loc="lower right")
     left.legend(title="gauge pressure", title_fontsize=7, ncols=2)
     return figure

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 COLUMNS = 3
 MOST_PANELS = 6
-MOST_IN_PANEL = 8
 MOST_ROWS = 12
 SPOILS = {
     "undersampled": f"fewer than {NEEDED_RISE_SAMPLES} samples on the rise",
@@ -45,8 +44,8 @@ def drift(found: Characterisation) -> Section | None:
         ),
         Picture(
             "drift",
-            "Friction of each stroke in the order of time, relative to the mean of its recording; filled markers "
-            "towards +x, open ones towards −x.",
+            "Friction of each stroke in the order of time, relative to the mean of its recording, mean of both "
+            "directions: every recording of the seal (grey), their median, and the one that drifts most.",
             draw_drift(found),
             synthetic=found.synthetic,
         ),
@@ -81,28 +80,31 @@ def draw_drift(found: Characterisation) -> Figure:
     figure = style.new_figure(2.15 * rows + 0.5, style.WIDTH_IN if len(groups) > 1 else 4.5)
     axes = style.panels(figure, len(groups), COLUMNS, sharex=True, sharey=True)
     for axis, (seal, results) in zip(axes, groups, strict=True):
-        pairs = spread_evenly([(r, level) for r in results for level in r.levels], MOST_IN_PANEL)
-        for index, (result, level) in enumerate(pairs):
-            look = style.look(index)
-            for direction, values in level.stroke_friction_n.items():
-                number = np.arange(1, values.size + 1)
-                axis.plot(
-                    number,
-                    100 * (values / level.friction_n - 1),
-                    linestyle=look.linestyle,
-                    marker=look.marker,
-                    color=look.color,
-                    mfc=look.color if direction > 0 else "white",
-                    ms=3.0,
-                    lw=0.7,
-                    label=_short(result, level) if direction == next(iter(level.stroke_friction_n)) else None,
-                )
+        pairs = [(r, level, _course(level)) for r in results for level in r.levels]
+        strongest = max(pairs, key=lambda pair: _drift_share(pair[1]))
+        for _, _, course in pairs:
+            axis.plot(np.arange(1, course.size + 1), course, color=style.GREY, lw=0.5, alpha=0.7)
+        shortest = min(course.size for _, _, course in pairs)
+        median = np.median([course[:shortest] for _, _, course in pairs], axis=0)
+        number = np.arange(1, shortest + 1)
+        axis.plot(number, median, "-", color=style.BLACK, lw=1.4, label=f"median of {len(pairs)}")
+        if _drift_share(strongest[1]) > 0.0:
+            course = strongest[2]
+            label = _short(strongest[0], strongest[1])
+            axis.plot(np.arange(1, course.size + 1), course, "--s", color=style.BLUE, ms=2.5, lw=0.9, label=label)
         axis.axhline(0, color=style.GREY, lw=0.8)
         axis.set_title(seal)
-        axis.legend(fontsize=5.8, ncols=2, loc="lower right", handlelength=2.2, columnspacing=0.8, labelspacing=0.25)
-    style.headroom(axes[0], below=0.25)
+        axis.legend(loc="lower right")
+    style.headroom(axes[0], below=0.15)
     style.outer_labels(figure, "stroke in its direction", "friction against the mean / %")
     return figure
+
+
+def _course(level: Level) -> np.ndarray:
+    """Friction of each pair of strokes against the level's mean, %; of as many strokes as both directions have."""
+    each = [values for values in level.stroke_friction_n.values() if values.size]
+    shortest = min(values.size for values in each)
+    return 100 * (np.mean([values[:shortest] for values in each], axis=0) / level.friction_n - 1)
 
 
 def _short(result: RecordingResult, level: Level) -> str:
@@ -136,9 +138,7 @@ def peaks(found: Characterisation) -> Section | None:
                 "note",
             )
         )
-    caption = (
-        "Left: one reversal, each sample marked, offset taken out. Right: all peaks over the samples on their rise."
-    )
+    caption = "(a) One reversal, each sample marked, offset taken out. (b) All peaks over the samples on their rise."
     blocks.append(Picture("reversals", caption, draw_peaks(every), synthetic=found.synthetic))
     if real:
         lines = [f"{p.recording}, {p.friction_n:.2f} N, {p.excess_n:+.2f} N over sliding" for p in real[:10]]

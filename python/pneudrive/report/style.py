@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
-PNG_DPI = 150
+PNG_DPI = 300  # what journals ask of a photograph; of lines the SVG beside it is the better file
 
 BLACK, BLUE, ORANGE, GREEN, GREY = "#111111", "#1f5f99", "#d97706", "#5b8c5a", "#8c8c8c"
 BAND = "#dfe6ee"  # prediction bands and shaded strokes: light enough to print as a tint
@@ -52,7 +52,7 @@ _SETTINGS: dict[str, Any] = {
 class Look(NamedTuple):
     """Colour, line style and marker of one curve."""
 
-    color: str
+    color: Any
     linestyle: Any
     marker: str
 
@@ -73,6 +73,18 @@ LOOKS = (
 def look(index: int) -> Look:
     """Return the look of the curve with this index; they repeat after eight."""
     return LOOKS[index % len(LOOKS)]
+
+
+#: Lightest and darkest of an ordered row of curves: their order shows in grey, too.
+RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
+
+
+def ramp(index: int, count: int) -> Look:
+    """Return the look of one of `count` curves in an order (pressures, durations): from light to dark."""
+    share = index / max(count - 1, 1)
+    light, dark = RAMP
+    color = tuple(a + share * (b - a) for a, b in zip(light, dark, strict=True))
+    return Look(color, "-", LOOKS[index % len(LOOKS)].marker)
 
 
 @contextmanager
@@ -103,6 +115,28 @@ def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes
         if shared.get("sharex") and index + columns >= count:
             axis.tick_params(labelbottom=True)  # the lowest panel of its column carries the numbers
     return axes[:count]
+
+
+#: Height of the line above the panels that says that a figure is synthetic, inch.
+STAMP_IN = 0.17
+
+
+def finish(figure: Figure, *, synthetic: bool) -> None:
+    """Give panels their letters, and say inside the picture where its data are simulated: pictures travel alone."""
+    panels_shown = [axis for axis in figure.axes if axis.get_visible() and axis.axison]
+    if len(panels_shown) > 1:
+        for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", panels_shown, strict=False):
+            axis.set_title(f"{letter}   {axis.get_title('left')}".rstrip(), loc="left")
+    if synthetic:
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height + STAMP_IN)
+        share = STAMP_IN / (height + STAMP_IN)
+        layout = figure.get_layout_engine()
+        if layout is not None:
+            layout.set(rect=(0.0, 0.0, 1.0, 1.0 - share))  # pyright: ignore[reportCallIssue] - constrained layout
+        figure.text(
+            0.995, 1.0 - 0.2 * share, "synthetic: simulated data", ha="right", va="top", fontsize=7, color="#8a4b00"
+        )
 
 
 def outer_labels(figure: Figure, x: str, y: str) -> None:

@@ -18,9 +18,9 @@ PANELS = (
     ("position / mm", 1e3, (("position", "-", ""),)),
     ("velocity / (m/s)", 1.0, (("velocity", "-", ""),)),
     ("pressure / bar abs", 1e-5, (("pressure_a", "-", "chamber a"), ("pressure_b", "--", "chamber b"))),
-    ("gas / K", 1.0, (("temperature_a", "-", "chamber a"), ("temperature_b", "--", "chamber b"))),
-    ("friction / N", 1.0, (("friction_force", "-", ""),)),
-    ("end stop / N", 1.0, (("end_stop_force", "-", ""),)),
+    ("gas temperature / K", 1.0, (("temperature_a", "-", "chamber a"), ("temperature_b", "--", "chamber b"))),
+    ("friction force / N", 1.0, (("friction_force", "-", ""),)),
+    ("end stop force / N", 1.0, (("end_stop_force", "-", ""),)),
     ("command", 1.0, (("command", "-", ""),)),
 )
 LINES = {"-": style.BLACK, "--": style.ORANGE}

@@ -37,7 +37,7 @@ def channels(r: RecordResult) -> Figure:
         axis.set_ylabel(NAMES[column])
         below.plot(t, factor * (measured - again)[part], "-", color=style.BLUE, lw=0.7, label="from measured states")
         below.plot(t, factor * (measured - free)[part], "--", color=style.ORANGE, label="free run")
-        below.set_ylabel(f"left / {unit}")
+        below.set_ylabel(f"residual / {unit}")
     handles = [*axes[0].get_lines(), axes[1].get_lines()[0]]
     axes[0].legend(handles=handles, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     axes[-1].set_xlabel("time / s")
@@ -90,7 +90,7 @@ def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
         band = 2.0 * factor * scale[some]
         axis.fill_between(found.time_s[some], -band, band, color=style.BAND)
         axis.plot(found.time_s[some], shown[some], color=style.BLACK, lw=0.8)
-        axis.set_ylabel(f"{name}\nlacks / {unit}")
+        axis.set_ylabel(f"residual of\n{name} / ({unit})" if "/" in unit else f"residual of\n{name} / {unit}")
     axes[-1].set_xlabel("time / s")
     axes[-1].set_xlim(0.0, float(t[-1]))
     figure.align_ylabels()
