@@ -1,10 +1,11 @@
-"""The command of a valve over time: steps that hold until the next entry."""
+"""The command of a valve over time, steps that hold until the next entry, and the state at the start."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -18,16 +19,22 @@ if TYPE_CHECKING:
 
 Pairs: TypeAlias = Sequence[tuple[float | str, float]]
 Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
+#: Whatever `steps` reads.
+Command: TypeAlias = "str | Path | float | Callable[[float], float] | Pairs | np.ndarray"
+FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)], a CSV file or a function of time'
 
 
-def steps(command: str | Path | Pairs | np.ndarray) -> Steps:
+def steps(command: Command, times: Sequence[float] | None = None) -> Steps:
     """Read a command.
 
     Parameters
     ----------
-    command : str, path or sequence of pairs
-        ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s and command, or pairs of time and command; a
-        time is in s, or a quantity such as ``"20 ms"``.
+    command : number, str, path, sequence of pairs or callable
+        A number holds throughout. ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s and command, or pairs
+        of time and command; a time is in s, or a quantity such as ``"20 ms"``. A function of the time in s is asked
+        at `times` and held from each to the next, as a digital controller would.
+    times : sequence of float, optional
+        s; when a function is asked: rising from 0.
 
     Returns
     -------
@@ -47,15 +54,23 @@ def steps(command: str | Path | Pairs | np.ndarray) -> Steps:
     if isinstance(command, Path):
         return _from_file(command)
     if isinstance(command, str):
-        is_file = command.lower().endswith(".csv") or (":" not in command and Path(command).is_file())
+        is_file = command.lower().endswith(".csv") or (":" not in command and _is_file(command))
         return _from_file(Path(command)) if is_file else _from_text(command)
+    if isinstance(command, Real):
+        return _checked([(0.0, _number(command, "command"))])
+    if callable(command):
+        return _checked([(time, _number(command(time), f"command at {time:g} s:")) for time in times or (0.0,)])
+    if not isinstance(command, Iterable):
+        raise CommandError(f"the command is a {type(command).__name__}", remedy=f"Give {FORMS}.")
     pairs = []
     for number, pair in enumerate(command):
         try:
             time, value = pair
         except (TypeError, ValueError):
             raise CommandError(
-                f"entry {number + 1} of the command is {pair!r}", rule="each entry is (time, command)"
+                f"entry {number + 1} of the command is {pair!r}",
+                rule="each entry is (time, command)",
+                remedy=f"Give {FORMS}.",
             ) from None
         pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _number(value, "command")))
     return _checked(pairs)
@@ -67,6 +82,8 @@ def _from_text(text: str) -> Steps:
     if not text.strip():
         raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
     pairs = []
+    if len(entries) == 1 and ":" not in text:
+        return _checked([(0.0, _number(text.strip(), "command"))])
     for entry in entries:
         time, colon, value = entry.rpartition(":")
         if not colon or not time.strip():
@@ -77,6 +94,13 @@ def _from_text(text: str) -> Steps:
             )
         pairs.append((_time(time.strip()), _number(value.strip(), "command")))
     return _checked(pairs)
+
+
+def _is_file(text: str) -> bool:
+    try:
+        return Path(text).is_file()
+    except (OSError, ValueError):  # too long for a name, or a null byte
+        return False
 
 
 def _from_file(path: Path) -> Steps:
@@ -146,18 +170,37 @@ def _number(given: object, what: str, where: str | None = None) -> float:
     return value
 
 
-def initial(text: str) -> Initial:
-    """Read a start state such as ``"position = 50 mm, pressure_a = 3 bar abs"``.
+def initial(given: Initial | Mapping[str, object] | str | None) -> Initial | None:
+    """Read a start state: an `Initial`, its keys as a dict, or ``"position = 50 mm, pressure_a = 3 bar abs"``.
 
     Raises
     ------
     CommandError
-        An entry is not ``key = quantity``, or comes twice.
+        It is none of these, or an entry of a text is not ``key = quantity``, or comes twice.
     DescriptionError
         Unknown key, or a quantity that does not fit.
+
+    Examples
+    --------
+    >>> initial({"position": "50 mm"}) == initial("position = 50 mm")
+    True
     """
     from pneudrive.describe import Initial
 
+    if given is None or isinstance(given, Initial):
+        return given
+    if isinstance(given, str):
+        given = _entries(given)
+    if not isinstance(given, Mapping):
+        raise CommandError(
+            f"the initial state is a {type(given).__name__}",
+            remedy='Give {"position": "50 mm"}, "position = 50 mm" or pn.Initial(position="50 mm").',
+        )
+    return Initial.model_validate(dict(given))
+
+
+def _entries(text: str) -> dict[str, str]:
+    """Read ``key = quantity`` entries, by key."""
     given: dict[str, str] = {}
     for entry in filter(None, map(str.strip, text.split(","))):
         key, equals, value = (part.strip() for part in entry.partition("="))
@@ -168,4 +211,4 @@ def initial(text: str) -> Initial:
         if key in given:
             raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
         given[key] = value
-    return Initial.model_validate(given)
+    return given

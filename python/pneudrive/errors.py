@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+
+_NOT_THE_CALLER = ("pneudrive", "pydantic")
 
 
 class PneudriveError(Exception):
@@ -119,6 +124,14 @@ class Cancelled(PneudriveError):  # noqa: N818 - nothing went wrong
 
 class PneudriveWarning(UserWarning):
     """A result is there, but something about it should be known: a friction law that is not passive, for instance."""
+
+
+def warn(message: str) -> None:
+    """Warn of something about a result, at the line of the caller's own code that asked for it."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _NOT_THE_CALLER:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, PneudriveWarning, stacklevel=level)
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__, units
 from pneudrive import command as commands
-from pneudrive.errors import CommandError, DescriptionError, PneudriveError, PneudriveWarning, SimulationError
+from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.references import bibtex
+from pneudrive.show import Shown
 from pneudrive.trajectory import meaning
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Mapping
 
     import numpy as np
     import xarray as xr
@@ -28,8 +28,8 @@ MOST_SAMPLES = 50_000_000  # a trajectory of that many rows takes about 6 GB
 SOLVER = "Rodas5P"
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, repr=False)
+class Run(Shown):
     """A trajectory as it comes from the core: columns of a file (SI, absolute pressure) and where they come from."""
 
     columns: dict[str, np.ndarray]
@@ -50,10 +50,10 @@ class Run:
 
 def simulate(
     drive: Drive,
-    command: str | Path | commands.Pairs,
+    command: commands.Command,
     duration: str | float,
     *,
-    initial: Initial | str | None = None,
+    initial: Initial | Mapping[str, object] | str | None = None,
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
     ledger: bool = False,
@@ -64,13 +64,15 @@ def simulate(
     ----------
     drive : Drive
         What is simulated.
-    command : str, path or sequence of (time, command)
-        Valve command in [-1, 1]: ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s, command) or pairs with the time in s.
-        Each entry holds until the next; the first is at 0 s.
+    command : number, str, path, sequence of (time, command) or callable
+        Valve command in [-1, 1]: a number that holds throughout, ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s,
+        command) or pairs with the time in s; each entry holds until the next, the first is at 0 s. A function of the
+        time in s is asked at every sample and held until the next one, as by a controller at `sample_rate`.
     duration : str or float
         ``"2 s"``, or a number of seconds.
-    initial : Initial or str, optional
-        Start state; where nothing is said mid stroke, at rest, ambient pressure and temperature.
+    initial : Initial, dict or str, optional
+        Start state, ``{"position": "50 mm", "pressure_a": "3 bar abs"}``; where nothing is said mid stroke, at rest,
+        ambient pressure and temperature.
     sample_rate : str or float
         ``"1 kHz"``, or a number of samples a second.
     rtol : float
@@ -108,10 +110,10 @@ def simulate(
 
 def run(
     drive: Drive,
-    command: str | Path | commands.Pairs,
+    command: commands.Command,
     duration: str | float,
     *,
-    initial: Initial | str | None = None,
+    initial: Initial | Mapping[str, object] | str | None = None,
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
     ledger: bool = False,
@@ -121,7 +123,6 @@ def run(
     Arguments and errors are those of `simulate`.
     """
     _require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
-    steps = commands.steps(command)
     seconds = _positive(duration, "s", "duration")
     rate = _positive(sample_rate, "1/s", "sample_rate")
     samples = seconds * rate
@@ -130,16 +131,14 @@ def run(
             f"duration = {seconds:g} s at sample_rate = {rate:g} Hz makes {samples:.3g} samples",
             rule=f"1 to {MOST_SAMPLES:.0e} samples",
         )
+    asked = [k / rate for k in range(round(samples))] if callable(command) else None
+    steps = commands.steps(command, asked)
     if isinstance(rtol, bool) or not 1e-13 <= rtol <= 1e-1:
         raise CommandError(f"rtol = {rtol} is out of bounds", rule="1e-13 <= rtol <= 0.1")
-    if isinstance(initial, str):
-        initial = commands.initial(initial)
-    elif initial is not None:
-        _require(initial, "position_m", "initial", 'pn.Initial(position="50 mm")')
-    start = drive.core_initial(initial)
+    start = drive.core_initial(commands.initial(initial))
     result = _solve(compiled(drive.core_json()), steps, seconds, rate, start, rtol, ledger)
     for message in result["warnings"]:
-        warnings.warn(message, PneudriveWarning, stacklevel=3)
+        warn(message)
     return Run(result["columns"], _provenance(drive, result, rtol))
 
 

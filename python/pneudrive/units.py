@@ -126,9 +126,98 @@ class Pressure:
         """
         return self.value_pa + ambient_pa if self.gauge else self.value_pa
 
+    def to(self, unit: str) -> float:
+        """Return the value in another unit, against what it was stated.
+
+        Examples
+        --------
+        >>> parse_pressure("6 bar gauge").to("kPa")
+        600.0
+        """
+        return _in_unit(self.value_pa, "Pa", unit)
+
     def __str__(self) -> str:
         """Write it so that `parse_pressure` gives the same bits."""
-        return f"{write(self.value_pa, 'Pa')} {'gauge' if self.gauge else 'abs'}"
+        return f"{write(self.value_pa, 'Pa', 'bar')} {'gauge' if self.gauge else 'abs'}"
+
+    __repr__ = __str__
+
+
+class UnitFloat(float):
+    """A number in SI that shows itself in the unit of daily use.
+
+    It computes as the plain SI number that it is; only what is shown has the unit, so that neither can be mistaken
+    for the other.
+
+    Attributes
+    ----------
+    si : float
+        The plain number in `si_unit`.
+    si_unit : str
+    unit : str
+        In which it is shown.
+
+    Examples
+    --------
+    >>> bore = UnitFloat(0.025, "m", "mm")
+    >>> bore, f"bore {bore:.1f}", 2.0 * bore, bore.si, bore.to("cm")
+    (25 mm, 'bore 25.0 mm', 0.05, 0.025, 2.5)
+    """
+
+    si_unit: str
+    unit: str
+
+    def __new__(cls, si: float, si_unit: str, unit: str | None = None) -> UnitFloat:
+        """Make it from the SI value."""
+        made = super().__new__(cls, si)
+        made.si_unit = si_unit
+        made.unit = unit or si_unit.replace("^", "")
+        return made
+
+    @property
+    def si(self) -> float:
+        """The plain number, in `si_unit`."""
+        return float(self)
+
+    def to(self, unit: str) -> float:
+        """Return the number in another unit of the same dimension.
+
+        Raises
+        ------
+        DescriptionError
+            Unknown unit, or one of another dimension.
+        """
+        return _in_unit(self, self.si_unit, unit)
+
+    def si_as(self, si_unit: str) -> float:
+        """Return the plain number where a quantity of this unit is wanted.
+
+        Raises
+        ------
+        DescriptionError
+            It is of another dimension.
+        """
+        if self.si_unit != si_unit:
+            raise _wrong_dimension(self.si_unit, si_unit, kind(self.si_unit).partition(",")[0])
+        return self.si
+
+    def __str__(self) -> str:
+        return f"{self:.7g}"
+
+    __repr__ = __str__
+
+    def __format__(self, spec: str) -> str:
+        """Write it with its unit, the number as `spec` says."""
+        return f"{self.to(self.unit):{spec or '.7g'}} {self.unit}"
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Keep the unit in copies and pickles."""
+        return type(self), (float(self), self.si_unit, self.unit)
+
+
+def _in_unit(si: float, si_unit: str, unit: str) -> float:
+    factor, offset = converter(unit, si_unit)
+    return float((Decimal(repr(float(si))) - Decimal(repr(offset))) / Decimal(repr(factor)))
 
 
 def kind(si_unit: str) -> str:
@@ -185,7 +274,7 @@ def parse_pressure(text: str) -> Pressure:
     Examples
     --------
     >>> parse_pressure("3 bar abs")
-    Pressure(value_pa=300000.0, gauge=False)
+    3 bar abs
     """
     words = text.split()
     if not words or words[-1] not in {"abs", "gauge"}:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import pneudrive as pn
 from pneudrive import command
 from pneudrive.errors import CommandError, DescriptionError
 
@@ -22,7 +23,11 @@ def test_three_forms_of_one_command(tmp_path):
     [
         ("", "is empty"),
         ([], "is empty"),
-        ("0.6", "has no time"),
+        ("1.2", "command = 1.2"),
+        (float("nan"), "'nan' is not a number"),
+        (lambda t: 1.0 + t, "command = 1.5 at 0.5 s"),
+        (lambda t: None, "command at 0 s: 'None' is not a number"),
+        (None, "the command is a NoneType"),
         ("0 s: 0.6, : 1", "has no time"),
         ("0: 0.6", "has no unit"),
         ("0 mm: 0.6", "is a length"),
@@ -39,7 +44,20 @@ def test_three_forms_of_one_command(tmp_path):
 )
 def test_refusals(given, what):
     with pytest.raises(CommandError, match=what):
-        command.steps(given)
+        command.steps(given, (0.0, 0.5))
+
+
+def test_a_number_holds_throughout_and_a_function_is_held_between_samples():
+    assert command.steps(0.5) == command.steps("0.5") == command.steps(np.float64(0.5)) == ((0.0,), (0.5,))
+    drive = pn.Drive.load("catalogue:reference")
+
+    def wave(t):
+        return 0.5 * np.sin(20.0 * t)
+
+    asked = pn.simulate(drive, wave, "0.1 s", sample_rate="200 Hz")
+    pairs = [(k / 200, wave(k / 200)) for k in range(20)]
+    assert asked.equals(pn.simulate(drive, pairs, "0.1 s", sample_rate="200 Hz"))
+    assert pn.simulate(drive, 0.5, "0.1 s").equals(pn.simulate(drive, "0 s: 0.5", "0.1 s"))
 
 
 @pytest.mark.parametrize(
@@ -65,8 +83,11 @@ def test_wrong_files_name_the_line(tmp_path, content, what, line):
 def test_the_start_state():
     start = command.initial("position = 50 mm, pressure_a = 2 bar gauge")
     assert (start.position_m, start.pressure_a.gauge, start.pressure_b) == (0.05, True, None)
+    assert command.initial({"position": "50 mm", "pressure_a": "2 bar gauge"}) == command.initial(start) == start
     with pytest.raises(DescriptionError, match=r"Did you mean 'position'"):
         command.initial("positon = 50 mm")
+    with pytest.raises(CommandError, match=r'Give \{"position": "50 mm"\}'):
+        command.initial(0.05)
     with pytest.raises(CommandError, match="is not key = quantity"):
         command.initial("50 mm")
     with pytest.raises(CommandError, match="given twice"):

@@ -39,6 +39,7 @@ from pneudrive.campaign.storage import (
 )
 from pneudrive.errors import CampaignError
 from pneudrive.rig.interface import CHANNELS, Identity, Samples
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -78,8 +79,8 @@ class Problem:
         return f"{self.where}: {self.what}"
 
 
-@dataclass(frozen=True)
-class CycleFile:
+@dataclass(frozen=True, repr=False)
+class CycleFile(Shown):
     """A finished cycle on disk; ``sealed``: its bytes were found to be those that were written."""
 
     path: Path
@@ -265,8 +266,8 @@ def _without_stderr() -> Iterator[None]:
         os.close(void)
 
 
-@dataclass(frozen=True)
-class Campaign:
+@dataclass(frozen=True, repr=False)
+class Campaign(Shown):
     """A campaign folder, opened for reading.
 
     Attributes

@@ -12,6 +12,7 @@ from pneudrive.campaign.protocol_values import AMBIENT
 from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.rig.interface import Hold, Move
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -61,8 +62,8 @@ class Planned:
         return sum(isinstance(step, Move) for step in self.cycle.steps)
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Shown):
     """What would be run on a rig.
 
     Attributes

@@ -46,7 +46,7 @@ Pair = tuple[units.Pressure, units.Pressure]
 class Speeds(Described):
     """Speeds of the sweep: out and back at each."""
 
-    table: ClassVar[str] = "speed"
+    table_name: ClassVar[str] = "speed"
     list_m_s: Annotated[tuple[float, ...] | None, Levels(*SPEED, POSITIVE)] = Field(
         default=None, alias="list", description="one speed or a list; instead of from, to and count"
     )
@@ -108,7 +108,7 @@ class Speeds(Described):
 class Pressures(Described):
     """Pressures in the chambers; both open to ambient where nothing is said. Given in exactly one of three ways."""
 
-    table: ClassVar[str] = "pressure"
+    table_name: ClassVar[str] = "pressure"
     both: Annotated[tuple[units.Pressure, ...] | None, PressureLevels()] = Field(
         default=None, description="the same pressure in both chambers"
     )
@@ -152,7 +152,7 @@ class Pressures(Described):
 class Preconditioning(Described):
     """What brings the contact to the same state before every stop."""
 
-    table: ClassVar[str] = "stop.preconditioning"
+    table_name: ClassVar[str] = "stop.preconditioning"
     strokes: CountOrNone = Field(default=3, description="full strokes out and back")
     speed_m_s: Speed = Field(default=0.1, alias="speed", description="their speed, and that of every way back")
 
@@ -160,7 +160,7 @@ class Preconditioning(Described):
 class Stops(Described):
     """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, the interrupted one."""
 
-    table: ClassVar[str] = "stop"
+    table_name: ClassVar[str] = "stop"
     durations_s: Annotated[tuple[float, ...], Levels(*TIME, NOT_NEGATIVE)] = Field(
         alias="durations", description="one, a list or { from, to, count, spacing }; 0 s: not interrupted"
     )
@@ -210,8 +210,8 @@ class HardFactor(Described):
         for index, level in enumerate(self.levels):
             if not level.strip() or level in self.levels[:index]:
                 raise wrong(
-                    f"{self.table}.levels",
-                    f"{self.table}.levels: {level!r} is empty or comes twice",
+                    f"{self.table_name}.levels",
+                    f"{self.table_name}.levels: {level!r} is empty or comes twice",
                     rule="levels differ",
                 )
         return self
@@ -220,25 +220,25 @@ class HardFactor(Described):
 class Mounting(HardFactor):
     """How the drive is fixed to the rig."""
 
-    table: ClassVar[str] = "mounting"
+    table_name: ClassVar[str] = "mounting"
 
 
 class Seal(HardFactor):
     """Which seals are in the drive; a change is followed by the run-in."""
 
-    table: ClassVar[str] = "seal"
+    table_name: ClassVar[str] = "seal"
 
 
 class DriveUnderTest(HardFactor):
     """Which drive is on the rig; a change is followed by the run-in."""
 
-    table: ClassVar[str] = "drive"
+    table_name: ClassVar[str] = "drive"
 
 
 class Order(Described):
     """In which order the points are run."""
 
-    table: ClassVar[str] = "order"
+    table_name: ClassVar[str] = "order"
     kind: Literal["as-given", "randomised", "interleaved"] = Field(
         default="as-given",
         description="as-given: pressure, repeat, speed; randomised: each repeat shuffled by the seed; "
@@ -253,7 +253,7 @@ class Order(Described):
 class WarmUp(Described):
     """Strokes before the points of each block."""
 
-    table: ClassVar[str] = "warm_up"
+    table_name: ClassVar[str] = "warm_up"
     cycles: CountOrNone = Field(default=10, description="strokes out and back before each block")
     speed_m_s: Speed = Field(default=0.1, alias="speed", description="their speed")
     run_in_cycles: CountOrNone = Field(
@@ -264,7 +264,7 @@ class WarmUp(Described):
 class SamplingTable(Described):
     """How samples are spaced; all are kept, none is filtered."""
 
-    table: ClassVar[str] = "sampling"
+    table_name: ClassVar[str] = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2)] = Field(
         default=5000, description="even in time over each move; the paper has about 5000 a cycle [bracha]"
     )
@@ -285,7 +285,7 @@ class SamplingTable(Described):
 class KnownWeight(Described):
     """A weight that the operator hangs on the force sensor, the drive uncoupled, to check the sensor's gain."""
 
-    table: ClassVar[str] = "before_block.known_weight"
+    table_name: ClassVar[str] = "before_block.known_weight"
     mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(
         alias="mass", description="its mass; the force is m g"
     )
@@ -298,7 +298,7 @@ class KnownWeight(Described):
 class BeforeBlock(Described):
     """Checks before the points of a block; what is absent is not done."""
 
-    table: ClassVar[str] = "before_block"
+    table_name: ClassVar[str] = "before_block"
     tare_s: MaybeTime = Field(
         default=None, alias="tare", description="zero of the force sensor: standing, force released, vented"
     )
@@ -318,7 +318,7 @@ class BeforeBlock(Described):
 class Sentinel(Described):
     """A reference speed, repeated to see drift: at both ends of a block and between."""
 
-    table: ClassVar[str] = "sentinel"
+    table_name: ClassVar[str] = "sentinel"
     speed_m_s: Speed = Field(alias="speed", description="out and back at this speed")
     every: Count = Field(default=10, description="points between two of them")
     pressure: MaybePressure = Field(default=None, description="in both chambers; absent: the protocol's first pair")
@@ -327,7 +327,7 @@ class Sentinel(Described):
 class Filter(Described):
     """What the analysis applies; never applied at the source, every raw sample is kept."""
 
-    table: ClassVar[str] = "filter"
+    table_name: ClassVar[str] = "filter"
     average: Annotated[int, MovingAverage()] = Field(
         default=1, description='moving average over so many samples, or "none"'
     )
@@ -339,7 +339,7 @@ class Filter(Described):
 class Adaptive(Described):
     """What is decided after each cycle; a rule that is absent is not applied."""
 
-    table: ClassVar[str] = "adaptive"
+    table_name: ClassVar[str] = "adaptive"
     settled_time_s: MaybeTime = Field(
         default=None,
         alias="settled_time",
@@ -363,7 +363,7 @@ class Adaptive(Described):
 class Conditions(Described):
     """Conditions under which measuring goes on; out of them the campaign waits."""
 
-    table: ClassVar[str] = "conditions"
+    table_name: ClassVar[str] = "conditions"
     supply_pressure: MaybePressure = Field(default=None, description="least supply pressure")
     temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = Field(
         default=None, alias="temperature", description='range, "15 degC .. 30 degC"'
@@ -376,7 +376,7 @@ class Conditions(Described):
 class Tightened(Described):
     """Limits within those of the rig; the tighter one holds."""
 
-    table: ClassVar[str] = "limits"
+    table_name: ClassVar[str] = "limits"
     speed_m_s: MaybeSpeed = Field(default=None, alias="speed", description="highest speed")
     acceleration_m_s2: Annotated[float | None, Quantity("m/s^2", "m/s2", POSITIVE)] = Field(
         default=None, alias="acceleration", description="highest acceleration that a move may reach"
@@ -391,7 +391,7 @@ class Tightened(Described):
 class Range(Described):
     """Part of the stroke that is used."""
 
-    table: ClassVar[str] = "position"
+    table_name: ClassVar[str] = "position"
     range: Annotated[tuple[Place, Place] | None, BetweenPlaces()] = Field(
         default=None,
         description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: all of it but the margin',
@@ -404,7 +404,7 @@ class Range(Described):
 class Design(Described):
     """What a fraction of the campaign must still be able to tell."""
 
-    table: ClassVar[str] = "design"
+    table_name: ClassVar[str] = "design"
     interaction: Annotated[list[str], Field(min_length=2, max_length=2)] | None = Field(
         default=None,
         description='two factors, ["stop", "pressure"]: whether the effect of the first depends on the second; '
@@ -415,7 +415,7 @@ class Design(Described):
 class Fraction(Described):
     """The part of the cells that is run; `pneudrive campaign plan --fraction` writes it."""
 
-    table: ClassVar[str] = "fraction"
+    table_name: ClassVar[str] = "fraction"
     cells: Annotated[list[str], Field(min_length=1)] = Field(description="names of the cells")
 
     @model_validator(mode="after")

@@ -26,6 +26,7 @@ from pneudrive.campaign.protocol import Protocol, parse_protocol, read_protocol
 from pneudrive.campaign.storage import make_folder
 from pneudrive.errors import CampaignError, CommandError, RigError
 from pneudrive.rig.interface import Envelope
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -41,8 +42,8 @@ if TYPE_CHECKING:
 DONE, ENDED = "done", "ended"
 
 
-@dataclass(frozen=True)
-class Result:
+@dataclass(frozen=True, repr=False)
+class Result(Shown):
     """How a run of a campaign ended.
 
     Attributes

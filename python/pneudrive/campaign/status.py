@@ -11,6 +11,7 @@ from pneudrive.campaign.folder import CYCLES, Campaign, Problem
 from pneudrive.campaign.lock import Holder, holder
 from pneudrive.campaign.run import plan_of
 from pneudrive.errors import CampaignError, ProtocolError
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     from pneudrive.campaign.plan import Plan
 
 
-@dataclass(frozen=True)
-class Status:
+@dataclass(frozen=True, repr=False)
+class Status(Shown):
     """How far a campaign is.
 
     Attributes

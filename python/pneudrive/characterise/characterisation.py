@@ -28,6 +28,7 @@ from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.settling import SampleChoice, Settled
 from pneudrive.characterise.trajectories import from_run, is_run
 from pneudrive.errors import RecordingError
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,8 +39,8 @@ KEPT_IN_FULL = 300  # recordings; of a larger campaign the samples are not kept
 SHOWN = 24  # recordings of a larger campaign whose curves are kept
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
-class Characterisation:
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class Characterisation(Shown):
     """Everything that one run of the characterisation found. SI, absolute pressures, N.
 
     Attributes

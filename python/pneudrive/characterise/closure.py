@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import student
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,8 +50,8 @@ class Estimate:
     high: float
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
-class ClosureFit:
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class ClosureFit(Shown):
     """Effective areas and force zero of one group of recordings (one seal, one geometry).
 
     ``areas_m2`` has an entry for each chamber whose pressure changed, ``nominal_m2`` the areas of the

@@ -15,6 +15,7 @@ from pneudrive.characterise.layout import Layout, stem
 from pneudrive.characterise.load import convert, read_raw, shifted
 from pneudrive.characterise.trajectories import is_run
 from pneudrive.errors import RecordingError
+from pneudrive.show import Shown
 from pneudrive.trajectory import meaning
 
 if TYPE_CHECKING:
@@ -42,8 +43,8 @@ _LAYOUT_COLUMNS = {
 }
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
-class DriveRecording:
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class DriveRecording(Shown):
     """What was measured of a drive, in SI with absolute pressures.
 
     Attributes

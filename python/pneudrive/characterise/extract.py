@@ -28,6 +28,7 @@ from pneudrive.characterise.settling import Motion, SampleChoice
 from pneudrive.characterise.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.characterise.stick_slip import StickSlip, measure_stick_slip
 from pneudrive.errors import RecordingError
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,8 +39,8 @@ COVERED_SHARE = 0.5
 RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is no point of F(v)
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
-class Level:
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class Level(Shown):
     """One speed level of one recording.
 
     ``spreads`` and ``stroke_friction_n`` are by direction +1/-1: the latter holds the mean friction of
@@ -85,8 +86,8 @@ class Level:
         return max(self.gauge_pa(ambient_pressure_pa).values(), key=abs)
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
-class RecordingResult:
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class RecordingResult(Shown):
     """What one recording gave. ``recording`` is the cleaned one, with its counts of flags."""
 
     recording: Recording

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.characterise.text_table import COMPRESSIONS, TextForm
 from pneudrive.describe import toml
 from pneudrive.errors import LayoutError, nearest
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from pneudrive.characterise.column_units import ColumnUnit
@@ -107,8 +108,8 @@ class DriveLayout:
         return {column.column: column.date_form for column in self.columns.values() if column.date_form is not None}
 
 
-@dataclass(frozen=True)
-class Layout:
+@dataclass(frozen=True, repr=False)
+class Layout(Shown):
     """A layout file as it was written, ready to be applied to a file's name.
 
     Examples

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.characterise.spread import student
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,8 +52,8 @@ class RunSpread:
     cells: tuple[tuple[str, float, float, float, float], ...]
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
-class PressureLine:
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
     ``band_pressure_pa``, ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) are the line and the

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,8 +20,8 @@ STANDARD_ATMOSPHERE_PA = 101325.0  # exact by definition; where nothing is said 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class Recording(Shown):
     """One measured run: synchronous samples in SI with absolute pressures.
 
     Parameters

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.motion import find_strokes, local_slope, noise_level
 from pneudrive.errors import RecordingError
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,8 +22,8 @@ SLIPPED_SHARE = 0.5  # of the travel is made in slips at least
 RESTED_SHARE = 0.05  # of the time is spent stuck at least
 
 
-@dataclass(frozen=True)
-class StickSlip:
+@dataclass(frozen=True, repr=False)
+class StickSlip(Shown):
     """Stick-slip within one stroke or section.
 
     ``found`` says whether at least three periods repeat and, together, make the motion: half of the travel in slips,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.basics import BOTH
+from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -69,8 +70,8 @@ class Skipped:
     reason: str
 
 
-@dataclass(frozen=True)
-class CycleResult:
+@dataclass(frozen=True, repr=False)
+class CycleResult(Shown):
     """One cycle that was read, in short.
 
     Attributes
@@ -121,8 +122,8 @@ class ExcludedPoint:
     ripple: float
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
+@dataclass(frozen=True, eq=False, repr=False)
+class Curve(Shown):
     """Friction against speed at one condition, with a pointwise 95 % band.
 
     Attributes
@@ -202,8 +203,8 @@ class Ranges:
     temperature_k: tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class CampaignCharacteristics:
+@dataclass(frozen=True, eq=False, repr=False)
+class CampaignCharacteristics(Shown):
     """Everything that a campaign tells of friction. SI, absolute pressures where not called gauge.
 
     Attributes
@@ -262,6 +263,17 @@ class CampaignCharacteristics:
     def synthetic(self) -> bool:
         """Whether a simulated rig made it."""
         return self.identity.synthetic
+
+    def _card(self) -> Card:
+        """Show what was measured and what of it came out, then what the data carry."""
+        r = self.ranges
+        counts = {"cycles": self.cycles, "skipped": self.skipped, "curves": self.curves, "stops": self.stops}
+        rows = [(name, str(len(found))) for name, found in counts.items()]
+        rows.append(("speeds", f"{1e3 * r.speed_m_s[0]:.3g} to {1e3 * r.speed_m_s[1]:.3g} mm/s"))
+        for chamber, (low, high) in (("a", r.gauge_a_pa), ("b", r.gauge_b_pa)):
+            rows.append((f"pressure {chamber}", f"{1e-5 * low:.3g} to {1e-5 * high:.3g} bar gauge"))
+        title = f"{self.name} ({'simulated' if self.synthetic else 'measured'})"
+        return Card(title, rows=rows, notes=[str(statement) for statement in self.statements])
 
     def curve(self, condition: Condition, direction: int = BOTH) -> Curve | None:
         """Give one curve; None where there is none."""

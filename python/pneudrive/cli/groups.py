@@ -23,6 +23,10 @@ class LazyGroup(TyperGroup):
     table: ClassVar[Mapping[str, str]] = {}
     hidden_names: ClassVar[frozenset[str]] = frozenset()
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
+        """Read the arguments of the group; none ask for its help."""
+        return super().parse_args(ctx, args or ["--help"])
+
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - typer keeps its context type private
         """Return the names in the order of the table."""
         return list(self.table)
@@ -68,7 +72,7 @@ def command_paths(table: Mapping[str, str], hidden: frozenset[str] = frozenset()
             yield from ((name, *rest) for rest in command_paths(kind.table, kind.hidden_names))  # type: ignore[union-attr]
 
 
-def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> typer.Typer:
+def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset(), *, completion: bool = False) -> typer.Typer:
     """Make a group of lazily imported commands.
 
     Parameters
@@ -77,6 +81,8 @@ def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> typ
         Command -> module; ``module`` has a function, or a group that this function made, of the command's name.
     hidden : frozenset of str
         Commands that the help leaves out.
+    completion : bool
+        Offer ``--install-completion`` and ``--show-completion``: of the root alone.
 
     Returns
     -------
@@ -86,7 +92,6 @@ def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> typ
     return typer.Typer(
         cls=kind,
         pretty_exceptions_enable=False,
-        add_completion=False,
-        no_args_is_help=True,
+        add_completion=completion,
         rich_markup_mode="markdown",
     )

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import TYPE_CHECKING
+import warnings
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from pneudrive import __version__
 from pneudrive.cli.groups import group
-from pneudrive.errors import Cancelled, PneudriveError, SimulationError, nearest
+from pneudrive.errors import Cancelled, PneudriveError, PneudriveWarning, SimulationError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 # Command -> module, in which a function or a group has the command's name. Imported when it is asked for.
 COMMANDS = {
@@ -39,7 +41,7 @@ HIDDEN = frozenset({"demo"})  # `make demo` is its door
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 
-app = group(COMMANDS, HIDDEN)
+app = group(COMMANDS, HIDDEN, completion=True)
 
 
 @app.callback(invoke_without_command=True)
@@ -54,6 +56,24 @@ def fail(error: PneudriveError) -> int:
     """Print an error once, on stderr, and return the exit status that it means."""
     sys.stderr.write(f"{type(error).__name__}: {error}\n")
     return EXIT_OTHER if isinstance(error, SimulationError) else EXIT_INPUT
+
+
+@contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Show a warning as one line of plain words on stderr, once; where in the package it arose tells a user nothing."""
+    otherwise, shown = warnings.showwarning, set()
+
+    def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ANN401 - of the standard
+        if not issubclass(category, PneudriveWarning):
+            otherwise(message, category, *rest)
+        elif str(message) not in shown:
+            shown.add(str(message))
+            sys.stderr.write(f"Note: {message}\n")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", PneudriveWarning)
+        warnings.showwarning = show
+        yield
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -75,7 +95,8 @@ def run(arguments: Sequence[str]) -> int:
         sys.stderr.write(f"pneudrive: there is no command '{first}'. {nearest(first, shown)}\n")
         return EXIT_INPUT
     try:
-        status = app(list(arguments), prog_name="pneudrive", standalone_mode=False)
+        with _plain_warnings():
+            status = app(list(arguments), prog_name="pneudrive", standalone_mode=False)
     except (KeyboardInterrupt, Cancelled):
         status = EXIT_INTERRUPTED
     except PneudriveError as error:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +11,11 @@ import typer
 def simulate(
     drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
     command: Annotated[
-        str, typer.Option(help='Valve command: "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command).', metavar="STEPS")
+        str,
+        typer.Option(
+            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command).',
+            metavar="STEPS",
+        ),
     ],
     duration: Annotated[str, typer.Option(help='How long, e.g. "2 s".')],
     initial: Annotated[
@@ -36,11 +38,7 @@ def simulate(
 
         check_target(plot, PICTURES)
     described = Drive.load(drive)
-    with warnings.catch_warnings(record=True) as notes:
-        warnings.simplefilter("always")
-        result = run(described, command, duration, initial=initial, sample_rate=sample_rate, rtol=rtol)
-    for note in notes:
-        sys.stderr.write(f"Note: {note.message}\n")
+    result = run(described, command, duration, initial=initial, sample_rate=sample_rate, rtol=rtol)
     if out is not None:
         if out.suffix.lower() == ".nc":
             save(result.dataset(), out)

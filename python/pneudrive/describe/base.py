@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import core_schema
 
 from pneudrive import units
 from pneudrive.errors import DescriptionError, nearest
+from pneudrive.show import Card, Shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pydantic.fields import FieldInfo
 
 
 class WrongValueError(ValueError):
@@ -59,10 +65,10 @@ class PerChamber(NamedTuple):
 
 def quantity(given: object, si_unit: str, bounds: Bounds) -> float:
     """Convert one given quantity to a checked SI value, or raise `WrongValueError`."""
-    if not isinstance(given, str):
+    if not isinstance(given, str | units.UnitFloat):
         raise WrongValueError(f"{given!r} has no unit", rule=units.needed(si_unit))
     try:
-        value = units.parse(given, si_unit)
+        value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
     except DescriptionError as error:
         raise WrongValueError(error.what, error.rule, error.remedy) from None
     rule = bounds.broken(value)
@@ -73,7 +79,7 @@ def quantity(given: object, si_unit: str, bounds: Bounds) -> float:
 
 def number(given: object, bounds: Bounds) -> float:
     """Check a pure number, or raise `WrongValueError`."""
-    if isinstance(given, bool) or not isinstance(given, (int, float)):
+    if isinstance(given, bool | units.UnitFloat) or not isinstance(given, (int, float)):
         raise WrongValueError(f"{given!r} is not a number", rule="a pure number, without unit and quotes")
     value = float(given)
     rule = "finite" if not math.isfinite(value) else bounds.broken(value)
@@ -107,6 +113,15 @@ class Quantity:
     def show(self, value: float) -> str | float:
         """Write it as users would."""
         return units.write(value, self.si_unit, self.written) if self.si_unit else value
+
+    def named(self, value: Any) -> Any:  # noqa: ANN401 - whatever the field holds
+        """Give what is stored as a quantity that shows its unit; a pure number as it is."""
+        if isinstance(value, float) and self.si_unit:
+            return units.UnitFloat(value, self.si_unit, self.written)
+        if isinstance(value, tuple):
+            made = [self.named(one) for one in value]
+            return type(value)(*made) if hasattr(value, "_fields") else tuple(made)
+        return value
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
         """Validate by `read`; nothing else may touch the value."""
@@ -207,11 +222,22 @@ Stiffness = Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
 Fraction = Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))]
 
 
-class Described(BaseModel):
-    """Base of every table of a description: frozen, closed to unknown keys, one message for what is wrong."""
+class Described(Shown, BaseModel):
+    """Base of every table of a description: frozen, closed to unknown keys, one message for what is wrong.
+
+    A field is stored in SI under a name that says so (``bore_m``); under the key of the file (``bore``) it is the
+    same number as a quantity that shows its unit.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
-    table: ClassVar[str] = ""
+    table_name: ClassVar[str] = ""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:  # noqa: ANN401 - pydantic's own
+        """Give each field its key of the file as a name in Python."""
+        for name, field in cls.model_fields.items():
+            if field.alias and not hasattr(cls, field.alias):
+                setattr(cls, field.alias, _by_key(name, _mark(field)))
 
     @model_validator(mode="wrap")
     @classmethod
@@ -234,7 +260,7 @@ class Described(BaseModel):
         """
         complaints = error.errors(include_url=False)
         first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
-        key = ".".join([*([cls.table] if cls.table else []), *map(str, first["loc"])])
+        key = ".".join([*([cls.table_name] if cls.table_name else []), *map(str, first["loc"])])
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])
             return wrong(key, f"{key} is not a known key", remedy=nearest(name, cls.keys()))
@@ -259,7 +285,7 @@ class Described(BaseModel):
         out = handler.resolve_ref_schema(handler(schema))
         for name, field in cls.model_fields.items():
             about = out["properties"].get(field.alias or name, {})
-            mark = next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
+            mark = _mark(field)
             if mark is not None and field.default is not None and "default" in about:
                 about["default"] = mark.show(field.default)
             elif not isinstance(field.default, (str, int)):
@@ -292,6 +318,56 @@ class Described(BaseModel):
             if isinstance(value, dict):
                 out[key] = {name: one.to_dict() if isinstance(one, Described) else one for name, one in value.items()}
                 continue
-            mark = next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
+            mark = _mark(field)
             out[key] = mark.show(value) if mark is not None else value
         return out
+
+    def _card(self) -> Card:
+        """Show every key with its value, and which are defaults."""
+        given = self.to_dict()
+        rows = [
+            (key, inline(given.get(key, _written(value, mark))), "" if key in given else "default")
+            for key, value, mark in self._all()
+        ]
+        title = f"[{self.table_name}]" if self.table_name else type(self).__name__
+        return Card(title, rows=rows)
+
+    def _all(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
+        """Yield key, value and annotation of what is not absent."""
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if value is not None and value != () and value != {}:
+                yield field.alias or name, value, _mark(field)
+
+    def __str__(self) -> str:
+        return repr(self)
+
+
+def _mark(field: FieldInfo) -> Quantity | StatedPressure | None:
+    """Return the annotation that says how a field is written."""
+    return next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
+
+
+def _by_key(name: str, mark: Quantity | StatedPressure | None) -> property:
+    def read(self: Described) -> Any:  # noqa: ANN401 - whatever the field holds
+        value = getattr(self, name)
+        return mark.named(value) if isinstance(mark, Quantity) else value
+
+    unit = f", stored in {mark.si_unit} as `{name}`" if isinstance(mark, Quantity) and mark.si_unit else ""
+    return property(read, doc=f"As the key of the file{unit}.")
+
+
+def _written(value: Any, mark: Quantity | StatedPressure | None) -> Any:  # noqa: ANN401
+    if isinstance(value, Described):
+        return {key: _written(one, own) for key, one, own in value._all()}
+    return mark.show(value) if mark is not None else value
+
+
+def inline(value: object) -> str:
+    """Write a value on one line, a table as its keys and values."""
+    if isinstance(value, dict):
+        nested = {key: f"({inline(one)})" if isinstance(one, dict) else inline(one) for key, one in value.items()}
+        return ", ".join(f"{key} {one}" for key, one in nested.items())
+    if isinstance(value, list | tuple):
+        return "; ".join(map(inline, value))
+    return f"{value:g}" if isinstance(value, float) and not isinstance(value, units.UnitFloat) else str(value)

@@ -32,26 +32,32 @@ MOST_POINTS = 50
 class SealPressure(Described):
     """Seal lips: friction added per gauge pressure in each chamber, with any law; stored in N/Pa."""
 
-    table: ClassVar[str] = "friction.pressure"
-    coulomb: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
-    breakaway: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
+    table_name: ClassVar[str] = "friction.pressure"
+    coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = Field(
+        default=PerChamber(0.0, 0.0), alias="coulomb"
+    )
+    breakaway_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = Field(
+        default=PerChamber(0.0, 0.0), alias="breakaway"
+    )
 
     def core(self) -> dict[str, Any]:
         """Return the table as the core takes it."""
-        pairs = {"coulomb": self.coulomb, "breakaway": self.breakaway}
+        pairs = {"coulomb": self.coulomb_n_pa, "breakaway": self.breakaway_n_pa}
         return {f"{name}_{chamber}": getattr(pair, chamber) for name, pair in pairs.items() for chamber in "ab"}
 
 
 class Dwell(Described):
     """Friction that grows with the age of the contact, with any law: a stop ages it, sliding renews it."""
 
-    table: ClassVar[str] = "friction.dwell"
+    table_name: ClassVar[str] = "friction.dwell"
     growth: Literal["saturating", "log", "hyperbolic"]
     increment_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)] = Field(alias="increment")
     time_s: Duration = Field(alias="time")
     exponent: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=2.0))] = 0.4
     distance_m: Length = Field(alias="distance")
-    pressure: Annotated[PerChamber, EachChamber("1/Pa", "%/bar")] = PerChamber(0.0, 0.0)
+    pressure_per_pa: Annotated[PerChamber, EachChamber("1/Pa", "%/bar")] = Field(
+        default=PerChamber(0.0, 0.0), alias="pressure"
+    )
 
     @model_validator(mode="after")
     def _exponent_of_saturating_alone(self) -> Dwell:
@@ -68,15 +74,15 @@ class Dwell(Described):
             "time_s": self.time_s,
             "exponent": self.exponent,
             "distance_m": self.distance_m,
-            "pressure_a": self.pressure.a,
-            "pressure_b": self.pressure.b,
+            "pressure_a": self.pressure_per_pa.a,
+            "pressure_b": self.pressure_per_pa.b,
         }
 
 
 class Relaxation(Described):
     """Elastic force of held bristles that relaxes, with laws of bristles; sliding renews the bristles."""
 
-    table: ClassVar[str] = "friction.relaxation"
+    table_name: ClassVar[str] = "friction.relaxation"
     share: Fraction
     time_s: Duration = Field(alias="time")
     distance_m: Length = Field(alias="distance")
@@ -89,7 +95,7 @@ class Relaxation(Described):
 class Harmonic(Described):
     """One period of friction along the stroke."""
 
-    table: ClassVar[str] = "friction.position.harmonics"
+    table_name: ClassVar[str] = "friction.position.harmonics"
     period_m: Length = Field(alias="period")
     amplitude: Annotated[float, Quantity("", bounds=Bounds(above=-1.0, below=1.0))]
     phase_rad: Annotated[float, Quantity("rad", "deg")] = Field(default=0.0, alias="phase")
@@ -102,7 +108,7 @@ class Harmonic(Described):
 class PositionPoint(Described):
     """A factor on friction at a position of the stroke, as it was measured."""
 
-    table: ClassVar[str] = "friction.position.table"
+    table_name: ClassVar[str] = "friction.position.table"
     position_m: Position = Field(alias="position")
     factor: Annotated[float, Quantity("", bounds=_POSITIVE)]
 
@@ -117,7 +123,7 @@ class PositionDependence(Described):
     Between its points the table is a monotone cubic; beyond them the factor of the nearest one holds.
     """
 
-    table: ClassVar[str] = "friction.position"
+    table_name: ClassVar[str] = "friction.position"
     points: tuple[PositionPoint, ...] = Field(default=(), alias="table")
     harmonics: tuple[Harmonic, ...] = ()
     slope_per_m: Annotated[float, Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
@@ -174,7 +180,7 @@ class PositionDependence(Described):
 class DirectionDependence(Described):
     """Friction that differs with the direction, with any law: factors on both levels for v > 0 and v < 0."""
 
-    table: ClassVar[str] = "friction.direction"
+    table_name: ClassVar[str] = "friction.direction"
     positive: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
     negative: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
 
@@ -186,7 +192,7 @@ class DirectionDependence(Described):
 class SideLoad(Described):
     """A force across the axis, taken by a guide: coefficient |force| more friction, with any law."""
 
-    table: ClassVar[str] = "friction.side_load"
+    table_name: ClassVar[str] = "friction.side_load"
     force_n: Annotated[float, Quantity("N", "N")] = Field(alias="force")
     coefficient: Annotated[float, Quantity("", bounds=_NOT_NEGATIVE)]
 
@@ -198,7 +204,7 @@ class SideLoad(Described):
 class TemperatureDependence(Described):
     """Friction that depends on the temperature of the contact, which its own heat warms, with any law."""
 
-    table: ClassVar[str] = "friction.temperature"
+    table_name: ClassVar[str] = "friction.temperature"
     reference_k: Temperature = Field(alias="reference")
     viscous_per_k: Annotated[float, Quantity("1/K", "%/K", _NOT_NEGATIVE)] = Field(default=0.0, alias="viscous")
     levels_per_k: Annotated[float, Quantity("1/K", "%/K")] = Field(default=0.0, alias="levels")
@@ -219,7 +225,7 @@ class TemperatureDependence(Described):
 class Wear(Described):
     """Friction that changes with the distance slid, with any law: 1 + run_in exp(-s/run_in_distance) + rate s."""
 
-    table: ClassVar[str] = "friction.wear"
+    table_name: ClassVar[str] = "friction.wear"
     run_in: Annotated[float, Quantity("", bounds=Bounds(above=-1.0))] = 0.0
     run_in_distance_m: Length = Field(default=1000.0, alias="run_in_distance")
     rate_per_m: Annotated[float, Quantity("1/m", "%/km")] = Field(default=0.0, alias="rate")

@@ -6,33 +6,42 @@ import hashlib
 import json
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from pneudrive.describe import catalogue, provenance, toml
-from pneudrive.describe.base import Described, wrong
+from pneudrive.describe.base import Described, inline, wrong
 from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
 from pneudrive.describe.parts import Ambient, Cylinder, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
 from pneudrive.errors import DescriptionError
+from pneudrive.show import Card
 
 # Defaults that no datasheet backs: a result that rests on one says so.
 _ASSUMED = {"cylinder": ("heat_transfer", "end_stop"), "valve": ("subsonic_index", "linear_above")}
 
 
+class _FileOrTable(classmethod):
+    """``Drive.load("drive.toml")`` reads a file; ``drive.load`` of a drive is its table [load]."""
+
+    def __get__(self, instance: Any, owner: Any = None) -> Any:  # noqa: ANN401 - either
+        return super().__get__(None, owner) if instance is None else instance.carried
+
+
 class Drive(Described):
     """A pneumatic drive: supply, valve, cylinder with friction, load.
 
-    Frozen: `replace` makes another one. All values are SI inside, pressures absolute or as stated with their reference.
+    Frozen: `replace` makes another one. Every value has two names: that of the drive file, which shows its unit
+    (``drive.cylinder.bore``), and the plain SI number (``drive.cylinder.bore_m``).
 
     Examples
     --------
     >>> drive = Drive.load("catalogue:reference")
-    >>> drive.cylinder.bore_m
-    0.025
+    >>> drive.cylinder.bore, drive.cylinder.bore_m, drive.friction.coulomb
+    (25 mm, 0.025, 30 N)
     """
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
@@ -101,6 +110,9 @@ class Drive(Described):
             return cls._from_catalogue(base, tables)
         except DescriptionError as error:
             raise toml.located(error, source, text) from None
+
+    if not TYPE_CHECKING:
+        load = _FileOrTable(load.__func__)
 
     @classmethod
     def _from_catalogue(cls, reference: str, changes: dict[str, Any]) -> Drive:
@@ -248,6 +260,14 @@ class Drive(Described):
             fields = {(field.alias or name): name for name, field in type(part).model_fields.items()}
             out += [f"{table}.{key}" for key in keys if fields[key] not in part.model_fields_set]
         return out
+
+    def _card(self) -> Card:
+        """Show a line for each table, with what was given."""
+        tables = {key: inline(value) for key, value in self.to_dict().items() if isinstance(value, dict)}
+        origins = tables.pop("provenance", "")
+        notes = [f"identified, with interval and source: {', '.join(self.provenance)}"] if origins else []
+        notes += [f"assumed: {', '.join(self.assumed())}"] if self.assumed() else []
+        return Card(self.name, rows=list(tables.items()), notes=notes)
 
     def to_toml(self) -> str:
         """Write the drive as a file that `load` reads back to the same bits."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import Field, field_serializer, model_validator
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Described, Quantity, WrongValueError, wrong
+from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
 from pneudrive.describe.dependences import (
     DEPENDENCES,
     DirectionDependence,
@@ -26,7 +25,7 @@ from pneudrive.describe.dependences import (
     Wear,
 )
 from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
-from pneudrive.errors import PneudriveWarning, nearest
+from pneudrive.errors import nearest, warn
 
 
 @lru_cache(maxsize=1)
@@ -81,7 +80,7 @@ def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
 class SlipElement(Described):
     """One spring with slider of law ``gms``: its stiffness, and its share of the friction level."""
 
-    table: ClassVar[str] = "friction.elements"
+    table_name: ClassVar[str] = "friction.elements"
     stiffness_n_m: Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))] = Field(alias="stiffness")
     share: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=1.0))]
 
@@ -171,8 +170,8 @@ def by_default(data: dict[str, Any]) -> dict[str, Any]:
     rounded = {key: float(f"{value:.2g}") for key, value in assumed.items() if key not in data}
     shown = {key: quantities[key].show(value) for key, value in rounded.items()}
     listed = ", ".join(f'{key} = "{value}"' for key, value in shown.items())
-    message = f'friction: no law is named, so it is "{DEFAULT_LAW}"' + (f", with assumed {listed}" if listed else "")
-    warnings.warn(f"{message}. Measure what counts for you.", PneudriveWarning, stacklevel=2)
+    with_these = f" with assumed values: {listed}. Replace those that matter by measured ones" if listed else ""
+    warn(f'the friction table names no law, so law = "{DEFAULT_LAW}" is used{with_these}.')
     return out | shown
 
 
@@ -198,13 +197,14 @@ class Parameters(Mapping[str, float]):
 class Friction(Described):
     """A friction law with its parameters, and what acts on it.
 
-    They are given as keys of their own, ``Friction(law="stribeck", coulomb="30 N", ...)``; `parameters` holds
-    their SI values, defaults of the law included. `law` is a name of the core's, a `FrictionLaw`, or
-    ``file:my_law.toml``; `formula` is then the law itself. Without a law it is `DEFAULT_LAW`, and what it takes
-    beside the Coulomb and the breakaway force is assumed, with a `PneudriveWarning` that says so.
+    They are given as keys of their own, ``Friction(law="stribeck", coulomb="30 N", ...)``, and read by the same names:
+    ``friction.coulomb`` shows ``30 N``. `parameters` holds their plain SI values, defaults of the law included. `law`
+    is a name of the core's, a `FrictionLaw`, or ``file:my_law.toml``; `formula` is then the law itself. Without a law
+    it is `DEFAULT_LAW`, and what it takes beside the Coulomb and the breakaway force is assumed, with a
+    `PneudriveWarning` that says so.
     """
 
-    table: ClassVar[str] = "friction"
+    table_name: ClassVar[str] = "friction"
     law: str
     formula: FrictionLaw | None = None
     parameters: Parameters = Parameters()
@@ -329,6 +329,20 @@ class Friction(Described):
             raise wrong("friction.relaxation", what, remedy=f"Laws of bristles: {laws}.")
         return self
 
+    def __getattr__(self, name: str) -> units.UnitFloat | float:
+        """Give a parameter of the law by its key, as a quantity that shows its unit."""
+        parameters = self.__dict__.get("parameters", {})
+        if name in parameters:
+            return parameter_quantities(self.entry)[name].named(parameters[name])
+        if name.startswith("_") or not parameters:
+            raise AttributeError(name)
+        known = nearest(name, [*parameters, *DEPENDENCES])
+        msg = f'friction law "{self.law}" has no parameter "{name}". {known}'
+        raise AttributeError(msg)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.parameters]
+
     @property
     def entry(self) -> dict[str, Any]:
         """The law as `friction_laws` lists it: title, source, states, parameters; also where it is one's own."""
@@ -359,6 +373,16 @@ class Friction(Described):
             out["elements"] = [element.to_dict() for element in self.elements]
         out |= {key: _parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
         return out | {key: value.to_dict() for key, value in self._dependences().items()}
+
+    def _all(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
+        """Yield the law, its parameters, then what acts on it."""
+        marks = parameter_quantities(self.entry)
+        yield "law", self.law, None
+        yield from ((key, value, None) for key, value in self._words().items())
+        yield from ((key, self.parameters[key], mark) for key, mark in marks.items() if key in self.parameters)
+        if self.elements:
+            yield "elements", [element.to_dict() for element in self.elements], None
+        yield from ((key, value, None) for key, value in self._dependences().items())
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own

@@ -6,7 +6,6 @@ Formulas are read, checked and run by the core; nothing here looks into them.
 from __future__ import annotations
 
 import json
-import warnings
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from pneudrive import units
 from pneudrive.describe import toml
 from pneudrive.describe.base import Described, wrong
 from pneudrive.describe.dependences import DEPENDENCES
-from pneudrive.errors import DescriptionError, PneudriveWarning, nearest
+from pneudrive.errors import DescriptionError, nearest, warn
 from pneudrive.references import entries
 
 #: How a drive file names a law in a file of its own, relative to the drive file.
@@ -146,7 +145,7 @@ class FrictionLaw(Described):
             if key not in LEVELS:
                 raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
         for message in self.entry["warnings"]:
-            warnings.warn(f'friction law "{self.name}": {message}', PneudriveWarning, stacklevel=2)
+            warn(f'friction law "{self.name}": {message}')
         return self
 
     @field_serializer("parameters", "levels", "states", "let")

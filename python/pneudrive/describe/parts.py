@@ -35,7 +35,7 @@ NOT_NEGATIVE = Bounds(at_least=0.0)
 class Gas(Described):
     """The ideal gas in the drive; dry air where nothing is said."""
 
-    table: ClassVar[str] = "gas"
+    table_name: ClassVar[str] = "gas"
     heat_capacity_ratio: Annotated[float, Quantity("", bounds=Bounds(above=1.0, below=2.0))] = 1.4
     gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = Field(
         default=287.05, alias="gas_constant"
@@ -45,7 +45,7 @@ class Gas(Described):
 class Ambient(Described):
     """The air around the drive, into which it exhausts."""
 
-    table: ClassVar[str] = "ambient"
+    table_name: ClassVar[str] = "ambient"
     pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(1.013e5, gauge=False)
     temperature_k: Temperature = Field(default=293.15, alias="temperature")
 
@@ -58,7 +58,7 @@ class Ambient(Described):
 class Supply(Described):
     """The supply at the valve's inlet; its temperature is the ambient one where nothing is said."""
 
-    table: ClassVar[str] = "supply"
+    table_name: ClassVar[str] = "supply"
     pressure: Annotated[units.Pressure, StatedPressure()]
     temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
         default=None, alias="temperature"
@@ -72,7 +72,7 @@ class EndStop(Described):
     The defaults are assumed.
     """
 
-    table: ClassVar[str] = "cylinder.end_stop"
+    table_name: ClassVar[str] = "cylinder.end_stop"
     stiffness_n_m: Stiffness = Field(default=1.0e6, alias="stiffness")
     damping_n_s_m: Annotated[float, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = Field(default=2.0e3, alias="damping")
     damping_depth_m: Length = Field(default=1.0e-4, alias="damping_depth")
@@ -85,7 +85,7 @@ class Cylinder(Described):
     is assumed to be 0.2.
     """
 
-    table: ClassVar[str] = "cylinder"
+    table_name: ClassVar[str] = "cylinder"
     kind: Literal["rodless", "through-rod", "single-rod"]
     bore_m: Length = Field(alias="bore")
     rod_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = Field(
@@ -186,7 +186,7 @@ class Valve(Described):
     (`pneudrive.describe.valve_flow` says what each conversion assumes).
     """
 
-    table: ClassVar[str] = "valve"
+    table_name: ClassVar[str] = "valve"
     kind: Literal["proportional-5/3"]
     conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
         default=None, alias="conductance"
@@ -222,6 +222,11 @@ class Valve(Described):
         return self.conductance_given, self.nominal_flow_m3_s_anr, self.kv, self.cv
 
     @property
+    def conductance(self) -> units.UnitFloat:
+        """Sonic conductance C for air at full opening, whichever size was given."""
+        return units.UnitFloat(self.conductance_m3_s_pa, "m^3/(s Pa)", "dm3/(s bar)")
+
+    @property
     def conductance_m3_s_pa(self) -> float:
         """Sonic conductance C for air at full opening, m3/(s Pa)."""
         c, flow, kv, cv = self._sizes()
@@ -235,7 +240,7 @@ class Valve(Described):
 class Spring(Described):
     """A linear spring between load and ground; it pushes in +x below its rest position."""
 
-    table: ClassVar[str] = "load.spring"
+    table_name: ClassVar[str] = "load.spring"
     stiffness_n_m: Stiffness = Field(alias="stiffness")
     rest_position_m: Position = Field(default=0.0, alias="rest_position")
 
@@ -243,7 +248,7 @@ class Spring(Described):
 class Load(Described):
     """What the piston carries beside its own moving mass; `force` acts in +x."""
 
-    table: ClassVar[str] = "load"
+    table_name: ClassVar[str] = "load"
     mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = Field(default=0.0, alias="mass")
     force_n: Force = Field(default=0.0, alias="force")
     spring: Spring | None = None
@@ -256,7 +261,7 @@ class Initial(Described):
     contact. `contact_age` is the time for which the contact has stood, for friction that remembers it.
     """
 
-    table: ClassVar[str] = "initial"
+    table_name: ClassVar[str] = "initial"
     position_m: Annotated[float | None, Quantity("m", "mm")] = Field(default=None, alias="position")
     velocity_m_s: Velocity = Field(default=0.0, alias="velocity")
     contact_age_s: Annotated[float, Quantity("s", "s", NOT_NEGATIVE)] = Field(default=0.0, alias="contact_age")

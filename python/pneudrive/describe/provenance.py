@@ -61,7 +61,7 @@ class Origin(Described):
     recordings, `fit` the hash of what was fitted.
     """
 
-    table: ClassVar[str] = "provenance"
+    table_name: ClassVar[str] = "provenance"
     interval: Annotated[Interval, _Ends("")]
     confidence: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))] = 0.95
     source: str

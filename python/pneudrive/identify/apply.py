@@ -100,7 +100,7 @@ def _check_pressure(fit: FrictionFit, drive: Drive) -> None:
     seals = drive.friction.pressure
     if seals is None or fit.model.chambers:
         return
-    slopes = (seals.coulomb.a, seals.coulomb.b, seals.breakaway.a, seals.breakaway.b)
+    slopes = (*seals.coulomb_n_pa, *seals.breakaway_n_pa)
     if any(slopes):
         raise FitError(
             "the drive adds friction with pressure, and the fit holds at the pressures of its recordings only",

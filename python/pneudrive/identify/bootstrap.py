@@ -12,6 +12,7 @@ from pneudrive.errors import FitError
 from pneudrive.identify.levels import SAME_SPEED
 from pneudrive.identify.robust import estimate
 from pneudrive.identify.survey import pressure_levels
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 LEAST_BLOCKS = 6
 
 
-@dataclass(frozen=True)
-class Bootstrap:
+@dataclass(frozen=True, repr=False)
+class Bootstrap(Shown):
     """Estimates from data drawn again.
 
     Attributes

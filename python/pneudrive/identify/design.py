@@ -13,6 +13,7 @@ from pneudrive.identify.laws import CANDIDATES
 from pneudrive.identify.model import FrictionModel, at_conditions, unit_of
 from pneudrive.identify.optimal import Candidates, exchange, information, within_budget
 from pneudrive.identify.result import FrictionFit, shown
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,8 +34,8 @@ SPEEDS_IN_TIME = 30
 WIDEST = 1.0
 
 
-@dataclass(frozen=True)
-class Prior:
+@dataclass(frozen=True, repr=False)
+class Prior(Shown):
     """What is believed of a law before the next measurement.
 
     Attributes
@@ -165,8 +166,8 @@ class Point:
     repeats: int
 
 
-@dataclass(frozen=True)
-class Design:
+@dataclass(frozen=True, repr=False)
+class Design(Shown):
     """Points to be measured next.
 
     Attributes

@@ -25,6 +25,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.identify.fit import fit_values
 from pneudrive.identify.model import FrictionModel, at_conditions
 from pneudrive.identify.result import Prediction
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -70,8 +71,8 @@ class Surveyed:
     rest: Array
 
 
-@dataclass(frozen=True)
-class Survey:
+@dataclass(frozen=True, repr=False)
+class Survey(Shown):
     """Several seals, each with its law, and what they share.
 
     Attributes

@@ -15,6 +15,7 @@ from pneudrive.describe.friction import parameter_quantities
 from pneudrive.errors import FitError
 from pneudrive.identify.apply import HASH_DIGITS, whole_interval
 from pneudrive.identify.identified import Identified, apply_identified
+from pneudrive.show import Shown
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -30,8 +31,8 @@ SCHEMA, KIND = 1, "law"
 AT_REST = ("dwell", "relaxation")
 
 
-@dataclass(frozen=True)
-class LawFit:
+@dataclass(frozen=True, repr=False)
+class LawFit(Shown):
     """Parameters of any law with their uncertainty.
 
     Attributes

@@ -18,6 +18,7 @@ from pneudrive.identify.model import PRESSURE_FORMS, FrictionModel
 from pneudrive.identify.observations import observations
 from pneudrive.identify.support import as_it_is, with_knee
 from pneudrive.identify.survey import pressure_levels, row_labels
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -44,8 +45,8 @@ MISSED = 0.2
 CURVED = 0.75
 
 
-@dataclass(frozen=True)
-class Compared:
+@dataclass(frozen=True, repr=False)
+class Compared(Shown):
     """One law among those that are compared.
 
     Attributes
@@ -92,8 +93,8 @@ class Compared:
         return self.name + (f", {self.pressure} in pressure" if self.pressure else "")
 
 
-@dataclass(frozen=True)
-class LawComparison:
+@dataclass(frozen=True, repr=False)
+class LawComparison(Shown):
     """Laws compared on one friction map, the one with the smallest held-out error first.
 
     Attributes

@@ -14,6 +14,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,8 +37,8 @@ PRIORS = (
 )
 
 
-@dataclass(frozen=True)
-class Posterior:
+@dataclass(frozen=True, repr=False)
+class Posterior(Shown):
     """Samples of the posterior distribution.
 
     Attributes

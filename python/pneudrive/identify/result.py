@@ -10,6 +10,7 @@ import numpy as np
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
 from pneudrive.identify.model import UNITS, FrictionModel, Observations, at_conditions, unit_of
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Shown):
     """Friction predicted at given speeds, N; arrays of the shape of the speeds.
 
     Attributes
@@ -43,8 +44,8 @@ class Prediction:
     stderr_n: Array
 
 
-@dataclass(frozen=True)
-class FrictionFit:
+@dataclass(frozen=True, repr=False)
+class FrictionFit(Shown):
     """Parameters of a sliding law with their uncertainty.
 
     Attributes

@@ -14,6 +14,7 @@ from pneudrive.errors import CommandError, SimulationError
 from pneudrive.rig.core import core_friction, core_rig, steady_friction_n
 from pneudrive.rig.description import DEFAULT, RigDescription, read_description
 from pneudrive.rig.motion import Limits, Motion, cycles
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
 DEFAULT_RTOL = 1e-6
 
 
-@dataclass(frozen=True)
-class Trace:
+@dataclass(frozen=True, repr=False)
+class Trace(Shown):
     """What truly happened on the rig, at the sample times, before any sensor.
 
     Attributes

@@ -18,6 +18,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import DescriptionError
+from pneudrive.show import Shown
 from pneudrive.validate.candidates import Candidate, candidates
 from pneudrive.validate.residuals import BALANCES, Residuals, Scene, half_support, raw_residuals, residuals
 
@@ -85,8 +86,8 @@ class Culprit:
         return self.amount - NORMAL_95 * self.stderr, self.amount + NORMAL_95 * self.stderr
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """What the residuals of the balances point to.
 
     Attributes

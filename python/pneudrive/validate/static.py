@@ -11,6 +11,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import RecordingError
+from pneudrive.show import Shown
 from pneudrive.validate.metrics import Metrics, metrics
 
 if TYPE_CHECKING:
@@ -58,8 +59,8 @@ class FrictionCurve:
         return metrics(self.friction_n, self.model_n)
 
 
-@dataclass(frozen=True, eq=False)
-class FrictionValidation:
+@dataclass(frozen=True, eq=False, repr=False)
+class FrictionValidation(Shown):
     """A friction law against measured sliding friction."""
 
     drive: Drive

@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive.characterise.drive_recording import read_drive_recordings
 from pneudrive.characterise.plausible import check_plausible, time_gaps
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.show import Card, Shown
 from pneudrive.validate.breakaway import Breakaway, breakaways
 from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
 from pneudrive.validate.signals import Signals
@@ -69,8 +70,8 @@ class ChannelResult:
     off_s: float | None
 
 
-@dataclass(frozen=True, eq=False)
-class RecordResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordResult(Shown):
     """One recording against the model."""
 
     signals: Signals
@@ -117,8 +118,8 @@ class ConditionRow:
     restarted_fit_percent: float
 
 
-@dataclass(frozen=True, eq=False)
-class Validation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Validation(Shown):
     """A drive against recordings.
 
     Attributes
@@ -211,10 +212,16 @@ class Validation:
 
     def __str__(self) -> str:
         """Return the verdicts and the diagnosis in words."""
+        card = self._card()
+        found = [f"{mark} {text}" for mark, text in card.rows]
+        return "\n".join([card.title, *(f"  {line}" for line in (*found, *self.why(), *self.notes))])
+
+    def _card(self) -> Card:
+        """Show the verdicts; the diagnosis, which takes seconds, only where it was asked for before."""
         marks = {True: "+", False: "!", None: "-"}
-        lines = [f"{self.drive.name} against {len(self.records)} recording{'s' * (len(self.records) > 1)}"]
-        lines += [f"  {marks[v.met]} {v.text}" for v in self.verdicts]
-        return "\n".join([*lines, *(f"  {line}" for line in (*self.why(), *self.notes))])
+        title = f"{self.drive.name} against {len(self.records)} recording{'s' * (len(self.records) > 1)}"
+        why = self.why() if "_diagnosis" in vars(self) else ["print() adds what the residuals point to"]
+        return Card(title, rows=[(marks[v.met], v.text) for v in self.verdicts], notes=[*why, *self.notes])
 
     def why(self) -> list[str]:
         """Return what the residuals point to, in sentences."""

@@ -18,6 +18,7 @@ from pneudrive.characteristics.compare.checks import Check, checks_of
 from pneudrive.characteristics.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
 from pneudrive.characteristics.result import Statement
 from pneudrive.errors import CampaignError
+from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,8 +59,8 @@ class Test:
     note: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
     """Two campaigns, compared.
 
     Attributes
@@ -88,6 +89,17 @@ class Comparison:
     def attributable(self) -> bool:
         """Whether a difference of curves can be told from one of mounting and day: both have several blocks."""
         return self.curves is None or self.curves.several_blocks
+
+    def _card(self) -> Card:
+        """Show what it comes to, then a line for each question."""
+        rows = []
+        for test in self.tests:
+            e = test.difference
+            size = f"{e.value:+.3g} ({e.low:+.3g} .. {e.high:+.3g}) {e.unit}" if e is not None else "-"
+            rows.append((test.what, size, f"{test.adjusted_p:.2g}", "yes" if test.different else "not shown"))
+        title = f"{self.second.name} less {self.first.name}: {self}"
+        head = ("question", "difference (95 %)", "p corrected", "different")
+        return Card(title, head, rows, [str(statement) for statement in self.statements])
 
     def __str__(self) -> str:
         """Say in a sentence what it comes to."""

@@ -15,6 +15,7 @@ import numpy as np
 from pneudrive.characteristics.basics import Estimate, FTest
 from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent
 from pneudrive.characteristics.smooth import centred_walk
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,8 +65,8 @@ class Points:
     levels: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class CurveComparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class CurveComparison(Shown):
     """Difference of friction, second campaign less the first.
 
     Attributes

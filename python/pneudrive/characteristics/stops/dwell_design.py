@@ -11,6 +11,7 @@ from pneudrive.characterise.spread import student
 from pneudrive.characteristics.stops.dwell_forms import FORMS
 from pneudrive.errors import FitError, nearest
 from pneudrive.identify.optimal import Candidates, exchange, information
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,8 +28,8 @@ DRAWS = np.linspace(-1.5, 1.5, 9)
 KATO_M = 0.4
 
 
-@dataclass(frozen=True)
-class StopDesign:
+@dataclass(frozen=True, repr=False)
+class StopDesign(Shown):
     """Stops to be measured.
 
     Attributes

@@ -22,6 +22,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.characteristics.separable import Scan, scan
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,8 +45,8 @@ CONCLUSIVE = 10.0  # difference of AICc beyond which a law has essentially no su
 UNCERTAIN = 2.0  # and below which two laws are equally good
 
 
-@dataclass(frozen=True)
-class Form:
+@dataclass(frozen=True, repr=False)
+class Form(Shown):
     """A law: name as shown, formula, shape parameters with their units, and psi with its derivative by log10 t."""
 
     name: str
@@ -121,8 +122,8 @@ FORMS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class LawFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class LawFit(Shown):
     """One law, fitted.
 
     Attributes

@@ -14,6 +14,7 @@ from pneudrive.characteristics.result import Statement
 from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
 from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, UNCERTAIN, LawFit, fit_forms
 from pneudrive.characteristics.stops.stop import SPOILING
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,8 +64,8 @@ class DwellPressure:
     statement: str
 
 
-@dataclass(frozen=True, eq=False)
-class DwellSeries:
+@dataclass(frozen=True, eq=False, repr=False)
+class DwellSeries(Shown):
     """Breakaway against stop duration for one set of levels, restart speed and way of holding.
 
     Attributes

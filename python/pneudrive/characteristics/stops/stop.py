@@ -25,6 +25,7 @@ from pneudrive.characteristics.stops.running import Running, running_level
 from pneudrive.characteristics.stops.uninterrupted import MOST_CYCLES, SAME_SPEED, Stroke, read_strokes, strokes_of
 from pneudrive.errors import PneudriveError
 from pneudrive.rig.interface import Move
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,8 +54,8 @@ SPOILING = frozenset(
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Trace:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trace(Shown):
     """Friction around one stop, thinned; shape (m,) each. Time counts from the begin of the rest."""
 
     time_s: Array
@@ -62,8 +63,8 @@ class Trace:
     friction_n: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Stop:
+@dataclass(frozen=True, eq=False, repr=False)
+class Stop(Shown):
     """What one stop did.
 
     Attributes

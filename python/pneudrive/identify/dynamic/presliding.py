@@ -20,6 +20,7 @@ from pneudrive.errors import FitError
 from pneudrive.identify.diagnose import Undetermined
 from pneudrive.identify.dynamic.states import white_noise
 from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, unresolved_damping
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -41,8 +42,8 @@ WHOLE_SWING = 0.6
 ROUNDS = 3
 
 
-@dataclass(frozen=True)
-class Presliding:
+@dataclass(frozen=True, repr=False)
+class Presliding(Shown):
     """Bristles from reversals; SI.
 
     Attributes

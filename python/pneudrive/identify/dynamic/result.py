@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError, nearest
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,8 +34,8 @@ class Series:
     model: Array
 
 
-@dataclass(frozen=True)
-class DriveFit:
+@dataclass(frozen=True, repr=False)
+class DriveFit(Shown):
     """Values of a drive's description with their uncertainty.
 
     Attributes

@@ -23,6 +23,7 @@ import numpy as np
 
 from pneudrive.errors import FitError, nearest
 from pneudrive.identify.export.curve import Curve, curve_of_drive, curve_of_fit
+from pneudrive.show import Shown
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -50,8 +51,8 @@ class Parameter:
     meaning: str
 
 
-@dataclass(frozen=True, eq=False)
-class Exported:
+@dataclass(frozen=True, eq=False, repr=False)
+class Exported(Shown):
     """A converted law.
 
     Attributes

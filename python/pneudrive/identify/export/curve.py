@@ -11,6 +11,7 @@ from pneudrive.describe.provenance import values
 from pneudrive.errors import FitError
 from pneudrive.identify.apply import identified
 from pneudrive.identify.model import unit_of
+from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,8 +38,8 @@ class Entry:
     note: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
+@dataclass(frozen=True, eq=False, repr=False)
+class Curve(Shown):
     """Steady friction over speed at given pressures.
 
     Attributes

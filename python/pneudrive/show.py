@@ -1,0 +1,130 @@
+"""How results and descriptions look where somebody types their bare name: a short table, plain and in a notebook.
+
+One mechanism for all: a class derives from `Shown` and says what is on its `Card`. Whatever is long is cut, and the
+card says how much was left out; texts are escaped in one place.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields
+from html import escape
+from itertools import islice, zip_longest
+from pathlib import Path
+from typing import NamedTuple
+
+#: What a glance takes in.
+MOST_ROWS, MOST_NOTES, MOST_LETTERS, MOST_ENTRIES = 30, 8, 200, 6
+
+
+class Card(NamedTuple):
+    """What is shown of an object.
+
+    Attributes
+    ----------
+    title : str
+    head : sequence of str
+        Names of the columns; empty where they need none.
+    rows : sequence of sequences of str
+    notes : sequence of str
+        Sentences below the table.
+    """
+
+    title: str
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    notes: Sequence[str] = ()
+
+
+class Shown:
+    """Shows the card of an object as its ``repr`` and in a notebook."""
+
+    def _card(self) -> Card:
+        """Return what is shown: by default the lines of ``str``, the first one as the title, or else the fields."""
+        if type(self).__str__ is not object.__str__:
+            return card_of(str(self))
+        named = [(field.name, getattr(self, field.name)) for field in fields(self) if field.repr]  # type: ignore[arg-type]
+        return Card(type(self).__name__, rows=[(name, brief(value)) for name, value in named if value is not None])
+
+    def __repr__(self) -> str:
+        return text_of(self._card())
+
+    def _repr_html_(self) -> str:
+        return html_of(self._card())
+
+
+def card_of(text: str) -> Card:
+    r"""Make a card of lines: the first is the title, columns are told apart by two spaces, the rest are notes.
+
+    Examples
+    --------
+    >>> card_of("a fit\n  coulomb   30 N  95 %: 29 .. 31\n  ! viscous cannot be determined").rows
+    [['coulomb', '30 N', '95 %: 29 .. 31']]
+    """
+    title, *lines = text.splitlines() or [""]
+    cells = [re.split(r"\s{2,}|\s+(?=95 %: )", line.strip()) for line in lines]
+    return Card(title, rows=[one for one in cells if len(one) > 1], notes=[one[0] for one in cells if len(one) == 1])
+
+
+def brief(value: object) -> str:
+    """Write a value in a few words: long ones by their kind and size.
+
+    Examples
+    --------
+    >>> brief(1.0 / 3.0), brief((1.0, 2.0)), brief(range(1000))
+    ('0.33333', '1, 2', '1000 int')
+    """
+    if isinstance(value, bool | str):
+        return str(value)
+    if isinstance(value, float):
+        return str(value) if type(value) is not float else f"{value:.5g}"
+    shape = getattr(value, "shape", None)
+    if isinstance(shape, tuple):
+        return f"array {shape}" if shape else f"{value:.5g}"
+    if isinstance(value, Mapping):
+        plain = all(isinstance(one, bool | str | int | float) for one in value.values())
+        keys = (f"{key} = {brief(one)}" if plain else str(key) for key, one in islice(value.items(), MOST_ENTRIES))
+        return ", ".join(keys) + (f", ... {len(value)} in all" if len(value) > MOST_ENTRIES else "")
+    if isinstance(value, Collection):
+        plain = all(isinstance(one, bool | str | int | float) for one in islice(value, MOST_ENTRIES))
+        if plain and len(value) <= MOST_ENTRIES:
+            return ", ".join(map(brief, value))
+        kinds = {type(one).__name__ for one in islice(value, MOST_ENTRIES)}
+        return f"{len(value)} {' or '.join(sorted(kinds))}"
+    return str(value) if isinstance(value, int | Path) else f"{type(value).__name__}"
+
+
+def text_of(card: Card) -> str:
+    """Return a card as lines of text, columns aligned."""
+    card = _short(card)
+    table = [row for row in (card.head, *card.rows) if row]
+    widths = [max(map(len, column)) for column in zip_longest(*table, fillvalue="")]
+    lines = ["  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)) for row in table]
+    return "\n".join([card.title, *(line.rstrip() for line in lines), *(f"  {note}" for note in card.notes)])
+
+
+def html_of(card: Card) -> str:
+    """Return a card as HTML; every text is escaped."""
+    card = _short(card)
+    cell = '<td style="text-align:left">{}</td>'
+    rows = ["<tr>" + "".join(cell.format(escape(text)) for text in row) + "</tr>" for row in card.rows]
+    head = "".join(f'<th style="text-align:left">{escape(text)}</th>' for text in card.head)
+    table = f"<table>{f'<tr>{head}</tr>' if head else ''}{''.join(rows)}</table>" if rows else ""
+    notes = "".join(f"<div>{escape(note)}</div>" for note in card.notes)
+    return f"<div><strong>{escape(card.title)}</strong>{table}{notes}</div>"
+
+
+def _short(card: Card) -> Card:
+    rows = [[_cut(text) for text in row] for row in card.rows[:MOST_ROWS]]
+    if len(card.rows) > MOST_ROWS:
+        rows.append([f"... {len(card.rows) - MOST_ROWS} more"])
+    notes = [_cut(note) for note in card.notes[:MOST_NOTES]]
+    if len(card.notes) > MOST_NOTES:
+        notes.append(f"... {len(card.notes) - MOST_NOTES} more lines: print() shows them all")
+    return Card(_cut(card.title), [_cut(text) for text in card.head], rows, notes)
+
+
+def _cut(text: str) -> str:
+    text = " ".join(str(text).split())
+    return text if len(text) <= MOST_LETTERS else text[: MOST_LETTERS - 4] + " ..."
