@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 ANR_PRESSURE_PA = 1.0e5
 ANR_TEMPERATURE_K = 293.15
 
+#: Standard atmosphere, exact by definition: the surroundings of drives, recordings and rigs that say nothing of them.
+STANDARD_ATMOSPHERE_PA = 101325.0
+
 _BAR, _PSI, _L_MIN = 1.0e5, 6894.757293168361, 1.0e-3 / 60.0  # psi: 0.45359237 kg * 9.80665 m/s2 / (25.4 mm)2
 
 # unit as written -> (SI unit, factor, offset): SI value = number * factor + offset

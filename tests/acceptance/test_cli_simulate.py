@@ -74,7 +74,11 @@ WRONG = {
         "1 s follows 2 s",
         "times rise",
     ),
-    "no times": (["simulate", "drive.toml", "--command", "0.6", "--duration", "1 s"], "has no time", "time: command"),
+    "no times": (
+        ["simulate", "drive.toml", "--command", "0.6, -0.6", "--duration", "1 s"],
+        "has no time",
+        "time: command",
+    ),
     "command too large": (
         ["simulate", "drive.toml", "--command", "0 s: 1.5", "--duration", "1 s"],
         "command = 1.5",

@@ -246,7 +246,9 @@ def test_steady_friction_with_what_acts_on_it():
 
 def test_a_table_that_names_no_law_says_what_it_assumes():
     """Elasto-plastic; breakaway after 0.1 mm, 1 ms of damping, passive however great the viscous friction is."""
-    with pytest.warns(PneudriveWarning, match=r'"elasto-plastic", with assumed stribeck_velocity = "20 mm/s"') as told:
+    with pytest.warns(
+        PneudriveWarning, match=r'"elasto-plastic" is used with assumed values: stribeck_velocity = "20 mm/s"'
+    ) as told:
         friction = pn.Friction(coulomb="30 N", breakaway="45 N", direction={"positive": 1.1})
     assert 'bristle_stiffness = "450000 N/m", bristle_damping = "450 N s/m"' in str(told[0].message)
     assert friction.law == "elasto-plastic"
@@ -255,7 +257,7 @@ def test_a_table_that_names_no_law_says_what_it_assumes():
     assert damping * fade / math.sqrt(2 * math.e) < 0.55 * 4 * 30.0
     # Written out, what was assumed stands there for all to see, and is no longer told.
     assert pn.Friction(**friction.to_dict()) == friction
-    with pytest.warns(PneudriveWarning, match=r'elasto-plastic"\. Measure'):
+    with pytest.warns(PneudriveWarning, match=r'elasto-plastic" is used\.'):
         pn.Friction(**{key: value for key, value in friction.to_dict().items() if key != "law"})
     with pytest.raises(DescriptionError, match=r"friction\.breakaway is missing"):
         pn.Friction(coulomb="30 N")

@@ -190,7 +190,19 @@ def test_the_start_lies_in_the_stroke():
     drive = pn.Drive.load("catalogue:reference")
     assert drive.core_initial(None)["position_m"] == 0.25
     start = drive.core_initial(pn.Initial(pressure_a="2 bar gauge", temperature_b="30 degC"))
-    assert start["pressure_a_pa"] == 301300.0
+    assert start["pressure_a_pa"] == 301325.0
     assert start["temperature_b_k"] == 303.15
     with pytest.raises(DescriptionError, match="lies outside the stroke"):
         drive.core_initial(pn.Initial(position="501 mm"))
+
+
+def test_drives_recordings_and_rigs_that_say_nothing_stand_in_the_same_air():
+    from dataclasses import fields
+
+    from pneudrive.characterise.recording import Recording
+    from pneudrive.rig.interface import Identity
+
+    defaults = {
+        kind: {f.name: f.default for f in fields(kind)}["ambient_pressure_pa"] for kind in (Recording, Identity)
+    }
+    assert {*defaults.values(), pn.Ambient().pressure_pa} == {101325.0}

@@ -177,7 +177,7 @@ def test_the_function_outranks_the_module_of_its_name(first):
     [
         ("drive.toml", None, "drive is a str"),
         (None, None, "drive is a NoneType"),
-        ("catalogue", {"position": "1 mm"}, "initial is a dict"),
+        ("catalogue", 0.05, "initial state is a float"),
     ],
 )
 def test_what_is_no_description_is_refused(drive, initial, words):

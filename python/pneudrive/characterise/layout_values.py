@@ -19,11 +19,10 @@ from pneudrive.characterise.layout import (
     labels_from_name,
     stem,
 )
-from pneudrive.characterise.recording import STANDARD_ATMOSPHERE_PA
 from pneudrive.characterise.text_table import TextForm
 from pneudrive.describe.geometry import KINDS, piston_areas
 from pneudrive.errors import DescriptionError, LayoutError, nearest
-from pneudrive.units import parse, parse_pressure, parse_range
+from pneudrive.units import STANDARD_ATMOSPHERE_PA, parse, parse_pressure, parse_range
 
 if TYPE_CHECKING:
     from collections.abc import Callable

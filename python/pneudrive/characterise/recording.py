@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.show import Shown
+from pneudrive.units import STANDARD_ATMOSPHERE_PA
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 STANDARD_GRAVITY_M_S2 = 9.80665  # exact by definition [bipm2019]
-STANDARD_ATMOSPHERE_PA = 101325.0  # exact by definition; where nothing is said of the surroundings
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
 

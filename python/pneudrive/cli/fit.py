@@ -119,7 +119,7 @@ def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
     import numpy as np
     import xarray as xr
 
-    from pneudrive.characterise.recording import STANDARD_ATMOSPHERE_PA
+    from pneudrive.units import STANDARD_ATMOSPHERE_PA
 
     ambient = [float(one.attrs.get("ambient_pressure_pa", STANDARD_ATMOSPHERE_PA)) for one in maps]
     common = [str(name) for name in maps[0] if all(name in one for one in maps)]
@@ -153,8 +153,7 @@ def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None
 
 def _ambient(curves: xr.Dataset, said: str) -> float:
     """Ambient pressure from the option, from the map, or standard: that is then said."""
-    from pneudrive.characterise.recording import STANDARD_ATMOSPHERE_PA
-    from pneudrive.units import parse_pressure
+    from pneudrive.units import STANDARD_ATMOSPHERE_PA, parse_pressure
 
     if said:
         with option("--ambient"):

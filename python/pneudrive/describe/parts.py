@@ -43,10 +43,12 @@ class Gas(Described):
 
 
 class Ambient(Described):
-    """The air around the drive, into which it exhausts."""
+    """The air around the drive, into which it exhausts; the standard atmosphere where nothing is said."""
 
     table_name: ClassVar[str] = "ambient"
-    pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(1.013e5, gauge=False)
+    pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
+        units.STANDARD_ATMOSPHERE_PA, gauge=False
+    )
     temperature_k: Temperature = Field(default=293.15, alias="temperature")
 
     @property

@@ -97,10 +97,10 @@ def applied() -> Iterator[None]:
 
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
-    """Return an empty figure of the report's width."""
-    from matplotlib.figure import Figure
+    """Return an empty figure of the report's width, which shows itself in a notebook."""
+    from pneudrive.report.drawn import Drawn
 
-    return Figure(figsize=(width_in, height_in), layout="constrained")
+    return Drawn(figsize=(width_in, height_in), layout="constrained")
 
 
 def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes]:  # noqa: ANN401 - of matplotlib

@@ -39,6 +39,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
+        A notebook shows it; elsewhere give a `path`, or ``figure.savefig(...)``.
 
     Raises
     ------

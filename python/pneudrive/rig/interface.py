@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from pneudrive.units import STANDARD_ATMOSPHERE_PA
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -225,7 +227,7 @@ class Identity:
     name: str
     area_a_m2: float
     area_b_m2: float
-    ambient_pressure_pa: float = 101325.0
+    ambient_pressure_pa: float = STANDARD_ATMOSPHERE_PA
     mass_beyond_sensor_kg: float = 0.0
     incline_rad: float = 0.0
     stiffness_n_m: float | None = None

@@ -30,6 +30,7 @@ def test_the_page_holds_the_picture_and_what_made_it(run, tmp_path, loads_from_e
 
 def test_variables_that_are_not_there_are_left_out(run):
     whole, some = pn.report.plot(run), pn.report.plot(run[["position", "command"]])
+    assert some._repr_png_().startswith(STARTS[".png"])  # what a notebook shows of the bare name
     assert len(whole.axes) > len(some.axes) == 2
 
 
