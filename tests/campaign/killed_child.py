@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
 from importlib import import_module
+from pathlib import Path
 
-from pneudrive.campaign.options import Options
-from pneudrive.campaign.protocol import parse_protocol
-from pneudrive.campaign.run import run_campaign
+from pneudrive.cli.main import run as pneudrive
 from pneudrive.rig import load_rig
 
 # What is imported on first use elsewhere is imported here, once, by the server that forks the children.
 for name in ("polars", "scipy.optimize", "scipy.signal", "scipy.stats", "pneudrive.campaign.session"):
     import_module(name)
+load_rig("default").identity()
 
 PROTOCOL = """\
 schema = 1
@@ -49,10 +52,12 @@ burst_rate = "0 Hz"
 """
 
 
-SMALL = parse_protocol(PROTOCOL)
-load_rig("default").identity()
-
-
-def run(folder: str) -> None:
-    """Begin the campaign, or go on with it."""
-    run_campaign(SMALL, "default", folder, options=Options(operator="anna", yes=True))
+def run(folder: str, protocol: str) -> None:
+    """Begin the campaign, or go on with it, as the command does; end with its status."""
+    with (
+        Path(os.devnull).open("w") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.redirect_stderr(nowhere),
+    ):
+        status = pneudrive(["campaign", "run", protocol, "--into", folder, "--operator", "anna", "--yes"])
+    sys.exit(status)

@@ -1,6 +1,7 @@
 """Killed at any moment, a campaign keeps every finished cycle, has none twice, and ends as if nothing had been.
 
-20 times here; with ``PNEUDRIVE_KILLS=200`` in the environment that often.
+By SIGKILL and SIGTERM, while its folder is made too. 20 times here; with ``PNEUDRIVE_KILLS=200`` in the environment
+that often.
 """
 
 from __future__ import annotations
@@ -9,16 +10,20 @@ import contextlib
 import multiprocessing
 import os
 import random
+import signal
 import time
+from collections import Counter
 
 import numpy as np
 import pytest
 
 from campaign import killed_child
-from campaign.fake_rig import contents
+from campaign.fake_rig import QUICK, FakeRig, contents, protocol
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.lock import holder
+from pneudrive.campaign.run import DONE, resume_campaign, run_campaign
 from pneudrive.characterise import Recording, characterise
+from pneudrive.errors import CampaignError
 
 KILLS = int(os.environ.get("PNEUDRIVE_KILLS", "20"))
 
@@ -52,58 +57,119 @@ def friction_map(folder):
     return characterise(recordings)
 
 
-def wait(process, folder, seconds, *, writing):
-    """Wait so long, or until the process writes a cycle for the first time after that."""
-    process.join(seconds)
-    while writing and process.exitcode is None:
+def halves_of(folder):
+    """Give what is there half-written, each with its time."""
+    return {(path, path.stat().st_mtime_ns) for path in folder.rglob("*.part")}
+
+
+def wait(process, folder, seconds, moment, old):
+    """Wait so long; then until the process makes the folder, or writes a cycle, where that is to be disturbed."""
+    process.join(0.0 if moment == "making" else seconds)
+    while moment != "any" and process.exitcode is None:
         with contextlib.suppress(OSError):
-            if any(name.endswith(".part") for name in os.listdir(folder / "cycles")):  # noqa: PTH208 - fast
+            if halves_of(folder) - old or (moment == "making" and (folder / "campaign.json").exists()):
                 return
 
 
+def kill(process, number):
+    """Kill it, or ask it to end, and hold it to what it says then."""
+    if number == signal.SIGKILL:
+        process.kill()
+    else:
+        process.terminate()
+    process.join()
+    # asked to end, it ends as by Ctrl-C, unless it had not begun, or was done just then
+    assert process.exitcode in ((-signal.SIGKILL, 0) if number == signal.SIGKILL else (130, -signal.SIGTERM, 0))
+    return process.exitcode
+
+
 def test_killed_at_random_moments(tmp_path, processes):
+    text = tmp_path / "killed.toml"
+    text.write_text(killed_child.PROTOCOL)
+
+    def start(folder):
+        process = processes.Process(target=killed_child.run, args=(str(folder), str(text)))
+        process.start()
+        return process
+
     for name in ("imports", "undisturbed"):
         begin = time.monotonic()
-        process = processes.Process(target=killed_child.run, args=(str(tmp_path / name),))
-        process.start()
+        process = start(tmp_path / name)
         process.join()
         assert process.exitcode == 0
     usual_s = time.monotonic() - begin
     undisturbed = contents(tmp_path / "undisturbed")
     assert len(undisturbed) > 40
 
-    moments, kills, campaigns, halves = random.Random(5), 0, 0, set()
+    moments, kills, campaigns, before, halves, statuses = random.Random(5), 0, 0, 0, set(), Counter()
     while kills < KILLS:
         campaigns += 1
         folder = tmp_path / f"killed-{campaigns}"
         kept: dict[str, tuple] = {}
         while True:
-            process = processes.Process(target=killed_child.run, args=(str(folder),))
-            process.start()
-            if kills < KILLS:
-                wait(process, folder, moments.uniform(0.0, 0.7 * usual_s), writing=kills % 2 == 1)
-            else:
+            begun, old = (folder / "campaign.json").exists(), halves_of(folder)
+            process = start(folder)
+            if kills >= KILLS:
                 process.join()
-            ended_by_itself = process.exitcode is not None
-            if ended_by_itself:
+            moment = "making" if not begun and kills % 3 else ("any", "writing")[kills % 2]
+            wait(process, folder, moments.uniform(0.0, 0.7 * usual_s), moment, old)
+            if process.exitcode is not None:
                 assert process.exitcode == 0
                 break
-            process.kill()
-            process.join()
+            status = kill(process, (signal.SIGKILL, signal.SIGTERM)[kills // 2 % 2])
             kills += 1
+            statuses[status] += 1
+            halves |= halves_of(folder)
             if not (folder / "campaign.json").exists():
-                continue  # before there was a campaign
+                before += 1  # before there was a campaign: it begins next time
+                continue
             assert holder(folder) is None
             assert Campaign.open(folder).problems() == []
             found = contents(folder)
             assert kept.items() <= found.items()
             assert found.items() <= undisturbed.items()
-            halves |= {(path, path.stat().st_mtime_ns) for path in folder.rglob("*.part")}
             kept = found
         assert contents(folder) == undisturbed
         assert not list(folder.rglob("*.part"))
-        before, after = friction_map(tmp_path / "undisturbed"), friction_map(folder)
-        for name in before.variables:
-            left, right = before[name].to_numpy(), after[name].to_numpy()
+        one, other = friction_map(tmp_path / "undisturbed"), friction_map(folder)
+        for name in one.variables:
+            left, right = one[name].to_numpy(), other[name].to_numpy()
             assert np.array_equal(left, right, equal_nan=left.dtype.kind == "f"), name
-    print(f"{kills} kills in {campaigns} campaigns of {len(undisturbed)} cycles, {len(halves)} half-written files")  # noqa: T201
+    print(  # noqa: T201
+        f"{kills} kills ({dict(statuses)}) in {campaigns} campaigns of {len(undisturbed)} cycles, {before} before "
+        f"there was one, {len(halves)} half-written files"
+    )
+
+
+@pytest.mark.parametrize("name", ["campaign.toml", "campaign.toml.part", "rig.json.part", "campaign.json.part"])
+def test_a_folder_that_was_half_made_begins(tmp_path, name):
+    (tmp_path / "c" / "cycles").mkdir(parents=True)
+    (tmp_path / "c" / "control").mkdir()
+    (tmp_path / "c" / name).write_text("{")
+    assert run_campaign(protocol(), FakeRig(), tmp_path / "c", options=QUICK).ended == DONE
+    assert not list((tmp_path / "c").glob("*.part"))
+
+
+def test_a_folder_never_decides_what_is_written_elsewhere(tmp_path):
+    """A link in the place of any file or folder of a campaign is refused, before anything is touched."""
+    run_campaign(protocol(), FakeRig(), tmp_path / "c", options=QUICK)
+    (tmp_path / "victim").mkdir()
+    (tmp_path / "victim" / "precious").write_text("kept")
+    for name in ("campaign.lock", "campaign.log", "campaign.json.part", "cycles/00001-x.parquet.part", "control"):
+        path = tmp_path / "c" / name
+        content = path.read_bytes() if path.is_file() else None
+        if path.is_dir():
+            path.rmdir()
+        path.unlink(missing_ok=True)
+        path.symlink_to(tmp_path / "victim" / ("" if name == "control" else "precious"))
+        for work in (
+            lambda: resume_campaign(tmp_path / "c", FakeRig(), options=QUICK),
+            lambda: run_campaign(protocol(), FakeRig(), tmp_path / "c", options=QUICK),
+        ):
+            with pytest.raises(CampaignError, match="a link to"):
+                work()
+        assert (tmp_path / "victim" / "precious").read_text() == "kept"
+        path.unlink()
+        if content is not None:
+            path.write_bytes(content)
+    assert resume_campaign(tmp_path / "c", FakeRig(), options=QUICK).ended == DONE

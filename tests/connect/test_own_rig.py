@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import py_compile
 import sys
+from hashlib import sha256
+from importlib.util import cache_from_source
 from pathlib import Path
 
 import pytest
 
 from campaign.fake_rig import QUICK, protocol
 from pneudrive.campaign.folder import Campaign
-from pneudrive.campaign.run import DONE, resume_campaign, run_campaign
+from pneudrive.campaign.run import DONE, run_campaign
 from pneudrive.cli.main import run
 from pneudrive.errors import RigError
 from pneudrive.rig import Hold, Move, Reproducible, Rig, Samples, Sampling, load_rig
@@ -94,10 +98,49 @@ class Bench(FakeRig):
 """
 
 
-def test_a_rig_is_found_again_from_another_folder_and_its_connection_closed(tmp_path, monkeypatch):
+def test_a_folder_never_decides_what_is_imported(tmp_path, monkeypatch, capsys):
+    """Own code runs because the command of this run names it, or the hash of its file; all else only reads data."""
     (tmp_path / "bench.py").write_text(BENCH)
     monkeypatch.chdir(tmp_path)
     assert run_campaign(protocol(), "bench.py:Bench", "c", options=QUICK).ended == DONE
-    assert len(sys.modules["bench"].closed) == 1
+    assert len(sys.modules["bench"].closed) == 1  # its connection
+    about = json.loads((tmp_path / "c" / "campaign.json").read_text())
+    code = sha256((tmp_path / "bench.py").read_bytes()).hexdigest()
+    assert about["rig_sha256"] == code
     monkeypatch.chdir(tmp_path / "c")
-    assert resume_campaign(tmp_path / "c", options=QUICK).ended == DONE
+
+    def resume(*arguments: str, rig: str | None = None, made_with: str = code) -> str:
+        (tmp_path / "c" / "campaign.json").write_text(json.dumps({**about, "rig": rig, "rig_sha256": made_with}))
+        last.unlink(missing_ok=True)  # so that there is something to do
+        status, error = run(["campaign", "resume", str(tmp_path / "c"), *arguments]), capsys.readouterr().err
+        assert (status, last.exists()) in ((0, True), (2, False)), error
+        return error
+
+    last = max((tmp_path / "c" / "cycles").glob("*.parquet"))
+    own = f"{tmp_path / 'bench.py'}:Bench"
+    assert resume("--rig", own, rig="os:abort") == ""
+    (tmp_path / "evil.py").write_text("raise SystemExit('it ran')")
+    (tmp_path / "evil.toml").write_text('kind = "opc-ua"\nurl = "opc.tcp://127.0.0.1:1"\nreconnect = "0 s"')
+    evil = f"{tmp_path / 'evil.py'}:make"
+    for rig in (own, evil, "os:abort", "evil:make"):
+        assert "does not decide what is imported" in resume(rig=rig)
+    for rig in ("opc.tcp://127.0.0.1:1", str(tmp_path / "evil.toml")):
+        assert "which axis moves" in resume(rig=rig)
+    assert resume("--allow-code", code.upper(), rig=own) == ""
+    assert "with other code" in resume("--allow-code", "0" * 64, rig=own)
+    evil_code = sha256((tmp_path / "evil.py").read_bytes()).hexdigest()
+    assert "with other code" in resume("--allow-code", code, rig=evil, made_with=evil_code)
+    assert "not the one that was allowed" in resume("--allow-code", code, rig=evil)
+    # a compiled copy beside the file is of whoever made it, and modules beside it have no hash
+    cache = tmp_path / "__pycache__"
+    cache.mkdir()
+    py_compile.compile(str(tmp_path / "evil.py"), cfile=cache_from_source(str(tmp_path / "bench.py")))
+    assert resume("--allow-code", code, rig=own) == ""
+    with_neighbour = BENCH + "import neighbour_of_bench\n"
+    (tmp_path / "bench.py").write_text(with_neighbour)
+    (tmp_path / "neighbour_of_bench.py").write_text("raise SystemExit('it ran')")
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path != str(tmp_path)])
+    code = sha256(with_neighbour.encode()).hexdigest()
+    (tmp_path / "c" / "campaign.json").write_text(json.dumps({**about, "rig": own, "rig_sha256": code}))
+    assert run(["campaign", "resume", str(tmp_path / "c"), "--allow-code", code]) == 2
+    assert "No module named 'neighbour_of_bench'" in capsys.readouterr().err

@@ -19,13 +19,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.lock import Holder, holder, now
-from pneudrive.campaign.storage import PART, make_folder, write_whole
+from pneudrive.campaign.storage import PART, make_folder, no_links, write_whole
 from pneudrive.errors import CampaignError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
     from types import FrameType
+
+    from pneudrive.watch import Flag
 
 FOLDER = "control"
 #: What can be asked for: pause after the cycle, stop the axis now and pause, go on, end.
@@ -65,11 +67,13 @@ class Requests:
         Of the campaign.
     someone_there : bool
         Whether a prompt would be answered.
+    cancel : object with ``is_set()``, optional
+        Once set, a request to end.
     """
 
-    def __init__(self, folder: Path, *, someone_there: bool) -> None:
+    def __init__(self, folder: Path, *, someone_there: bool, cancel: Flag | None = None) -> None:
         self._folder = folder / FOLDER
-        self._someone_there = someone_there
+        self._someone_there, self._cancel = someone_there, cancel
         self._queue: deque[Request] = deque()
         self._presses, self._last_press = 0, 0.0
         # An event would not do: its lock is not re-entrant, and a signal's handler may come while its thread holds it.
@@ -87,6 +91,9 @@ class Requests:
 
     def take(self) -> Request | None:
         """Give the oldest one, or None."""
+        if self._cancel is not None and self._cancel.is_set():
+            self._cancel = None
+            return Request(ABORT, "the caller")
         if self._queue:
             return self._queue.popleft()
         for path in self._waiting():
@@ -192,6 +199,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
             where=str(folder),
             remedy=f"Go on with it: pneudrive campaign resume {folder}",
         )
+    no_links(folder)
     make_folder(folder / FOLDER)
     write_whole(
         folder / FOLDER / f"{time.time_ns()}-{word}", json.dumps({"word": word, "by": by, "at": now()}).encode()

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.campaign.control import FOLDER as CONTROL
 from pneudrive.campaign.head import SCHEMA, Head, plain, read_identity
 from pneudrive.campaign.head import read_head as parse_head
 from pneudrive.campaign.motion import steps_from_motion
@@ -306,6 +307,7 @@ class Campaign(Shown):
                 where=str(folder),
                 value=value,
                 rule=f"it has {RIG}, {ABOUT} and {CYCLES}/",
+                remedy=f"Was a campaign killed before it had begun? pneudrive campaign run PROTOCOL --into {folder}",
             ) from None
         if not isinstance(about, dict):
             raise CampaignError("this is not a JSON object", where=str(folder / ABOUT))
@@ -397,7 +399,7 @@ def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any
         If there is something else in the folder, or it cannot be written.
     """
     make_folder(folder)
-    own = {PROTOCOL, RIG, LOG, CYCLES, TRUTH}
+    own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, TRUTH, CONTROL}  # of a process that was killed while it made the folder
     foreign = [p.name for p in folder.iterdir() if p.name.removesuffix(PART) not in own and p.suffix != ".lock"]
     if foreign or any((folder / CYCLES).glob("*")):
         raise CampaignError(

@@ -14,7 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.storage import clear_errors
+from pneudrive.campaign.storage import clear_errors, no_links
 from pneudrive.errors import CampaignError
 
 if TYPE_CHECKING:
@@ -73,11 +73,12 @@ class FolderLock:
     Raises
     ------
     CampaignError
-        If another process holds it.
+        If another process holds it, or the folder holds links.
     """
 
     def __init__(self, folder: Path) -> None:
         path = folder / NAME
+        no_links(folder)
         with clear_errors("the campaign folder cannot be locked", path):
             self._file: int | None = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
@@ -153,7 +154,7 @@ def holder(folder: Path) -> Holder | None:
 
     path = folder / NAME
     try:
-        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # whatever it is, opening it does not wait
     except OSError:
         return None
     try:

@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from pneudrive import own_code
 from pneudrive.campaign.control import ABORT, LOOK_S, PAUSE, RESUME, STOP, Requests
 from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
 from pneudrive.campaign.head import plain
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from pneudrive.campaign.prompt import Prompt
     from pneudrive.campaign.session import Session
     from pneudrive.rig.interface import Identity, Rig
+    from pneudrive.watch import Flag
 
 #: How a run can end without an error.
 DONE, ENDED = "done", "ended"
@@ -68,6 +70,7 @@ class _Audience:
     display: Display | None
     prompt: Prompt | None
     subscribers: Sequence[Callable[[str, dict], None]]
+    cancel: Flag | None
 
 
 def run_campaign(
@@ -81,6 +84,7 @@ def run_campaign(
     display: Display | None = None,
     prompt: Prompt | None = None,
     subscribers: Sequence[Callable[[str, dict], None]] = (),
+    cancel: Flag | None = None,
 ) -> Result:
     """Run a campaign into a folder; go on with it where the folder has it already.
 
@@ -103,6 +107,8 @@ def run_campaign(
         Who is asked in a pause and for operator's steps; the terminal where it is not given.
     subscribers : sequence of callable
         Get bluesky's documents (name, document): a start, an event for each finished cycle, a stop.
+    cancel : object with ``is_set()``, optional
+        A `threading.Event`, for instance. Once set, the campaign ends as by ``pneudrive campaign abort``.
 
     Returns
     -------
@@ -120,7 +126,7 @@ def run_campaign(
     """
     need_bluesky()
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
-    folder, audience = Path(into), _Audience(display, prompt, subscribers)
+    folder, audience = Path(into), _Audience(display, prompt, subscribers, cancel)
     if (folder / ABOUT).exists():
         return _go_on(folder, rig, asked, options, pace, audience)
     with _bench(rig, asked.seed, pace) as (bench, source):
@@ -133,9 +139,11 @@ def resume_campaign(
     *,
     options: Options | None = None,
     pace: float | None = None,
+    allow_code: str | None = None,
     display: Display | None = None,
     prompt: Prompt | None = None,
     subscribers: Sequence[Callable[[str, dict], None]] = (),
+    cancel: Flag | None = None,
 ) -> Result:
     """Go on with a campaign; see `run_campaign`.
 
@@ -143,12 +151,21 @@ def resume_campaign(
     ----------
     folder : str or Path
     rig : Rig, str or Path, optional
-        Another way to the same rig than the one that the folder remembers.
-    options, pace, display, prompt, subscribers
+        A folder does not decide what runs: it is enough for a simulated rig and for a replay. Own code, and whatever
+        moves an axis or logs in somewhere, is named here.
+    allow_code : str, optional
+        Instead of naming it: SHA-256 of the file of own code that the campaign began with.
+    options, pace, display, prompt, subscribers, cancel
         As in `run_campaign`.
+
+    Raises
+    ------
+    ProtocolError, CampaignError, RigError
+        As in `run_campaign`; or the rig has to be named.
     """
     need_bluesky()
-    return _go_on(Path(folder), rig, None, options, pace, _Audience(display, prompt, subscribers))
+    audience = _Audience(display, prompt, subscribers, cancel)
+    return _go_on(Path(folder), rig, None, options, pace, audience, allow_code)
 
 
 def need_bluesky() -> None:
@@ -236,6 +253,7 @@ def _go_on(
     options: Options | None,
     pace: float | None,
     audience: _Audience,
+    allow_code: str | None = None,
 ) -> Result:
     campaign = Campaign.open(folder)
     if protocol is not None and protocol.text.strip() != campaign.protocol.strip():
@@ -246,27 +264,43 @@ def _go_on(
             remedy=f"Name another folder; or go on with the one in it: pneudrive campaign resume {folder}",
         )
     plan = plan_of(campaign)
-    given = rig if rig is not None else campaign.about.get("rig")
-    if not given:
-        raise CampaignError(
-            "the folder does not say how its rig is reached", where=str(folder), remedy="Say --rig RIG."
-        )
-    with FolderLock(folder) as lock, _bench(given, plan.protocol.seed, pace) as (bench, source):
+    with FolderLock(folder) as lock, _bench_again(campaign, rig, plan, pace, allow_code) as (bench, source):
         _same_rig(campaign, bench.identity(), source)
         lay_out(plan.protocol, campaign.identity, bench.limits())  # pre-flight: the rig may allow less than it did
         options = _with_operator(options, str(campaign.about.get("operator", "")))
         return _run(campaign, plan, bench, options, lock, audience)
 
 
+def _bench_again(
+    campaign: Campaign, rig: Rig | str | Path | None, plan: Plan, pace: float | None, allow_code: str | None
+) -> contextlib.AbstractContextManager[tuple[Rig, str]]:
+    """Give the rig that is named now; else the one that the folder names, as far as a folder may."""
+    seed, where = plan.protocol.seed, str(campaign.path / ABOUT)
+    if rig is not None:
+        return _bench(rig, seed, pace)
+    given, made_with = campaign.about.get("rig"), campaign.about.get("rig_sha256")
+    if not given or not isinstance(given, str):
+        raise CampaignError("the folder does not say how its rig is reached", where=where, remedy="Say --rig RIG.")
+    if allow_code is not None and made_with != allow_code.strip().lower():
+        raise CampaignError(
+            "the folder was made with other code than the one that is allowed",
+            where=where,
+            value=f"SHA-256 {made_with or 'not told'}",
+            rule=f"--allow-code {allow_code}",
+            remedy=f"Look at the code. Then name it: --rig {given}",
+        )
+    return _bench(given, seed, pace, found_in=where, allow_code=allow_code)
+
+
 @contextlib.contextmanager
-def _bench(rig: Rig | str | Path, seed: int, pace: float | None) -> Iterator[tuple[Rig, str]]:
+def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | None) -> Iterator[tuple[Rig, str]]:
     """Give the rig, and how it is found again; empty where it was made elsewhere, and is closed there."""
     from pneudrive.rig.loading import load_rig, opened
 
     if not isinstance(rig, str | Path):
         yield rig, ""
         return
-    with opened(load_rig(rig, seed=seed, pace=pace)) as bench:
+    with opened(load_rig(rig, seed=seed, pace=pace, **found)) as bench:
         yield bench, _found_again(str(rig))
 
 
@@ -299,7 +333,8 @@ def _about(plan: Plan, options: Options, labels: dict[str, str], source: str) ->
 
 def _digest(source: str) -> str:
     path = Path(source)
-    return hashlib.sha256(path.read_bytes()).hexdigest() if source and path.is_file() else ""
+    is_file = bool(source) and path.is_file()
+    return hashlib.sha256(path.read_bytes()).hexdigest() if is_file else own_code.sha256(source)
 
 
 def _same_rig(campaign: Campaign, identity: Identity, source: str) -> None:
@@ -342,7 +377,7 @@ def _run(
     for line in tidied:
         journal.write(line)
         shown.say(line)
-    requests = Requests(campaign.path, someone_there=prompt.there)
+    requests = Requests(campaign.path, someone_there=prompt.there, cancel=audience.cancel)
     session = Session(campaign, plan, rig, options, lock, journal, shown, files)
     journal.write(f"{'resumed' if files else 'began'} after {session.now}; rig {campaign.identity.name}")
     shown.began(plan, session.finished)

@@ -6,13 +6,13 @@ import contextlib
 import errno
 import hashlib
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CampaignError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 #: Ending of a file that is being written. A process that dies leaves at most one; it is never read.
 PART = ".part"
@@ -98,6 +98,35 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
         for made in missing:
             flush_folder(made.parent)
+
+
+def no_links(folder: Path) -> None:
+    """Refuse a folder that holds links, pipes or devices: who writes into it would write, or wait, elsewhere.
+
+    Raises
+    ------
+    CampaignError
+        One is there, up to one folder deep.
+    """
+    own = _entries(folder)
+    deeper = (inner for one in own if one.is_dir(follow_symlinks=False) for inner in _entries(one))
+    for entry in (*own, *deeper):
+        if not (entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)):
+            raise CampaignError(
+                "a campaign folder holds its own files, and this is none",
+                where=entry.path,
+                value=f"a link to {Path(entry.path).readlink()}" if entry.is_symlink() else "a pipe or a device",
+                rule="a folder does not decide what is written elsewhere",
+                remedy="Put the file itself there. The whole folder may be a link.",
+            )
+
+
+def _entries(folder: str | Path | os.DirEntry[str]) -> list[os.DirEntry[str]]:
+    try:
+        with os.scandir(folder) as found:
+            return list(found)
+    except OSError:
+        return []
 
 
 def flush_folder(path: Path) -> None:

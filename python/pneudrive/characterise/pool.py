@@ -52,7 +52,8 @@ def in_processes(work: Callable[..., list[Result]], tasks: Sequence[tuple]) -> l
     PneudriveError
         What `work` raised.
     """
-    command = [sys.executable, "-m", "pneudrive.characterise.pool_worker"]
+    # -P: without it, modules in the folder that one happens to stand in would be imported.
+    command = [sys.executable, "-P", "-m", "pneudrive.characterise.pool_worker"]
     environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
     # Results come by files: a read from a pipe cannot be interrupted where a library's threads take the signal.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -47,14 +49,21 @@ def run(
 
     labels = _labels(label or [])
     options = _options(operator, yes, patience)
-    with _running(into):
+    again = _again(into, rig)
+    with _running(again):
         result = run_campaign(protocol, rig, into, options=options, labels=labels, pace=pace, display=_display())
-    _end(result, into)
+    _end(result, again)
 
 
 def resume(
     folder: Folder,
-    rig: Annotated[str, typer.Option(help="Another way to the same rig than the folder says.", metavar="RIG")] = "",
+    rig: Annotated[
+        str, typer.Option(help="The rig; a simulated one or a replay is found by what the folder says.", metavar="RIG")
+    ] = "",
+    allow_code: Annotated[
+        str,
+        typer.Option(help="Run the code that the folder was made with, if its file has this hash.", metavar="SHA256"),
+    ] = "",
     operator: Operator = "",
     yes: Yes = False,
     pace: Pace = None,
@@ -72,9 +81,12 @@ def resume(
         typer.echo("It goes on." if after else "It has ended.")
         return
     options = _options(operator, yes, patience)
-    with _running(folder):
-        result = resume_campaign(folder, rig or None, options=options, pace=pace, display=_display())
-    _end(result, folder)
+    again = _again(folder, rig, allow_code)
+    with _running(again):
+        result = resume_campaign(
+            folder, rig or None, options=options, pace=pace, allow_code=allow_code or None, display=_display()
+        )
+    _end(result, again)
 
 
 def status(folder: Folder) -> None:
@@ -160,30 +172,46 @@ def _display() -> Display:
     return Screen() if sys.stdout.isatty() else Lines()
 
 
+def _again(folder: Path, rig: str, allow_code: str = "") -> str:
+    """Give the command that goes on; a rig that a folder may not name stands in it."""
+    from pneudrive.rig.loading import must_be_named
+
+    named = f" --rig {rig}" if must_be_named(rig) else ""
+    return f"pneudrive campaign resume {folder}{named}{f' --allow-code {allow_code}' if allow_code else ''}"
+
+
 @contextmanager
-def _running(folder: Path) -> Iterator[None]:
-    """End with status 1 where a campaign that ran has ended by an error, and say how to go on."""
+def _running(again: str) -> Iterator[None]:
+    """End with status 1 where a campaign that ran has ended by an error, and say how to go on.
+
+    SIGTERM ends it as Ctrl-C does; while it runs, the campaign itself takes both.
+    """
     from pneudrive.campaign.run import can_be_resumed
     from pneudrive.errors import PneudriveError
 
+    in_main = threading.current_thread() is threading.main_thread()  # others must not
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
     try:
         yield
     except PneudriveError as error:
         if not can_be_resumed(error):
             raise
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
-        sys.stderr.write(f"What is finished is kept. Go on: pneudrive campaign resume {folder}\n")
+        sys.stderr.write(f"What is finished is kept. Go on: {again}\n")
         raise typer.Exit(EXIT_OTHER) from error
+    finally:
+        if in_main:
+            signal.signal(signal.SIGTERM, before)
 
 
-def _end(result: Result, folder: Path) -> None:
+def _end(result: Result, again: str) -> None:
     """Say how it ended; 130 where somebody ended it."""
     from pneudrive.campaign.run import DONE
 
     if result.ended == DONE:
-        typer.echo(f"{result.finished} cycles in {folder}")
+        typer.echo(f"{result.finished} cycles in {result.campaign.path}")
         return
-    typer.echo(f"Ended after {result.finished} of {result.planned} cycles. Go on: pneudrive campaign resume {folder}")
+    typer.echo(f"Ended after {result.finished} of {result.planned} cycles. Go on: {again}")
     raise typer.Exit(EXIT_INTERRUPTED)
 
 

@@ -7,10 +7,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pneudrive import own_code
 from pneudrive.errors import RigError, nearest
+from pneudrive.rig.own import own_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from pneudrive.rig.interface import Rig
 
@@ -25,6 +27,9 @@ LOADERS: dict[str, str] = {
     "replay": "pneudrive.campaign.replay_sources:load_replay",
     "folder": "pneudrive.campaign.replay_sources:load_replay",
 }
+CODE = "code"
+#: Kinds that a file may name: they read data. Any other one runs code, or moves an axis and logs in somewhere.
+ONLY_DATA = ("simulated", "replay", "folder")
 
 
 def shipped_rigs() -> dict[str, Path]:
@@ -33,7 +38,14 @@ def shipped_rigs() -> dict[str, Path]:
     return default | {path.stem: path for path in sorted(RIGS.glob("*.toml"))}
 
 
-def load_rig(source: str | Path = "default", seed: int = 0, pace: float | None = None) -> Rig:
+def load_rig(
+    source: str | Path = "default",
+    seed: int = 0,
+    pace: float | None = None,
+    *,
+    found_in: str | None = None,
+    allow_code: str | None = None,
+) -> Rig:
     """Make a rig.
 
     Parameters
@@ -47,6 +59,11 @@ def load_rig(source: str | Path = "default", seed: int = 0, pace: float | None =
     pace : float, optional
         Seconds of the rig per second of the clock on the wall, for a simulated rig or a replay: 1 is real time; None
         is as fast as it goes.
+    found_in : str, optional
+        The file in which `source` was found, where nobody has named it in this run. Then it may be a simulated rig or
+        a replay: what runs code, moves an axis or logs in somewhere is named by the user of this run.
+    allow_code : str, optional
+        SHA-256 of the file of own code that may run although it was found in a file.
 
     Returns
     -------
@@ -55,28 +72,35 @@ def load_rig(source: str | Path = "default", seed: int = 0, pace: float | None =
     Raises
     ------
     RigError
-        If there is no such rig.
+        If there is no such rig, or a file must not name it.
     DescriptionError
         If its file is wrong.
     """
     text = str(source)
-    scheme, separator, rest = text.partition(":")
-    if separator and rest.startswith("//"):
-        return _loader(scheme, text)(text, seed, pace)
-    known = shipped_rigs()
-    path = known.get(text, Path(text))
-    if path.is_dir():
-        return _loader("folder", text)(str(path), seed, pace)
-    if path.is_file() and path.suffix == ".toml":
-        return _loader(_kind(path), text)(str(path), seed, pace)
-    own, _, name = text.rpartition(":")
-    if own and name.isidentifier():
-        from pneudrive.rig.own import own_rig
+    kind, name = _kind(text)
+    if kind == CODE:
+        if found_in is None:
+            return own_rig(name, own_code.load(name, RigError))
+        return own_rig(name, own_code.load_allowed(name, allow_code, found_in, "--rig", RigError))
+    if found_in is not None and kind not in ONLY_DATA:
+        raise RigError(
+            f"the rig {text} was not named in this run",
+            where=found_in,
+            rule="a file does not decide which axis moves, nor where one logs in",
+            remedy=f"Is it yours? Then name it: --rig {text}",
+        )
+    if kind not in LOADERS:
+        raise RigError(f"rigs of kind {kind!r} are not known", where=text, remedy=nearest(kind, LOADERS))
+    module, _, function = LOADERS[kind].partition(":")
+    return getattr(import_module(module), function)(name, seed, pace)
 
-        return own_rig(own, name)
-    raise RigError(
-        f"{text!r} is no rig", rule="a name, a TOML file, a folder or an address", remedy=nearest(text, known)
-    )
+
+def must_be_named(source: str) -> bool:
+    """Tell whether a rig is one that only the user of a run may name, not a file."""
+    try:
+        return _kind(source)[0] not in ONLY_DATA
+    except RigError:
+        return False
 
 
 @contextmanager
@@ -90,17 +114,28 @@ def opened(rig: Rig) -> Iterator[Rig]:
             close()
 
 
-def _kind(path: Path) -> str:
+def _kind(text: str) -> tuple[str, str]:
+    """Give the kind of a rig, and its name, address, file or folder in full."""
+    scheme, separator, rest = text.partition(":")
+    if separator and rest.startswith("//"):
+        return scheme, text
+    known = shipped_rigs()
+    path = known.get(text, Path(text))
+    if path.is_dir():
+        return "folder", str(path)
+    if path.is_file() and path.suffix == ".toml":
+        return _said(path), str(path)
+    if own_code.split(text) is not None:
+        return CODE, text
+    raise RigError(
+        f"{text!r} is no rig", rule="a name, a TOML file, a folder or an address", remedy=nearest(text, known)
+    )
+
+
+def _said(path: Path) -> str:
     from pneudrive.describe import toml
 
     try:
         return str(toml.tomllib.loads(path.read_text(encoding="utf-8")).get("kind", "simulated"))
     except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
         raise RigError("the rig file cannot be read", where=str(path), value=str(error)) from error
-
-
-def _loader(kind: str, source: str) -> Callable[[str, int, float | None], Rig]:
-    if kind not in LOADERS:
-        raise RigError(f"rigs of kind {kind!r} are not known", where=source, remedy=nearest(kind, LOADERS))
-    module, _, name = LOADERS[kind].partition(":")
-    return getattr(import_module(module), name)
