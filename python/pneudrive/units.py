@@ -229,6 +229,17 @@ def kind(si_unit: str) -> str:
     return f'{name}, e.g. "{example}"'
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is one of the units of daily use, a pressure with or without what it is measured against.
+
+    Examples
+    --------
+    >>> is_unit("bar gauge"), is_unit("Reibung")
+    (True, False)
+    """
+    return text.removesuffix(" gauge").removesuffix(" abs") in _TABLE
+
+
 def needed(si_unit: str) -> str:
     """Say what is needed, for messages: ``a length is needed, e.g. "25 mm"``."""
     return kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)

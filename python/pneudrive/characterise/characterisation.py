@@ -299,6 +299,20 @@ def _stick_slip_note(level: Level) -> str:
     )
 
 
+def _doubts(results: tuple[RecordingResult, ...]) -> list[str]:
+    """Say each kind of doubt once, with the sentence of the first recording that has it."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for level in (level for result in results for level in result.levels):
+        for flag, sentence in level.doubts.items():
+            found.setdefault(flag, []).append((level.recording, sentence))
+    notes = []
+    for members in found.values():
+        names = list(dict.fromkeys(name for name, _ in members))
+        also = f" (and of {len(names) - 1} more: {', '.join(names[1:4])})" if len(names) > 1 else ""
+        notes.append(f"Check the layout of {names[0]}{also}: {members[0][1]}.")
+    return notes
+
+
 def _notes(
     results: tuple[RecordingResult, ...],
     points: tuple[FrictionPoint, ...],
@@ -324,6 +338,7 @@ def _notes(
             "Only one side is under pressure: force zero, area error, springs, weight and asymmetry of direction "
             "all end in the offset and are not separable."
         )
+    notes += _doubts(results)
     negative = [level.recording for r in results for level in r.levels if "negative_friction" in level.flags]
     if negative:
         notes.append(

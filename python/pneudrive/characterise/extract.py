@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ from pneudrive.characterise.closure import ClosurePoint
 from pneudrive.characterise.friction_map import MapRow
 from pneudrive.characterise.levels import speed_levels
 from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, straight_line, thinned
+from pneudrive.characterise.plausible import doubts_of, refuse_impossible
 from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 from pneudrive.characterise.profile import Profile, build_profile, stroke_means
 from pneudrive.characterise.recording import Recording
@@ -43,6 +44,7 @@ RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is no po
 class Level(Shown):
     """One speed level of one recording.
 
+    ``doubts`` says of some of the ``flags``, in a sentence, what to look at.
     ``spreads`` and ``stroke_friction_n`` are by direction +1/-1: the latter holds the mean friction of
     each stroke in the window, direction * (stroke - offset), in N, and ``stroke_times_s`` its time.
     """
@@ -65,6 +67,7 @@ class Level(Shown):
     stick_slip: tuple[StickSlip, ...]
     flags: tuple[str, ...]
     rows: tuple[MapRow, ...]
+    doubts: dict[str, str] = field(default_factory=dict)
 
     @property
     def expanded_n(self) -> float:
@@ -108,6 +111,7 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     """
     recording = clean(recording)
     strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
+    refuse_impossible(recording, strokes)
     acceleration: NDArray[np.float64] | float = 0.0
     if recording.mass_beyond_sensor_kg:
         acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
@@ -199,7 +203,10 @@ def _level(
         flags=(),
         rows=(),
     )
-    level = replace(level, flags=_level_flags(recording, level, used, conditions, bins))
+    # What may be wrong is judged by the means of the rows, which carry it in turn.
+    doubts = doubts_of(recording, replace(level, rows=_rows(level, conditions, used)))
+    flags = (*_level_flags(recording, level, used, conditions, bins), *doubts)
+    level = replace(level, flags=flags, doubts=doubts)
     return replace(level, rows=_rows(level, conditions, used))
 
 

@@ -119,6 +119,12 @@ class LayoutValues:
                 unit = f', unit = "{EXAMPLES[units[channel]]}"' if units[channel] else ""
                 example = f"{channel} = {{ column = 0{unit} }}"
                 raise self.fail(f"[columns] does not say where the {channel} is", "columns", remedy=example)
+        read: dict[int | str, str] = {}
+        for channel, column in columns.items():
+            other = read.setdefault(column.column, channel)
+            if other != channel and units[other] != units[channel]:  # both chambers may share a transducer
+                what = f"columns.{other} and columns.{channel} read one column: {column.column!r}"
+                raise self.fail(what, "columns", channel, rule="a column is one quantity")
         return columns
 
     def posture(self) -> tuple[float, float]:

@@ -1,4 +1,8 @@
-"""Whether a recording can be one of a drive: units, zeros and gaps that would otherwise come out as strange physics."""
+"""What no rig and no drive can have measured: wrong units, columns and signs, before they come out as strange physics.
+
+Impossible numbers are refused; numbers that are possible and unusual are doubts, which the friction map carries as
+flags and the notes as sentences.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +10,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.motion import thinned
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pneudrive.characterise.drive_recording import DriveRecording
+    from pneudrive.characterise.extract import Level
+    from pneudrive.characterise.motion import Stroke
+    from pneudrive.characterise.recording import Recording
     from pneudrive.describe import Drive
 
 #: A position this share of the stroke beyond its ends is no overshoot into an end stop (assumed).
@@ -25,6 +33,16 @@ COARSEST_S = 0.1
 #: A gap is longer than this multiple of the usual step, and than this, s.
 GAP_STEPS, GAP_S = 5.0, 0.02
 MOST_GAPS = 3
+# What any rig can do (all assumed): beyond the first of each pair a recording is refused, beyond the second doubted.
+LOWEST_PA = -5e3  # absolute: the zero of a transducer at vacuum may be this far off
+PRESSURES_PA = (100e5, 20e5)
+SPEEDS_M_S = (50.0, 10.0)
+FORCES_N = (1e7, 1e6)
+LONGEST_M = 100.0
+BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
+UNFOLLOWED = 0.25  # of pressure times area: the force misses that much of it
+SMALLEST_N = 1e-3  # friction that no force sensor of a piston drive sees
+FULL_PRESSURE_PA = 10e5  # friction above what this pressure pushes on the piston would stop any drive
 
 
 def check_plausible(recording: DriveRecording, drive: Drive) -> None:
@@ -84,3 +102,83 @@ def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
                 "not, cut the recording in two"
             )
     return out
+
+
+def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
+    """Refuse a recording of a rig that holds what no rig can do.
+
+    Raises
+    ------
+    RecordingError
+        A pressure below vacuum, or pressures, speeds, travels or forces beyond any rig.
+    """
+    where = str(recording.source or recording.name)
+    look = "look at the column, its unit, its decimal sign, and whether it is gauge or absolute, in the layout"
+    for channel in ("pressure_a_pa", "pressure_b_pa"):
+        low, high = np.quantile(thinned(getattr(recording, channel)), QUANTILES)
+        if low < LOWEST_PA or high > PRESSURES_PA[0]:
+            worst = low if low < LOWEST_PA else high
+            raise RecordingError(
+                f"{channel.removesuffix('_pa')} is {worst / 1e5:.4g} bar absolute, which "
+                f"{'lies below vacuum' if low < LOWEST_PA else 'no pneumatic rig has'}",
+                where=where,
+                rule=f"from 0 to {PRESSURES_PA[0] / 1e5:g} bar absolute",
+                remedy=look,
+            )
+    fastest = max(abs(stroke.speed_m_s) for stroke in strokes)
+    longest = max(abs(stroke.to_m - stroke.from_m) for stroke in strokes)
+    strongest = float(np.quantile(np.abs(thinned(recording.force_n)), QUANTILES[1]))
+    for what, value, limit, unit, column in (
+        ("the piston moves at", fastest, SPEEDS_M_S[0], "m/s", "time and the position"),
+        ("the strokes are", longest, LONGEST_M, "m long", "position"),
+        ("the force reaches", strongest, FORCES_N[0], "N", "force"),
+    ):
+        if value > limit:
+            raise RecordingError(
+                f"{what} {value:.4g} {unit}, which no pneumatic rig does",
+                where=where,
+                rule=f"at most {limit:g} {unit}",
+                remedy=f"look at the unit of the {column} in the layout",
+            )
+
+
+def doubts_of(recording: Recording, level: Level) -> dict[str, str]:
+    """Say what about a level of a recording is possible, and hardly so: flag -> what to look at, in a sentence.
+
+    A recording whose areas are zero has no pressure to be held against: its force is the friction itself.
+    """
+    ambient, found = recording.ambient_pressure_pa, {}
+    gauge = level.gauge_pa(ambient)
+    areas = recording.area_a_m2, recording.area_b_m2
+    if min(gauge.values()) < -BELOW_AMBIENT * ambient:
+        found["below_ambient"] = (
+            f"a chamber is at {(min(gauge.values()) + ambient) / 1e5:.3g} bar absolute, below ambient pressure: a "
+            "vacuum, or gauge pressures that the layout calls absolute"
+        )
+    if max(gauge.values()) + ambient > PRESSURES_PA[1] or level.speed_m_s > SPEEDS_M_S[1]:
+        found["beyond_usual"] = (
+            f"pressures up to {(max(gauge.values()) + ambient) / 1e5:.3g} bar absolute at {level.speed_m_s:.3g} m/s "
+            "are unusual for pneumatic drives: look at the units of pressure, position and time"
+        )
+    pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + recording.weight_n
+    friction, missed = abs(level.friction_n), abs(level.offset_n)  # the offset is NaN where one direction is missing
+    if (
+        any(areas)
+        and missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * level.u_offset_n)
+        and abs(pushed) > friction
+    ):
+        found["force_not_pressure"] = (
+            f"the mean force of both directions is {pushed + level.offset_n:.4g} N where pressure times area (and "
+            f"weight) is {pushed:.4g} N: look at the sign and unit of the force, the chamber of each pressure, gauge "
+            "or absolute, and the bore; or the sensor was zeroed under pressure"
+        )
+    if any(areas) and friction > FULL_PRESSURE_PA * max(areas):
+        found["friction_beyond_piston"] = (
+            f"a friction of {friction:.4g} N is more than {FULL_PRESSURE_PA / 1e5:g} bar push on the piston "
+            f"({FULL_PRESSURE_PA * max(areas):.4g} N): look at the unit of the force and at the bore"
+        )
+    if any(areas) and friction < SMALLEST_N:
+        found["no_friction"] = (
+            f"a friction of {friction:.2g} N is less than a force sensor sees: look at the column and unit of the force"
+        )
+    return found

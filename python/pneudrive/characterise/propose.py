@@ -218,7 +218,8 @@ def _with_units(
         index, reason = roles[role]
         kind = role.split()[0]
         unit, from_name = _unit(reading, index, kind, columns[index])
-        place: int | str = reading.names[index] if reading.names else index
+        name = reading.names[index] if reading.names else ""
+        place: int | str = name if reading.names.count(name) == 1 and name else index
         reason += f", unit {'as named' if from_name else 'guessed from its size'}"
         guesses.append(Guess(role, place, index, unit, reason))
     return _sides(guesses, columns, time)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pneudrive.characterise.date_times import guess_form, looks_like_date_time
 from pneudrive.characterise.text_table import COMPRESSIONS, TextForm, decode, is_words, read_bytes, split_row, to_number
 from pneudrive.errors import RecordingError
+from pneudrive.units import is_unit
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,6 +19,8 @@ MOSTLY = 0.95  # share of lines that must be numbers for a reading to count
 # First bytes of formats that are not text.
 MAGIC = {b"PAR1": "parquet", b"\x89HDF": "netcdf", b"TDSm": "tdms", b"MDF ": "mf4", b"MATL": "mat"}
 DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
+TABLE_ROWS = 3  # rows of numbers below one another that are a table
+NO_UNIT = ("-", "1", "%", "V", "mV", "A", "mA", "raw", "date-time")  # stand in rows of units beside those that are read
 _GROUPED = re.compile(r"[-+]?\d{1,3}([.,'])\d{3}(?:\1\d{3})+$")
 
 
@@ -100,6 +103,9 @@ def _score(sample: list[str], form: TextForm) -> tuple[float, int]:
 
 
 def _is_numbers(fields: list[str], form: TextForm) -> bool:
+    """Whether a row holds numbers, dates and empty fields, and not only empty ones."""
+    if not any(fields):
+        return False
     try:
         for text in fields:
             if not looks_like_date_time(text):
@@ -111,26 +117,74 @@ def _is_numbers(fields: list[str], form: TextForm) -> bool:
 
 def _with_header(lines: list[str], form: TextForm, width: int) -> Reading:
     """Find the first row of numbers and what stands above it."""
-    first = next(
-        i for i, line in enumerate(lines) if len(f := split_row(line, form.delimiter)) == width and _is_numbers(f, form)
-    )
-    above = [i for i in range(first) if lines[i].strip()]
-    heads = [i for i in above[-2:] if _could_be_header(lines[i], form, width)]
-    names, units = [], []
-    skip = first
-    if heads:
-        rows = [split_row(lines[i].lstrip("# "), form.delimiter) for i in heads]
-        names, units = rows[0], (rows[1] if len(rows) > 1 else [])
-        skip = heads[0]
+    first = _first_of_numbers(lines, form, width)
+    names, units, skip = _names_above(lines[:first], form, width)
     delimiter = None if form.delimiter == "\t" and not names else form.delimiter
     found = TextForm(
         delimiter=delimiter,
         header=bool(names),
         decimal=form.decimal,
         thousands=form.thousands,
-        skip_lines=skip if skip and (names or first) else 0,
+        skip_lines=skip if names else first,
     )
     return Reading("csv", found, names, units, width, _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width))
+
+
+def _first_of_numbers(lines: list[str], form: TextForm, width: int) -> int:
+    """First line of the table: a row of numbers that more of them follow, since a preamble may hold some, too."""
+    first = length = 0
+    longest = (0, 0)
+    for i, line in enumerate(lines):
+        if not line.strip(" ") or line.startswith(form.comment):
+            continue
+        fields = split_row(line, form.delimiter)
+        is_row = len(fields) == width and _is_numbers(fields, form)
+        first, length = (i if length == 0 else first, length + 1) if is_row else (first, 0)
+        if length > longest[0]:
+            longest = (length, first)
+        if length == TABLE_ROWS:
+            break
+    return longest[1]
+
+
+def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str], list[str], int]:
+    """Names and units of the columns, and the number of lines above the names; no names where no line can be them.
+
+    The names stand in the line above the numbers, or above a row of units that stands there: any line further up is
+    a preamble, however many delimiters it was padded with. A name stands over every column, but for columns without
+    one; a line that names fewer than half of them names none.
+    """
+    filled = [i for i, line in enumerate(above) if line.strip()]
+    rows = [(i, _header_row(above[i], form, width)) for i in reversed(filled[-2:])]
+    units: list[str] = []
+    if len(rows) == 2 and rows[0][1] and rows[1][1] and _are_units(rows[0][1]) and _names_most(rows[1][1]):
+        units = rows.pop(0)[1]
+    if rows and _names_most(rows[0][1]):
+        return rows[0][1], units, rows[0][0]
+    return [], [], 0
+
+
+def _header_row(line: str, form: TextForm, width: int) -> list[str]:
+    """Fields of a line that may name the columns, as many as there are; empty where it cannot.
+
+    Loggers put a column of comments behind the last one that holds numbers.
+    """
+    fields = split_row(line.lstrip("# "), form.delimiter)
+    may_be_longer = form.delimiter is not None
+    if len(fields) < width or (len(fields) > width and not may_be_longer) or not is_words(fields, form):
+        return []
+    return fields[:width]
+
+
+def _names_most(fields: list[str]) -> bool:
+    return 2 * sum(map(bool, fields)) > len(fields)
+
+
+def _are_units(fields: list[str]) -> bool:
+    """Whether every field that is filled is a unit, and not all of them are without one."""
+    bare = [text.strip("[]() ") for text in fields]
+    known = [text for text in bare if text and text not in NO_UNIT]
+    return bool(known) and all(is_unit(text) for text in known)
 
 
 def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
@@ -142,8 +196,3 @@ def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
         if texts and all(map(looks_like_date_time, texts)) and (written := guess_form(texts)) is not None:
             found[column] = written
     return found
-
-
-def _could_be_header(line: str, form: TextForm, width: int) -> bool:
-    fields = split_row(line.lstrip("# "), form.delimiter)
-    return len(fields) == width and is_words(fields, form)

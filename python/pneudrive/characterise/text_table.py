@@ -183,7 +183,15 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
                 value=f"columns: {', '.join(names) or 'no header is read (header = false)'}",
                 remedy="name a column of the header, or give its number from 0",
             )
-        return names.index(column)
+        places = [at for at, name in enumerate(names) if name == column]
+        if len(places) > 1:
+            raise RecordingError(
+                f"{len(places)} columns are named '{column}'",
+                where=str(path),
+                rule="a name tells one column",
+                remedy=f"give its number in the layout: column = {' or '.join(map(str, places))}",
+            )
+        return places[0]
     if not 0 <= column < width:
         raise RecordingError(
             f"there is no column {column}",

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.plausible import BELOW_AMBIENT
 from pneudrive.characteristics.basics import PA_PER_BAR
 from pneudrive.characteristics.result import Statement
 
@@ -25,7 +26,6 @@ NEIGHBOURS = 6  # nearest cycles in speed, with which a cycle's friction is held
 ENOUGH = 4
 FAR = 10.0  # times more or less friction than at neighbouring speeds: a sensor, a unit or a range, no seal
 OTHER_SPEED = 1.5  # measured speed over that of the head, either way
-BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures
 NAMED = 3
 
 

@@ -33,6 +33,11 @@ FLAGS = {
     "window_not_covered": "part of the window has no settled samples",
     "pressure_moves": "pressure changes within a stroke by more than half the friction",
     "unequal_speeds": "the two directions moved at speeds that differ by more than 10 %",
+    "below_ambient": "a chamber is below ambient pressure: a vacuum, or gauge pressures called absolute",
+    "beyond_usual": "pressures or speeds are unusual for pneumatic drives",
+    "force_not_pressure": "the force does not follow pressure times area",
+    "friction_beyond_piston": "friction is more than 10 bar push on the piston",
+    "no_friction": "friction is less than a force sensor sees",
     "breakaway_spoiled": "no reversal peak is usable",
 }
 
