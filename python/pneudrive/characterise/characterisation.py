@@ -26,6 +26,7 @@ from pneudrive.characterise.pressure_line import (
 )
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.settling import SampleChoice, Settled
+from pneudrive.characterise.spread import changed
 from pneudrive.characterise.trajectories import from_run, is_run
 from pneudrive.errors import RecordingError
 from pneudrive.show import Shown
@@ -266,12 +267,14 @@ def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[MapRow]) 
     for direction in (1, -1):
         mine = [row for row in rows if row.direction == direction]
         seals = [of_recording[row.recording].seal for row in mine]
+        scatter = [of_recording[row.recording].speed_stderr_m_s for row in mine]
         values = np.array([[abs(row.velocity_m_s), of_recording[row.recording].pressure_pa] for row in mine])
+        has_changed = False
         for seal in set(seals):
             members = np.array([s == seal for s in seals])
+            has_changed |= changed(values[members, 0], float(np.median(scatter)))
             values[members] -= values[members].mean(axis=0)
-        spans = np.ptp(values, axis=0) if mine else np.zeros(2)
-        if len(mine) >= 3 and spans[0] > 0 and spans[1] > MINIMUM_RANGE_PA:
+        if len(mine) >= 3 and has_changed and np.ptp(values[:, 1]) > MINIMUM_RANGE_PA:
             found = float(np.corrcoef(values.T)[0, 1])
             strongest = max(strongest, found, key=abs)
     return strongest

@@ -79,6 +79,12 @@ class Level(Shown):
         """Mean speed of the directions in the window, not negative."""
         return float(np.mean([abs(row.velocity_m_s) for row in self.rows]))
 
+    @property
+    def speed_stderr_m_s(self) -> float:
+        """Standard error of ``speed_m_s``: the scatter of the strokes' speeds, the larger one of both directions."""
+        speeds = [[s.speed_m_s for s in self.strokes if s.direction == d] for d in (1, -1)]
+        return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
+
     def gauge_pa(self, ambient_pressure_pa: float) -> dict[str, float]:
         """Mean gauge pressure of the directions in chambers ``a`` and ``b``."""
         means = {side: np.mean([getattr(row, f"pressure_{side}_pa") for row in self.rows]) for side in ("a", "b")}
@@ -204,10 +210,10 @@ def _level(
         rows=(),
     )
     # What may be wrong is judged by the means of the rows, which carry it in turn.
-    doubts = doubts_of(recording, replace(level, rows=_rows(level, conditions, used)))
+    doubts = doubts_of(recording, replace(level, rows=_rows(recording, level, conditions, used)))
     flags = (*_level_flags(recording, level, used, conditions, bins), *doubts)
     level = replace(level, flags=flags, doubts=doubts)
-    return replace(level, rows=_rows(level, conditions, used))
+    return replace(level, rows=_rows(recording, level, conditions, used))
 
 
 def _covering(
@@ -345,7 +351,9 @@ def _level_flags(
     return (*flags, *(name for name, is_so in seen.items() if is_so))
 
 
-def _rows(level: Level, conditions: dict[int, _Conditions], used: dict[int, list[Stroke]]) -> tuple[MapRow, ...]:
+def _rows(
+    recording: Recording, level: Level, conditions: dict[int, _Conditions], used: dict[int, list[Stroke]]
+) -> tuple[MapRow, ...]:
     """Write the map's rows, one per direction that is there."""
     rows = []
     for direction, condition in conditions.items():
@@ -374,6 +382,7 @@ def _rows(level: Level, conditions: dict[int, _Conditions], used: dict[int, list
                 dwell_s=float(np.median(dwells)) if dwells else float("nan"),
                 loading_rate_n_s=float(np.median(rates)) if rates else float("nan"),
                 flags=",".join((*level.flags, *spoiled)),
+                labels=recording.labels,
             )
         )
     return tuple(rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ from pneudrive.trajectory import check_target, write_frame
 if TYPE_CHECKING:
     import xarray as xr
 
-# Column -> (unit, meaning), in the order of the files.
+# Column -> (unit, meaning), in the order of the files; the labels of the recordings follow them.
 COLUMNS: dict[str, tuple[str, str]] = {
     "recording": ("", "name of the recording"),
     "direction": ("1", "+1 where position grows, -1 where it falls"),
@@ -41,7 +41,7 @@ _WHOLE = {"direction", "samples", "strokes"}
 
 @dataclass(frozen=True)
 class MapRow:
-    """One row, see ``COLUMNS``."""
+    """One row, see ``COLUMNS``; ``labels`` are those of its recording."""
 
     recording: str
     direction: int
@@ -61,11 +61,16 @@ class MapRow:
     dwell_s: float
     loading_rate_n_s: float
     flags: str
+    labels: dict[str, str] = field(default_factory=dict)
 
 
 def to_dataset(rows: list[MapRow]) -> xr.Dataset:
-    """Rows as a Dataset with one dimension ``row`` and a unit on every variable."""
-    return columns_to_dataset({name: [getattr(row, name) for row in rows] for name in COLUMNS})
+    """Rows as a Dataset with one dimension ``row`` and a unit on every variable; each label is a column of texts."""
+    found = columns_to_dataset({name: [getattr(row, name) for row in rows] for name in COLUMNS})
+    names = dict.fromkeys(name for row in rows for name in row.labels)
+    labels = {name: np.array([row.labels.get(name, "") for row in rows], dtype=object) for name in names}
+    about = {"units": "", "long_name": "label of the recording"}
+    return found.assign({name: ("row", values, about) for name, values in labels.items()})
 
 
 def columns_to_dataset(columns: dict[str, list | np.ndarray]) -> xr.Dataset:
@@ -80,7 +85,7 @@ def columns_to_dataset(columns: dict[str, list | np.ndarray]) -> xr.Dataset:
 
 
 def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
-    """Write map.parquet or map.csv, by suffix, with exactly the columns of ``COLUMNS``.
+    """Write map.parquet or map.csv, by suffix: the columns of ``COLUMNS``, and after them the labels.
 
     Raises
     ------
@@ -90,15 +95,17 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     import polars as pl
 
     path = check_target(path, (".parquet", ".csv"))
+    names = [*COLUMNS, *(str(name) for name in friction_map.data_vars if name not in COLUMNS)]
+    columns = {name: friction_map[name].to_numpy().tolist() for name in names}
     frame = pl.DataFrame(
-        {name: pl.Series(name, friction_map[name].to_numpy().tolist(), dtype=_polars_type(name)) for name in COLUMNS}
+        {n: pl.Series(n, v, dtype=_polars_type(n) if n in COLUMNS else None) for n, v in columns.items()}
     )
     write_frame(frame, path)
     return path
 
 
 def read_map(path: str | Path) -> xr.Dataset:
-    """Read a friction map from map.parquet or map.csv; further columns, such as a seal or a day, are kept.
+    """Read a friction map from map.parquet or map.csv; further columns, labels such as a seal or a day, are kept.
 
     Raises
     ------

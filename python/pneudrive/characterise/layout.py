@@ -159,7 +159,7 @@ class Layout(Shown):
         LayoutError
             A value that is wrong for this file.
         """
-        return self._with_overrides(self._matching(path), path).file_layout(path)
+        return self._with_overrides(self._matching(path)).file_layout(path)
 
     def _matching(self, path: Path) -> list[int]:
         names = (path.name, stem(path))
@@ -172,8 +172,8 @@ class Layout(Shown):
     @property
     def is_of_drive(self) -> bool:
         """Whether it reads recordings of a drive: it says where the command is."""
-        columns = self.tree.get("columns")
-        return isinstance(columns, dict) and "command" in columns
+        trees = [self.tree, *self.tree.get("for", [])]
+        return any(isinstance(tree.get("columns"), dict) and "command" in tree["columns"] for tree in trees)
 
     def for_drive_file(self, path: Path) -> DriveLayout:
         """Apply the overrides that match the file's name, for a recording of a drive.
@@ -183,7 +183,7 @@ class Layout(Shown):
         LayoutError
             A value that is wrong for this file, or no command.
         """
-        return self._with_overrides(self._matching(path), path).drive_layout(path)
+        return self._with_overrides(self._matching(path)).drive_layout(path)
 
     def fail(self, what: str, *keys: str, rule: str | None = None, remedy: str | None = None) -> LayoutError:
         """Build an error that points at a key's line."""
@@ -192,15 +192,16 @@ class Layout(Shown):
         where = f"{self.origin}:{line}" if line else self.origin
         return LayoutError(what, where=where, value=shown, rule=rule, remedy=remedy)
 
-    def _with_overrides(self, chosen: list[int], path: Path) -> LayoutValues:
+    def _with_overrides(self, chosen: list[int], *, is_part: bool = False) -> LayoutValues:
         from pneudrive.characterise.layout_values import LayoutValues
 
         tree = copy.deepcopy({key: value for key, value in self.tree.items() if key != "for"})
         sources: dict[tuple[str, ...], tuple[str, ...]] = {}
         for index in chosen:
             rest = {key: value for key, value in self.tree["for"][index].items() if key != "match"}
+            _make_way(tree, rest)
             _merge(tree, rest, (), ("for", str(index)), sources)
-        return LayoutValues(self, tree, sources)
+        return LayoutValues(self, tree, sources, is_part=is_part)
 
     def _checked(self) -> Layout:
         """Refuse unknown keys and wrong values before the first recording is opened."""
@@ -215,11 +216,12 @@ class Layout(Shown):
                 )
             self._check_tree({k: v for k, v in override.items() if k != "match"}, ("for", str(index)))
         for chosen in ([], *([index] for index in range(len(overrides)))):
-            values = self._with_overrides(chosen, Path("any"))
+            # What is missing here, another [[for]] may give: only the layout of a file has to be whole.
+            values = self._with_overrides(chosen, is_part=bool(overrides))
             if self.is_of_drive:
-                values.drive_layout(Path("any"))
+                values.drive_layout(None)
             else:
-                values.file_layout(Path("any"))
+                values.file_layout(None)
         return self
 
     def _check_tree(self, tree: dict[str, Any], prefix: tuple[str, ...]) -> None:
@@ -267,21 +269,66 @@ def stem(path: Path) -> str:
     return Path(name).stem
 
 
-def labels_from_name(pattern: str, name: str) -> dict[str, str]:
-    """Read labels out of a file name; empty where it does not fit. A pressure is a number.
+# Field of a pattern of labels -> what it takes, and how a message calls that. Every other field takes any text.
+FIELDS = {"pressure": (r"[-+]?\d+(?:[.,]\d+)?(?: ?(?:mbar|bar|kPa|MPa|Pa|psi))?", "a number, with or without a unit")}
+
+
+def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
+    """Read labels out of a file name; None where it does not fit.
+
+    ``{pressure}`` takes a number, which a unit may follow: ``5``, ``0,5``, ``1bar``. Every other field takes any text,
+    at least one character, and of several ways to divide a name the one that keeps the earlier fields short.
 
     Examples
     --------
     >>> labels_from_name("{seal}_{pressure}bar", "O-ring_5bar")
     {'seal': 'O-ring', 'pressure': '5'}
+    >>> labels_from_name("{seal}_{pressure}", "O-ring_5bar")
+    {'seal': 'O-ring', 'pressure': '5bar'}
     """
-    parts = re.split(r"\{(\w+)\}", pattern)
-    shapes = {"pressure": r"\d+(?:[.,]\d+)?"}  # a number; everything else takes what is left
-    expression = "".join(
-        re.escape(p) if i % 2 == 0 else f"(?P<{p}>{shapes.get(p, '.+?')})" for i, p in enumerate(parts)
+    match = re.fullmatch(_expression(_parts(pattern)), name)
+    return dict(match.groupdict()) if match else None
+
+
+def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
+    """For a name that does not fit: the part of the pattern that finds nothing, and what of the name is left for it."""
+    parts = _parts(pattern)
+    for count in range(len(parts) - 1, -1, -1):
+        match = re.match(_expression(parts[:count]), name)
+        if match:
+            part = parts[count]
+            about = FIELDS.get(part[1:-1], ("", "any text"))[1] if part.startswith("{") else None
+            return (f"{part} ({about})" if about else f"'{part}'"), name[match.end() :]
+    return pattern, name
+
+
+def _parts(pattern: str) -> list[str]:
+    return [part for part in re.split(r"(\{\w+\})", pattern) if part]
+
+
+def _expression(parts: list[str]) -> str:
+    return "".join(
+        f"(?P<{part[1:-1]}>{FIELDS.get(part[1:-1], ('.+?', ''))[0]})" if part.startswith("{") else re.escape(part)
+        for part in parts
     )
-    match = re.fullmatch(expression, name)
-    return dict(match.groupdict()) if match else {}
+
+
+def _make_way(tree: dict, rest: dict) -> None:
+    """Take out of a tree what an override says anew as a whole.
+
+    A column that an override gives with its place and its unit, and the pressure of a chamber that it gives in another
+    way.
+    """
+    columns, said = tree.get("columns", {}), rest.get("columns", {})
+    for name, column in said.items():
+        if isinstance(column, dict) and {"column", "unit"} <= set(column):
+            columns.pop(name, None)
+    for side in "ab":
+        if f"pressure_{side}" in said:
+            tree.pop(f"chamber_{side}", None)
+        elif f"chamber_{side}" in rest:
+            columns.pop(f"pressure_{side}", None)
+            tree.pop(f"chamber_{side}", None)
 
 
 def _merge(tree: dict, rest: dict, path: tuple[str, ...], source: tuple[str, ...], sources: dict) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.characterise import date_times
 from pneudrive.characterise.column_units import ColumnUnit, column_unit, pressure_range, share, uncertainty
 from pneudrive.characterise.formats import FORMATS
+from pneudrive.characterise.friction_map import COLUMNS
 from pneudrive.characterise.layout import (
     CHANNEL_UNITS,
     DRIVE_UNITS,
@@ -18,6 +19,7 @@ from pneudrive.characterise.layout import (
     Layout,
     labels_from_name,
     stem,
+    where_pattern_ends,
 )
 from pneudrive.characterise.text_table import TextForm
 from pneudrive.describe.geometry import KINDS, piston_areas
@@ -35,10 +37,20 @@ EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K"
 
 
 class LayoutValues:
-    """Reads the merged tree of one file. ``sources`` says where an override's value was written."""
+    """Reads the merged tree of one file. ``sources`` says where an override's value was written.
 
-    def __init__(self, layout: Layout, tree: dict[str, Any], sources: dict[tuple[str, ...], tuple[str, ...]]) -> None:
-        self.layout, self.tree, self.sources = layout, tree, sources
+    ``is_part``: not everything that a file needs has to be there.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        tree: dict[str, Any],
+        sources: dict[tuple[str, ...], tuple[str, ...]],
+        *,
+        is_part: bool = False,
+    ) -> None:
+        self.layout, self.tree, self.sources, self.is_part = layout, tree, sources, is_part
 
     def fail(self, what: str, *path: str, rule: str | None = None, remedy: str | None = None) -> LayoutError:
         """Build an error at a key, wherever its value was written."""
@@ -63,8 +75,8 @@ class LayoutValues:
             raise self.fail(f"{table}.{key} must be greater than zero", table, key)
         return value
 
-    def file_layout(self, path: Path) -> FileLayout:
-        """Put everything together for one file."""
+    def file_layout(self, path: Path | None) -> FileLayout:
+        """Put everything together for one file; None stands for no file in particular."""
         tree, form, ambient = self.tree, self.form(), self.ambient()
         columns = self.columns(CHANNEL_UNITS, ("time", "position", "force"), ambient)
         area_a, area_b, accuracy = self.areas()
@@ -88,7 +100,7 @@ class LayoutValues:
             labels=self.labels(path),
         )
 
-    def drive_layout(self, path: Path) -> DriveLayout:
+    def drive_layout(self, path: Path | None) -> DriveLayout:
         """Put together what a recording of a drive needs."""
         form, ambient = self.form(), self.ambient()
         needed = ("time", "command", "position", "pressure_a", "pressure_b")
@@ -113,9 +125,10 @@ class LayoutValues:
 
     def columns(self, units: dict[str, str], needed: tuple[str, ...], ambient: float) -> dict[str, Column]:
         """Give the channels that the layout names; those that are needed must be among them."""
-        columns = {n: self.column(n, ambient) for n in units if n in self.tree.get("columns", {})}
+        said = self.tree.get("columns", {})
+        columns = {n: self.column(n, ambient) for n in units if n in said and self.is_whole(n)}
         for channel in needed:
-            if channel not in columns:
+            if channel not in columns and not self.is_part:
                 unit = f', unit = "{EXAMPLES[units[channel]]}"' if units[channel] else ""
                 example = f"{channel} = {{ column = 0{unit} }}"
                 raise self.fail(f"[columns] does not say where the {channel} is", "columns", remedy=example)
@@ -126,6 +139,12 @@ class LayoutValues:
                 what = f"columns.{other} and columns.{channel} read one column: {column.column!r}"
                 raise self.fail(what, "columns", channel, rule="a column is one quantity")
         return columns
+
+    def is_whole(self, name: str) -> bool:
+        """Whether a column can be judged: in a part, what one [[for]] begins another may end."""
+        return not self.is_part or ({"column", "unit"} - {"unit" if name == "command" else ""}) <= set(
+            self.tree["columns"][name]
+        )
 
     def posture(self) -> tuple[float, float]:
         """Incline in rad and mass beyond the sensor in kg."""
@@ -239,6 +258,8 @@ class LayoutValues:
         if "area_a" in geometry or "area_b" in geometry:
             return self.given_areas(geometry)
         bore = self.positive("geometry", "bore", "m")
+        if bore is None and self.is_part:
+            return 0.0, 0.0, {}
         if bore is None:
             raise self.fail("[geometry] gives no area", "geometry", remedy='bore = "25 mm", or area_a and area_b')
         kind = geometry.get("kind", "rodless")
@@ -276,7 +297,7 @@ class LayoutValues:
             if not isinstance(opened, bool):
                 raise self.fail(f"{table}.open_to_ambient must be true or false", table, "open_to_ambient")
             ways = (column in measured) + opened + (held is not None)
-            if ways != 1:
+            if ways > 1 or (ways == 0 and not self.is_part):
                 says = "says nothing of" if ways == 0 else "says more than once what is"
                 rule = f"exactly one of columns.{column}, {table}.open_to_ambient = true, {table}.pressure"
                 place = table if table in self.tree else "columns"
@@ -287,15 +308,37 @@ class LayoutValues:
                 pressures[column] = held.absolute_pa(ambient)
         return pressures
 
-    def labels(self, path: Path) -> dict[str, str]:
-        """Give the fixed labels and those of the file's name."""
+    def labels(self, path: Path | None) -> dict[str, str]:
+        """Give the fixed labels and those of the file's name; None stands for no file in particular.
+
+        Raises
+        ------
+        LayoutError
+            The pattern is none, does not fit the file's name, or a label has the name of a column of the map.
+        """
         said = self.tree.get("labels", {})
         labels = {key: str(value) for key, value in said.items() if key != "pattern"}
-        pattern = said.get("pattern")
-        if pattern is None:
-            return labels
+        pattern = said.get("pattern", "")
         names = re.findall(r"\{(\w+)\}", pattern) if isinstance(pattern, str) else []
-        if not names or len(set(names)) != len(names) or any(name.isdigit() for name in names):
-            rule = 'a text with each {name} once, as in "{seal}_{pressure}bar"'
+        if pattern != "" and (not names or len(set(names)) != len(names) or any(name.isdigit() for name in names)):
+            rule = 'a text with each {name} once, as in "{seal}_{pressure}bar"; "" for none'
             raise self.fail(f"labels.pattern = {pattern!r} is no pattern", "labels", "pattern", rule=rule)
-        return {**labels, **labels_from_name(pattern, stem(path))}
+        for name in (*labels, *names):
+            if name in COLUMNS:
+                what = f"a label cannot be called '{name}'"
+                raise self.fail(what, "labels", rule="each label is a column of the friction map, which has that one")
+        if pattern == "" or path is None:
+            return labels
+        found = labels_from_name(pattern, stem(path))
+        if found is None:
+            part, left = where_pattern_ends(pattern, stem(path))
+            rest = f"'{left}' is left of the name" if left else "nothing is left of the name"
+            example = f'[[for]] match = "{path.name}", labels.pattern = "..." (or "" for none)'
+            raise self.fail(
+                f"labels.pattern = {pattern!r} does not fit the file {path.name}",
+                "labels",
+                "pattern",
+                rule=f"where {part} should stand, {rest}",
+                remedy=f"mend the pattern, or give files of other names their own: {example}",
+            )
+        return {**labels, **found}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
-from pneudrive.characterise.spread import student
+from pneudrive.characterise.spread import changed, student
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ SAME_PRESSURE = 0.1  # recordings within this share of their pressure repeat one
 
 @dataclass(frozen=True)
 class FrictionPoint:
-    """Friction of one recording and speed level."""
+    """Friction of one recording and speed level; ``speed_stderr_m_s`` is the scatter of its strokes' speeds."""
 
     recording: str
     seal: str
@@ -38,6 +38,7 @@ class FrictionPoint:
     speed_m_s: float
     friction_n: float
     expanded_n: float
+    speed_stderr_m_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ def friction_points(result: RecordingResult) -> list[FrictionPoint]:
             speed_m_s=level.speed_m_s,
             friction_n=level.friction_n,
             expanded_n=level.expanded_n,
+            speed_stderr_m_s=level.speed_stderr_m_s,
         )
         for level in result.levels
     ]
@@ -199,7 +201,8 @@ def _fit(title: str, seal: str, points: list[FrictionPoint], spread: RunSpread |
     half = student(freedom) * np.sqrt(single + variance * leverage)
     unit = np.diag([1.0, 1.0 / scale])
     speeds = np.array([abs(p.speed_m_s) for p in points])
-    together = float(np.corrcoef(speeds, pressure)[0, 1]) if np.ptp(speeds) > 0 else 0.0
+    scatter = float(np.median([p.speed_stderr_m_s for p in points]))
+    together = float(np.corrcoef(speeds, pressure)[0, 1]) if changed(speeds, scatter) else 0.0
     covariance = np.asarray(unit @ (inverse * variance) @ unit, dtype=np.float64)
     slope = float(solution[1] / scale)
     return PressureLine(

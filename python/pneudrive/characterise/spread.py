@@ -23,6 +23,10 @@ CONFIDENCE = 0.95  # of every interval
 NORMAL_95 = 1.959963984540054
 TREND_LEVEL = 0.05
 MINIMUM_FOR_TREND = 5
+CHANGED_SHARE = (
+    0.05  # of its mean: a quantity that differs by less was held, and nothing is said to depend on it (assumed)
+)
+SURE = 3.0  # standard errors of one value
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,28 @@ def student(dof: float, confidence: float = CONFIDENCE) -> float:
 
     upper = 0.5 * (1.0 + confidence)
     return float(stdtrit(dof, upper)) if dof > 0 else float(ndtri(upper))
+
+
+def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
+    """Whether a quantity took different values: by a share of its mean that matters, and beyond its own scatter.
+
+    Before a sentence says that one thing rises with another, both have to have changed: correlations of what was
+    held are those of noise.
+
+    Parameters
+    ----------
+    values
+        Shape (n,).
+    stderr
+        Standard error of one of them.
+
+    Examples
+    --------
+    >>> changed(np.array([149.9995, 149.9954, 150.0031])), changed(np.array([100.0, 150.0]))
+    (False, True)
+    """
+    span = float(np.ptp(values)) if values.size else 0.0
+    return span > max(CHANGED_SHARE * float(np.abs(values).mean() if values.size else 0.0), SURE * stderr)
 
 
 def robust_deviation(residual: NDArray[np.float64]) -> float:

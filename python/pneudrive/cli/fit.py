@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pneudrive.identify import FrictionFit
     from pneudrive.identify.laws import LawComparison
 
+MOST_NAMED = 6  # values of a label in a message
 MAP_SUFFIXES = (".parquet", ".csv")
 
 
@@ -85,12 +86,9 @@ def fit(
 
 def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     """Read a map, or make one."""
-    import numpy as np
-
     from pneudrive.characterise import characterise_recordings, read_map
     from pneudrive.characteristics import characteristics
     from pneudrive.errors import CommandError, PneudriveError
-    from pneudrive.identify.seals import row_seals_and_runs
 
     missing = next((path for path in source if not path.exists()), None)
     if missing is not None:
@@ -108,10 +106,7 @@ def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
         with suppress(PneudriveError):
             return read_map(source[0])
-    found = characterise_recordings(list(source), layout)
-    seals, runs = row_seals_and_runs(found)
-    labels = {"seal": ("row", np.array(seals, dtype=object)), "run": ("row", np.array(runs, dtype=object))}
-    return found.friction_map.assign(labels)
+    return characterise_recordings(list(source), layout).friction_map
 
 
 def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
@@ -139,16 +134,33 @@ def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None
     from pneudrive.errors import FitError
     from pneudrive.identify.survey import survey
 
-    count = len(set(curves["seal"].to_numpy().tolist())) if "seal" in curves else 1
-    if count < 2:
-        return []
-    if by != "seal":
-        return [f"the map has {count} seals and the fit averages over them; --by seal fits each"]
+    said = _averaged(curves, by)
+    if by != "seal" or "seal" not in curves or len(set(curves["seal"].to_numpy().tolist())) < 2:
+        return said
     runs = "run" if "run" in curves else None
     try:
-        return survey(curves, "seal", runs, direction=direction, ambient_pressure_pa=ambient_pa).statements()
+        return said + survey(curves, "seal", runs, direction=direction, ambient_pressure_pa=ambient_pa).statements()
     except FitError as problem:
-        return [f"the seals are not surveyed: {problem.what}"]
+        return [*said, f"the seals are not surveyed: {problem.what}"]
+
+
+def _averaged(curves: xr.Dataset, by: str) -> list[str]:
+    """Say which labels differ within what is fitted together, so that the fit averages over them."""
+    from pneudrive.characterise.friction_map import COLUMNS
+
+    said = []
+    for name, column in curves.data_vars.items():
+        # A label of the pressure repeats what the map has measured; "kind" is what a campaign's cycle is for.
+        if column.dtype.kind not in "OUS" or name in (*COLUMNS, by, "pressure", "kind"):
+            continue
+        values = sorted(set(column.to_numpy().astype(str)))
+        if len(values) > 1:
+            shown = ", ".join(v or "none" for v in values[:MOST_NAMED]) + (", ..." if len(values) > MOST_NAMED else "")
+            said.append(
+                f"the map has {len(values)} values of {name} ({shown}) and the fit averages over them; "
+                f"--by {name} fits each"
+            )
+    return said
 
 
 def _ambient(curves: xr.Dataset, said: str) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError
 from pneudrive.identify.levels import distinct_levels
 
@@ -260,6 +261,12 @@ def without_support(
         names += [f"breakaway_{c}" for c in ("a", "b") if any(c in chamber for chamber in model.chambers)]
         smaller = model.without_stribeck()
         return smaller, [Undetermined(n, reason, remedy) for n in names]
+    if model.viscous and not model.stribeck and not changed(data.speed_m_s):
+        reason = (
+            f"all speeds are about {_mm_s(float(data.speed_m_s.mean()))}, and one speed tells nothing of how friction "
+            "depends on it; what is called coulomb here is all the friction at this speed"
+        )
+        return replace(model, viscous=False), [Undetermined("viscous", reason, "add levels at other speeds")]
     if model.viscous and not model.stribeck:
         typical = float(np.median(np.abs(data.friction_n)))
         reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))

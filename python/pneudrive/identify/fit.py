@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.characterise.pressure_line import CONFOUNDED
+from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError, nearest
 from pneudrive.identify.assemble import assembled
 from pneudrive.identify.diagnose import choose_model, diagnose
@@ -263,7 +264,7 @@ def _confounding(data: Observations, pressure_dependence: bool) -> list[str]:
             f"the chamber pressures of the rows differ by {span:.2g} bar in sum and the fit averages over them; "
             "fit with pressure_dependence or select rows of one pressure"
         )
-    if np.ptp(np.log(data.speed_m_s)) > 0.0:
+    if changed(data.speed_m_s):
         correlation = float(np.corrcoef(np.log(data.speed_m_s), pressure)[0, 1])
         if abs(correlation) > CONFOUNDED:
             notes.append(

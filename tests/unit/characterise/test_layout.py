@@ -189,3 +189,48 @@ def test_no_layout_an_empty_one_and_one_that_is_not_there(tmp_path):
     (tmp_path / "empty.toml").write_text("")
     with pytest.raises(LayoutError, match=r"(?s)empty.*pneudrive layout"):
         load_recordings([tmp_path / "a.csv"], tmp_path / "empty.toml")
+
+
+def test_a_pattern_that_does_not_fit_a_name_is_an_error_that_says_where(tmp_path):
+    for pattern, name, words in (
+        (
+            "Messung_{run}_{seal}_{pressure}",
+            "Messung_01_DichtungA_xbar.csv",
+            r"where \{pressure\} \(a number, .*'xbar'",
+        ),
+        ("{seal}_{pressure}bar", "lip-2bar.csv", r"where '_' should stand, '.*' is left"),
+        ("{seal}_{pressure}bar_{run}", "lip_2bar.csv", r"where 'bar_' should stand, nothing is left"),
+    ):
+        with pytest.raises(
+            LayoutError, match=rf"(?s)does not fit the file {name}.*layout.toml:19.*{words}.*\[\[for\]\]"
+        ):
+            read(tmp_path, PLAIN.replace('"{seal}_{pressure}bar"', f'"{pattern}"'), name=name)
+    recording = read(
+        tmp_path,
+        PLAIN.replace('"{seal}_{pressure}bar"', '"Messung_{run}_{seal}_{pressure}"'),
+        name="Messung_01_A_1bar.csv",
+    )
+    assert recording.labels == {"run": "01", "seal": "A", "pressure": "1bar"}
+    other = PLAIN + '\n[[for]]\nmatch = "spare*"\nlabels.pattern = ""\n'
+    assert read(tmp_path, other, name="spare.csv").labels == {}
+    with pytest.raises(LayoutError, match="a label cannot be called 'recording'"):
+        read(tmp_path, PLAIN + 'recording = "3"\n')
+
+
+def test_a_for_says_a_whole_column_anew_and_the_base_need_not_be_whole(tmp_path):
+    dated = PLAIN.replace('unit = "N", positive = "+x"', 'unit = "N", positive = "-x", scale = 2.0')
+    dated += '\n[[for]]\nmatch = "lip_*"\ncolumns.force = { column = 3, unit = "kN" }\n'
+    assert read(tmp_path, dated).force_n[0] == pytest.approx(102e3), "no scale and no sign of the base are left"
+    change = dated.replace('{ column = 3, unit = "kN" }', '{ unit = "kN" }')
+    assert read(tmp_path, change).force_n[0] == pytest.approx(-204e3), "a single key changes that key alone"
+    held = PLAIN + '\n[[for]]\nmatch = "lip_*"\nchamber_b.pressure = "3 bar abs"\n'
+    assert (read(tmp_path, held).pressure_b_pa == 3e5).all()
+    measured = PLAIN + '\n[[for]]\nmatch = "lip_*"\ncolumns.pressure_a = { column = 2, unit = "bar abs" }\n'
+    assert read(tmp_path, measured).pressure_a_pa[0] == pytest.approx(2.02e5)
+    force = 'force = { column = 3, unit = "N", positive = "+x" }\n'
+    each = PLAIN.replace(force, "") + "".join(
+        f'\n[[for]]\nmatch = "{name}_*"\ncolumns.{force}' for name in ("lip", "cup")
+    )
+    assert read(tmp_path, each).force_n[0] == pytest.approx(102)
+    with pytest.raises(LayoutError, match="does not say where the force is"):
+        read(tmp_path, each, name="none_2bar.csv")

@@ -59,3 +59,27 @@ def test_what_cannot_be_written_or_read(make, tmp_path):
         read_map(tmp_path / "a.csv")
     with pytest.raises(RecordingError, match="not a friction map"):
         read_map(tmp_path / "none.parquet")
+
+
+def test_the_map_keeps_every_label_so_that_a_fit_can_ask_for_it(make, tmp_path, capsys):
+    from pneudrive.cli.main import run
+    from pneudrive.identify import FrictionFit
+
+    recordings = [
+        make(name=f"{seal}{number}", friction=friction, seed=number, labels={"seal": seal, "run": f"0{number}"})
+        for seal, friction in (("lip", 5.0), ("cup", 9.0))
+        for number in (1, 2)
+    ]
+    path = write_map(characterise(recordings), tmp_path / "map.parquet")
+    again = read_map(path)
+    assert again["seal"].to_numpy().tolist() == [*["lip"] * 4, *["cup"] * 4]
+    assert again["run"].to_numpy().tolist() == ["01", "01", "02", "02"] * 2
+    fit = ["fit", str(path), "--laws", "coulomb", "--pressure", "none", "--out", str(tmp_path / "fit.toml")]
+    assert run(fit) == 0
+    said = capsys.readouterr().out
+    assert "the map has 2 values of seal (cup, lip) and the fit averages over them; --by seal fits each" in said
+    assert "2 values of run" in said
+    assert run([*fit, "--by", "seal"]) == 0
+    assert "values of seal" not in capsys.readouterr().out
+    levels = [FrictionFit.from_toml(tmp_path / f"fit-{seal}.toml").parameters["coulomb"] for seal in ("lip", "cup")]
+    assert levels == pytest.approx([5.0, 9.0], abs=0.05)

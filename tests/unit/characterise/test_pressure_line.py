@@ -70,3 +70,19 @@ def test_crossed_speeds_get_a_line_each():
     rng = np.random.default_rng(2)
     lines = fit_pressure_lines([*points("a", 1, 0.0, rng, 0.01), *points("a", 1, 0.0, rng, 0.1)])
     assert [line.seal for line in lines] == ["a at 10 mm/s", "a at 100 mm/s"]
+
+
+def test_a_speed_that_was_held_neither_falls_nor_rises_with_pressure(make):
+    from pneudrive.characterise import characterise_recordings
+    from pneudrive.identify import fit_friction
+
+    held = zip((149.9995e-3, 149.9954e-3, 150.0031e-3), (0.0, 2e5, 1e5), strict=True)
+    recordings = [
+        make(name=f"{p:g}", friction=5 + p * 1e-5, gauge_b=p, speed=v, travel=0.3, rate=1000.0, seed=int(p) + 1)
+        for v, p in held
+    ]
+    found = characterise_recordings(recordings)
+    said = [*found.notes, found.pressure_lines[0].statement, *fit_friction(found.friction_map, "coulomb").notes]
+    assert not [note for note in said if "speed" in note.lower() and "pressure" in note]
+    assert found.pressure_lines[0].speed_pressure_correlation == 0.0
+    assert found.pressure_lines[0].slope_n_pa * 1e5 == pytest.approx(1.0, abs=0.05)
