@@ -72,3 +72,18 @@ def test_a_warning_points_at_the_line_of_the_user(tmp_path):
     script.write_text('import pneudrive as pn\nfriction = pn.Friction(coulomb="20 N", breakaway="30 N")\n')
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True)
     assert done.stderr.startswith(f"{script}:2: PneudriveWarning: the friction table names no law")
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (["smc-sy3000", "--out", "x.toml"], "smc-sy3000 is a part, not a drive"),
+        (["--out", "x.toml"], "--out needs the name of a drive"),
+        (["starter", "--out", "x.csv"], "cannot be written"),
+    ],
+)
+def test_only_a_drive_of_the_catalogue_becomes_a_file(words, what, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["catalogue", *words]) == 2
+    assert what in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -181,6 +181,15 @@ def test_files_that_are_none(tmp_path, content, what):
         pn.Drive.load(tmp_path)
 
 
+def test_an_upright_drive_sinks_towards_chamber_a_and_the_load_says_where_to_write_it():
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": {"law": "coulomb", "coulomb": "1 N"}})
+    with pytest.raises(DescriptionError, match=r'load.incline[\s\S]*incline = "90 deg" under \[cylinder\]'):
+        drive.replace({"load.incline": "90 deg"})
+    for incline, sign in (("90 deg", -1.0), ("-90 deg", 1.0)):
+        run = pn.simulate(drive.replace({"cylinder.incline": incline, "load.mass": "3 kg"}), 0, "2 ms")
+        assert sign * float(run.acceleration[1]) == pytest.approx(9.8 - 1.0 / 5.0, rel=0.01)
+
+
 def test_wrong_python_gets_the_same_message():
     with pytest.raises(DescriptionError, match=r"valve.conductanc is not a known key[\s\S]*Did you mean 'conductance'"):
         pn.Valve(kind="proportional-5/3", conductanc="2 dm3/(s bar)", critical_pressure_ratio=0.3)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from pneudrive.describe.catalogue import Entry, Value
@@ -12,14 +15,33 @@ if TYPE_CHECKING:
 
 def catalogue(
     name: Annotated[str | None, typer.Argument(help="Part or drive to show.", metavar="NAME")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the drive NAME as a file to start from: .toml.")] = None,
 ) -> None:
     """List parts and drives; with a name, each of its values with its source, or why it is assumed."""
     from pneudrive.describe.catalogue import entries, entry
 
-    if name is None:
+    if out is not None:
+        _write(name, out)
+    elif name is None:
         _list(list(entries().values()))
     else:
         _show(entry(name))
+
+
+def _write(name: str | None, out: Path) -> None:
+    from pneudrive.describe import Drive
+    from pneudrive.describe.catalogue import PREFIX, entries
+    from pneudrive.trajectory import check_target, whole
+
+    if name is None or (name in entries() and entries()[name].kind != "drive"):
+        drives = ", ".join(one.name for one in entries().values() if one.kind == "drive")
+        what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
+        raise CommandError(what, remedy=f"Drives: {drives}.")
+    target = check_target(out, (".toml",))
+    text = Drive.load(f"{PREFIX}{name}").to_toml()
+    with whole(target) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    typer.echo(str(out))
 
 
 def _list(found: list[Entry]) -> None:

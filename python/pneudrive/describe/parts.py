@@ -255,6 +255,14 @@ class Load(Described):
     force_n: Force = Field(default=0.0, alias="force")
     spring: Spring | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _inclined_with_the_cylinder(cls, data: Any) -> Any:  # noqa: ANN401
+        if isinstance(data, dict) and "incline" in data:
+            remedy = 'Write incline = "90 deg" under [cylinder] where x points up, "-90 deg" where it points down.'
+            raise wrong("load.incline", "load.incline is not known: the load moves along the cylinder", remedy=remedy)
+        return data
+
 
 class Initial(Described):
     """The state at the start.

@@ -1,0 +1,66 @@
+"""The tutorial is true: its files are written, its commands run in their order and print what it says they print."""
+
+import contextlib
+import doctest
+import io
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pneudrive as pn
+from pneudrive.cli.main import run
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs/guide/first-hour.md"
+BLOCK = re.compile(r"^```(toml|console|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+def commands(block):
+    """Each command of a block with what it is said to print."""
+    for entry in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+        line, _, wanted = entry.partition("\n")
+        yield line, wanted
+
+
+def shell(line):
+    words = shlex.split(line)
+    if words[0] == "cp":
+        for path in ROOT.glob(words[1]):
+            shutil.copy(path, words[2])
+        return "", ""
+    out, aside = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(aside):
+        assert words[0] == "pneudrive"
+        assert run(words[1:]) == 0, f"{line}\n{aside.getvalue()}"
+    return out.getvalue(), aside.getvalue()
+
+
+def test_the_names_of_the_guide_show_what_it_says():
+    text = (ROOT / "docs/guide/describe.md").read_text(encoding="utf-8")
+    test = doctest.DocTestParser().get_doctest(text, {"pn": pn}, "describe", None, 0)
+    assert len(test.examples) == 4
+    wrong = io.StringIO()
+    assert doctest.DocTestRunner(optionflags=FLAGS).run(test, out=wrong.write).failed == 0, wrong.getvalue()
+
+
+def test_every_command_prints_what_the_page_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names, seen = {}, 0
+    for kind, text in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
+        if kind == "toml":
+            Path(text.splitlines()[0].removeprefix("# ")).write_text(text, encoding="utf-8")
+        elif kind == "python":
+            test = doctest.DocTestParser().get_doctest(text, names, "page", str(PAGE), 0)
+            wrong = io.StringIO()
+            runner = doctest.DocTestRunner(optionflags=FLAGS)
+            assert runner.run(test, out=wrong.write, clear_globs=False).failed == 0, wrong.getvalue()
+            names = test.globs
+        else:
+            for line, wanted in commands(text):
+                got = shell(line)
+                seen += 1
+                printed = [doctest.OutputChecker().check_output(wanted, one, FLAGS) for one in got]
+                assert any(printed), "\n".join((line, *got))
+    assert seen > 12
