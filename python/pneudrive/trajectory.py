@@ -1,4 +1,4 @@
-"""Trajectories: what their columns mean, and how they become files.
+"""Trajectories: what their columns mean, how they become files, and how files with such columns are read.
 
 In memory a trajectory is an `xarray.Dataset` whose names carry no unit (each variable has one in its attributes); in
 a file the column names carry it. Files appear whole or not at all.
@@ -12,10 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import CommandError, nearest
+from pneudrive.errors import CommandError, RecordingError, nearest
+from pneudrive.files.csv_tables import csv_names, read_csv
+from pneudrive.files.seal import sealed_parquet
+from pneudrive.files.tables import open_table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     import numpy as np
     import polars as pl
@@ -59,6 +62,7 @@ _SUFFIXES = {
     "_j": "J",
 }
 SUFFIXES = (".parquet", ".csv", ".nc")
+TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
 
 def meaning(column: str) -> tuple[str, str, str]:
@@ -180,9 +184,64 @@ def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | No
             if target.suffix.lower() == ".csv":
                 frame.write_csv(temporary)
             else:
-                frame.write_parquet(temporary, metadata=metadata)
+                temporary.write_bytes(sealed_parquet(frame, metadata or {}))
         except pl.exceptions.ComputeError as error:  # how polars reports a full disk
             raise OSError(str(error)) from None
+
+
+def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
+    """Give those of some columns that a file as `save` writes it has; none where it is another kind of file.
+
+    Raises
+    ------
+    RecordingError
+        There is no such file, or a Parquet or netCDF file is damaged.
+    """
+    path = Path(path)
+    if path.suffix not in SUFFIXES:
+        return []
+    names = csv_names(path, RecordingError) if path.suffix == ".csv" else open_table(path, TABLES[path.suffix]).names
+    return [column for column in asked if _name_in(path, column) in names]
+
+
+def read_columns(path: str | Path, wanted: Iterable[str]) -> dict[str, np.ndarray]:
+    """Read columns of a file as `save` writes it.
+
+    Parameters
+    ----------
+    path : path-like
+    wanted : iterable of str
+        Names of columns that are there, as in CSV and Parquet, for netCDF too.
+
+    Returns
+    -------
+    dict
+        Name -> values, float64, shape (n,).
+
+    Raises
+    ------
+    RecordingError
+        The file is damaged, or a column does not hold numbers.
+    """
+    import numpy as np
+    import polars as pl
+
+    path, wanted = Path(path), list(wanted)
+    if path.suffix == ".csv":
+        frame = read_csv(path, dict.fromkeys(wanted, pl.Float64), RecordingError, wanted)
+        return {name: frame[name].to_numpy() for name in wanted}
+    names = {name: _name_in(path, name) for name in wanted}
+    found = open_table(path, TABLES[path.suffix]).get(names.values())
+    for values in found.values():
+        if values.ndim != 1 or values.dtype.kind not in "iuf":
+            shown = f"{values.dtype}, {values.shape}"
+            raise RecordingError("a column of the file holds no numbers", where=str(path), value=shown)
+    return {name: np.asarray(found[there], dtype=np.float64) for name, there in names.items()}
+
+
+def _name_in(path: Path, column: str) -> str:
+    """Give the name that a column has in the file: netCDF has variables, whose names carry no unit."""
+    return meaning(column)[0] if path.suffix == ".nc" else column
 
 
 def _flat(value: Any) -> Any:  # noqa: ANN401 - attributes are of any kind

@@ -6,7 +6,6 @@ import json
 import math
 import random
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -18,6 +17,7 @@ from pneudrive.campaign.folder import Campaign, CycleFile, Head, create, read_he
 from pneudrive.campaign.motion import steps_from_motion
 from pneudrive.campaign.status import status_of
 from pneudrive.errors import CampaignError
+from pneudrive.files import seal
 from pneudrive.rig.interface import Move, Samples, Sampling
 
 CYCLE = Cycle("b1/sweep/v50/r1", "sweep", (Move(0.1, 0.05), Move(0.0, 0.05)), Sampling(), 2e5, 1.5e5, speed_m_s=0.05)
@@ -195,8 +195,8 @@ def test_pressures_that_are_not_measured_are_those_of_the_cycle(folder):
 def test_status_opens_each_file_once(folder, monkeypatch):
     """A seal proves samples and head together: a second reading would prove nothing more."""
     opened = []
-    read = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda path: opened.append(path.name) or read(path))
+    look = seal.look
+    monkeypatch.setattr(seal, "look", lambda path: opened.append(path.name) or look(path))
     found = status_of(folder)
     assert sorted(opened) == [file.path.name for file in found.files]
     assert not found.problems

@@ -166,7 +166,7 @@ def test_wrong_files_get_one_message(tmp_path, drive_file, old, new, what, also)
         (None, "there is no file"),
         (b"", "is empty"),
         (b"  \n", "is empty"),
-        (b"\x00\x01PNG", "is a binary file"),
+        (b"\x00\x01PNG", "is binary, not text"),
         (b"name = '\xff\xfe'", "not text in UTF-8"),
         (b"this is not TOML", "the file is not TOML"),
     ],
@@ -177,7 +177,7 @@ def test_files_that_are_none(tmp_path, content, what):
         path.write_bytes(content)
     with pytest.raises(DescriptionError, match=what):
         pn.Drive.load(path)
-    with pytest.raises(DescriptionError, match="is a folder"):
+    with pytest.raises(DescriptionError, match="a folder stands where a file is needed"):
         pn.Drive.load(tmp_path)
 
 

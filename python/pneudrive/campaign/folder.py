@@ -11,11 +11,8 @@ The format, key by key, stands in docs/reference/campaign-folder.md.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import io
 import json
-import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,25 +24,17 @@ from pneudrive.campaign.control import FOLDER as CONTROL
 from pneudrive.campaign.head import SCHEMA, Head, plain, read_identity
 from pneudrive.campaign.head import read_head as parse_head
 from pneudrive.campaign.motion import steps_from_motion
-from pneudrive.campaign.storage import (
-    BLANK,
-    PART,
-    SEAL,
-    clear_errors,
-    damage,
-    has_seal,
-    make_folder,
-    sealed,
-    write_whole,
-)
+from pneudrive.campaign.storage import PART, clear_errors, make_folder, write_whole
 from pneudrive.errors import CampaignError
+from pneudrive.files.content import exists, read_json, read_text
+from pneudrive.files.seal import sealed_parquet
+from pneudrive.files.tables import Table, open_table
 from pneudrive.rig.interface import CHANNELS, Identity, Samples
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import polars as pl
     from numpy.typing import NDArray
 
 HEAD = "pneudrive"
@@ -107,11 +96,11 @@ class CycleFile(Shown):
         CampaignError
             If the file is damaged or lacks a column.
         """
-        frame, _, _ = _read(self.path, with_samples=True)
-        assert frame is not None
         where = str(self.path)
-        channels = {name: _numbers(frame, name, where) for name in CHANNELS if name in frame.columns}
-        step = _whole(frame, where) if "step" in frame.columns else None
+        table = open_table(self.path, "parquet", CampaignError)
+        columns = table.get(name for name in COLUMNS if name in table.names)
+        channels = {name: _number_column(columns[name], name, where) for name in CHANNELS if name in columns}
+        step = _step_column(columns["step"], where) if "step" in columns else None
         found = digest(channels, step)
         if self.head.sha256 and self.head.sha256 != found:
             raise CampaignError("the samples are damaged: they do not have the SHA-256 of their head", where=where)
@@ -119,8 +108,8 @@ class CycleFile(Shown):
         if missing:
             raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="SI units in the name")
         for name in ("pressure_a_pa", "pressure_b_pa"):
-            channels.setdefault(name, np.full(frame.height, getattr(self.head.cycle, name)))
-        channels.setdefault("temperature_k", np.full(frame.height, np.nan))
+            channels.setdefault(name, np.full(channels["time_s"].size, getattr(self.head.cycle, name)))
+        channels.setdefault("temperature_k", np.full(channels["time_s"].size, np.nan))
         if step is None:
             step = steps_from_motion(channels["time_s"], channels["position_m"], self.head.cycle.stop_s)
         return Samples(**channels, step=step)
@@ -172,10 +161,7 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
     channels = {name: np.asarray(getattr(given, name), dtype=np.float64) for name in CHANNELS}
     step = np.asarray(given.step, dtype=np.int64)
     head = replace(head, sha256=digest(channels, step))
-    with io.BytesIO() as memory:
-        pl.DataFrame({**channels, "step": step}).write_parquet(memory, metadata={HEAD: head.to_json(), SEAL: BLANK})
-        data = sealed(memory.getvalue())
-    write_whole(target, data)
+    write_whole(target, sealed_parquet(pl.DataFrame({**channels, "step": step}), {HEAD: head.to_json()}))
     return target
 
 
@@ -200,71 +186,33 @@ def read_head(path: Path) -> Head:
 
 def read_noted_head(path: Path) -> tuple[CycleFile, list[str]]:
     """Read the head and notes on what in it was not understood; see `read_head`."""
-    _, text, is_sealed = _read(path, with_samples=False)
+    table = open_table(path, "parquet", CampaignError)
     number, _, key = path.stem.partition("-")
-    head, notes = parse_head(text, str(path), index=int(number) if number.isdigit() else None, key=key)
-    return CycleFile(path, head, is_sealed), notes
+    head, notes = parse_head(_head_of(table), str(path), index=int(number) if number.isdigit() else None, key=key)
+    return CycleFile(path, head, table.own is not None), notes
 
 
-def _read(path: Path, *, with_samples: bool) -> tuple[pl.DataFrame | None, str, bool]:
-    """Read a cycle's file: its columns, the text of its head, and whether a seal proved its bytes."""
-    import polars as pl
-
-    where = str(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise CampaignError("a cycle cannot be read", where=where, value=error.strerror) from None
-    wrong = damage(data)
-    if wrong:
-        raise CampaignError(wrong, where=where)
-    try:
-        is_sealed = has_seal(data)
-        with contextlib.nullcontext() if is_sealed else _without_stderr():
-            metadata = pl.read_parquet_metadata(io.BytesIO(data))
-            frame = pl.read_parquet(io.BytesIO(data)) if with_samples else None
-    except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise CampaignError("the file is damaged", where=where, value=first) from None
-    if HEAD not in metadata:
+def _head_of(table: Table) -> str:
+    """Give the text of a cycle's head."""
+    if HEAD not in table.metadata:
         raise CampaignError(
             f'the file has no head: "{HEAD}" in its Parquet metadata',
-            where=where,
+            where=str(table.path),
             remedy="See docs/reference/campaign-folder.md.",
         )
-    return frame, metadata[HEAD], is_sealed
+    return table.metadata[HEAD]
 
 
-def _numbers(frame: pl.DataFrame, name: str, where: str) -> NDArray[np.float64]:
-    column = frame[name]
-    if not column.dtype.is_numeric():
-        raise CampaignError(f"column {name} holds {column.dtype}", where=where, rule="numbers in SI units")
-    return np.array(column.to_numpy(), dtype=np.float64)
+def _number_column(values: NDArray[Any], name: str, where: str) -> NDArray[np.float64]:
+    if values.dtype.kind not in "iuf":
+        raise CampaignError(f"column {name} holds {values.dtype}", where=where, rule="numbers in SI units")
+    return np.array(values, dtype=np.float64)
 
 
-def _whole(frame: pl.DataFrame, where: str) -> NDArray[np.int64]:
-    column = frame["step"]
-    if not column.dtype.is_integer() or column.null_count():
-        raise CampaignError(f"column step holds {column.dtype}", where=where, rule="whole numbers, none missing")
-    return np.array(column.to_numpy(), dtype=np.int64)
-
-
-@contextlib.contextmanager
-def _without_stderr() -> Iterator[None]:
-    """Hide what the Parquet reader prints of its own troubles with a damaged file before it raises them."""
-    try:
-        kept = os.dup(2)
-    except OSError:  # there is no stderr
-        yield
-        return
-    void = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(void, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(void)
+def _step_column(values: NDArray[Any], where: str) -> NDArray[np.int64]:
+    if values.dtype.kind not in "iu":  # whole numbers of which some are missing come as floats
+        raise CampaignError(f"column step holds {values.dtype}", where=where, rule="whole numbers, none missing")
+    return np.array(values, dtype=np.int64)
 
 
 @dataclass(frozen=True, repr=False)
@@ -297,18 +245,17 @@ class Campaign(Shown):
             If it is not a campaign.
         """
         folder = Path(path)
-        try:
-            rig = (folder / RIG).read_text(encoding="utf-8")
-            about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            value = f"{error.strerror}: {error.filename}" if isinstance(error, OSError) else str(error)
+        missing = [name for name in (RIG, ABOUT) if not exists(folder / name)]
+        if missing:
             raise CampaignError(
                 "this is not a campaign folder",
                 where=str(folder),
-                value=value,
+                value=f"there is no {missing[0]}",
                 rule=f"it has {RIG}, {ABOUT} and {CYCLES}/",
                 remedy=f"Was a campaign killed before it had begun? pneudrive campaign run PROTOCOL --into {folder}",
-            ) from None
+            )
+        rig = read_text(folder / RIG, CampaignError)
+        about = read_json(folder / ABOUT, CampaignError)
         if not isinstance(about, dict):
             raise CampaignError("this is not a JSON object", where=str(folder / ABOUT))
         if not isinstance(about.get("schema", SCHEMA), int) or about.get("schema", SCHEMA) > SCHEMA:
@@ -321,9 +268,8 @@ class Campaign(Shown):
     @property
     def protocol(self) -> str:
         """Text of the protocol as run; empty where the folder has none."""
-        with contextlib.suppress(OSError):
-            return (self.path / PROTOCOL).read_text(encoding="utf-8")
-        return ""
+        path = self.path / PROTOCOL
+        return read_text(path, CampaignError) if exists(path) else ""
 
     @property
     def synthetic(self) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 
 from pneudrive.campaign.cycle import KINDS, Cycle
 from pneudrive.errors import CampaignError, nearest
+from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Identity, Move, Sampling
 
 SCHEMA = 1
@@ -209,10 +210,7 @@ def read_identity(text: str, where: str) -> tuple[Identity, list[str]]:
 
 
 def _parse(text: str, where: str) -> dict[str, Any]:
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise CampaignError("this is not JSON", where=where, value=str(error)) from None
+    data = parse_json(text, where, CampaignError)
     if not isinstance(data, dict):
         raise CampaignError("this is not a JSON object", where=where)
     return data

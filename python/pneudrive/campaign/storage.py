@@ -1,10 +1,9 @@
-"""Files that are there whole or not at all, and that tell when they are damaged."""
+"""Files that are there whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import hashlib
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,10 +15,6 @@ if TYPE_CHECKING:
 
 #: Ending of a file that is being written. A process that dies leaves at most one; it is never read.
 PART = ".part"
-#: Key of the Parquet metadata under which a file carries the SHA-256 of its own bytes.
-SEAL = "pneudrive-seal"
-BLANK = "0" * 64
-PARQUET = b"PAR1"
 #: What file systems answer that cannot flush a folder: the names get there by themselves.
 NO_SUCH_THING = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 
@@ -140,48 +135,3 @@ def flush_folder(path: Path) -> None:
     except OSError as error:
         if error.errno not in NO_SUCH_THING:
             raise
-
-
-def sealed(parquet: bytes) -> bytes:
-    """Fill in the seal of a Parquet file that was written with ``{SEAL: BLANK}`` in its metadata."""
-    at = _seal_at(parquet)
-    assert at is not None, "the file was written without a blank seal"
-    return parquet[:at] + hashlib.sha256(parquet).hexdigest().encode() + parquet[at + len(BLANK) :]
-
-
-def damage(parquet: bytes) -> str | None:
-    """Say what is wrong with the bytes of a Parquet file, before anything tries to make sense of them.
-
-    Returns
-    -------
-    str or None
-        None where nothing is wrong, as far as can be told: without a seal only the ends of the file are looked at.
-    """
-    if not parquet:
-        return "the file is empty"
-    if parquet[:4] != PARQUET or len(parquet) < 12:
-        return "this is not a Parquet file"
-    footer = int.from_bytes(parquet[-8:-4], "little")
-    if parquet[-4:] != PARQUET or footer > len(parquet) - 12:
-        return "the file is cut off: its end is missing"
-    at = _seal_at(parquet)
-    if at is None:
-        return "the file is damaged: its seal cannot be read" if has_seal(parquet) else None
-    total = hashlib.sha256(memoryview(parquet)[:at])
-    total.update(BLANK.encode())
-    total.update(memoryview(parquet)[at + len(BLANK) :])
-    if total.hexdigest().encode() != parquet[at : at + len(BLANK)]:
-        return "the file is damaged: its bytes do not have the SHA-256 that they had when it was written"
-    return None
-
-
-def has_seal(parquet: bytes) -> bool:
-    """Tell whether the file was written with a seal; others may be sound too."""
-    return SEAL.encode() in parquet
-
-
-def _seal_at(parquet: bytes) -> int | None:
-    """Find the 64 characters of the seal in the footer: the key, then type and length of the text (compact Thrift)."""
-    mark = SEAL.encode() + b"\x18" + bytes([len(BLANK)])
-    at = parquet.rfind(mark)
-    return None if at < 0 or at + len(mark) + len(BLANK) > len(parquet) else at + len(mark)

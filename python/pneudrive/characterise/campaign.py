@@ -27,6 +27,7 @@ from pneudrive.characterise.pool import workers as usual_workers
 from pneudrive.characterise.pressure_line import friction_points
 from pneudrive.characterise.text_table import column_number
 from pneudrive.errors import RecordingError
+from pneudrive.files.tables import open_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -108,8 +109,6 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
     RecordingError
         Not a Parquet file, no such column, no rows, or a cycle in two places.
     """
-    import polars as pl
-
     said = layout.for_file(path)
     if said.format != "parquet":
         raise RecordingError(
@@ -118,14 +117,9 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
             value=f'format = "{said.format}"',
             remedy="write the campaign as one Parquet file, or each cycle as a file without columns.cycle",
         )
-    try:
-        names = list(pl.read_parquet_schema(path))
-        column = names[column_number(said.cycle or 0, names, len(names), path)]
-        numbers = pl.read_parquet(path, columns=[column]).to_series().to_numpy()
-    except FileNotFoundError:
-        raise RecordingError("there is no such file", where=str(path)) from None
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise RecordingError(f"the file cannot be read as Parquet: {str(error)[:200]}", where=str(path)) from None
+    table = open_table(path, "parquet")
+    column = table.names[column_number(said.cycle or 0, table.names, len(table.names), path)]
+    numbers = table.get([column])[column]
     if numbers.size == 0:
         raise RecordingError("there are no rows", where=str(path))
     starts = np.concatenate(([0], np.flatnonzero(numbers[1:] != numbers[:-1]) + 1))
@@ -142,23 +136,20 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
 
 def read_cycles(cycles: Cycles) -> Iterator[Recording]:
     """Read cycles one after the other, a batch of rows at a time."""
-    import polars as pl
-
     said = cycles.layout.for_file(cycles.path)
     date_form = said.columns["time"].date_form
-    names = list(pl.read_parquet_schema(cycles.path))
+    table = open_table(cycles.path, "parquet")
     wanted = {
-        channel: names[column_number(column.column, names, len(names), cycles.path)]
+        channel: table.names[column_number(column.column, table.names, len(table.names), cycles.path)]
         for channel, column in said.columns.items()
     }
-    scan = pl.scan_parquet(cycles.path).select(list(dict.fromkeys(wanted.values())))
     start = 0
     while start < len(cycles):
         last = int(np.searchsorted(cycles.bounds, cycles.bounds[start] + BATCH_SAMPLES, side="right")) - 1
         stop = min(max(last, start + 1), len(cycles))
         first_row, end_row = int(cycles.bounds[start]), int(cycles.bounds[stop])
-        frame = scan.slice(first_row, end_row - first_row).collect()
-        raw = {channel: frame[name].to_numpy() for channel, name in wanted.items()}
+        columns = table.get(wanted.values(), (first_row, end_row))
+        raw = {channel: columns[name] for channel, name in wanted.items()}
         if date_form is not None or raw["time"].dtype.kind == "M":
             raw["time"] = as_numbers(raw["time"], wanted["time"], cycles.path, date_form)
         for index in range(start, stop):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,8 +14,10 @@ from pneudrive.characterise.layout import Layout, stem
 from pneudrive.characterise.load import convert, read_raw, shifted
 from pneudrive.characterise.trajectories import is_run
 from pneudrive.errors import RecordingError
+from pneudrive.files.content import parse_json
+from pneudrive.files.tables import open_table
 from pneudrive.show import Shown
-from pneudrive.trajectory import meaning
+from pneudrive.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -233,50 +234,25 @@ def _read(
     if isinstance(item, Mapping):
         return drive_recording({str(column): values for column, values in item.items()}, name, needed=needed, gaps=gaps)
     path = Path(str(item))
-    if layout is None and (columns := _own_columns(path, needed, gaps=gaps)) is not None:
+    if layout is None and (columns := _own_columns(path, needed)) is not None:
         return drive_recording(columns, stem(path), _own_labels(path), path, needed, gaps=gaps)
     return _through(path, layout or _beside(path), needed, gaps=gaps)
 
 
-def _own_columns(path: Path, needed: Sequence[str], *, gaps: bool) -> dict[str, Array] | None:
+def _own_columns(path: Path, needed: Sequence[str]) -> dict[str, Array] | None:
     """Columns of a file that is as ``simulate`` writes; None where it is not."""
-    import polars as pl
-
-    try:
-        if path.suffix == ".nc":
-            import xarray as xr
-
-            with xr.open_dataset(path, engine="h5netcdf") as run:
-                return None if not is_run(run) else dict(_read(run.load(), "", None, needed, gaps=gaps).columns)
-        if path.suffix == ".parquet":
-            names = list(pl.read_parquet_schema(path))
-            reader = pl.read_parquet
-        elif path.suffix == ".csv":
-            with path.open(encoding="utf-8") as file:
-                names = file.readline().strip().split(",")
-            reader = pl.read_csv
-        else:
-            return None
-        if not set(needed) <= set(names):
-            return None
-        wanted = [c for c in (*NEEDED, *OPTIONAL, *_SIMULATED) if c in names]
-        frame = reader(path, columns=wanted)
-        return {c: frame[c].to_numpy() for c in wanted}
-    except (OSError, UnicodeDecodeError, ValueError, pl.exceptions.PolarsError):
-        return None  # the reader with a layout says what is wrong
+    there = columns_in(path, (*NEEDED, *OPTIONAL, *_SIMULATED))
+    return read_columns(path, there) if set(needed) <= set(there) else None
 
 
 def _own_labels(path: Path) -> dict[str, str]:
     """Labels of the drive that was simulated, where the file keeps them."""
-    import polars as pl
-
     if path.suffix != ".parquet":
         return {}
-    try:
-        kept = json.loads(pl.read_parquet_metadata(path).get("pneudrive", "{}")).get("labels", {})
-    except (ValueError, AttributeError):
-        return {}
-    return {str(k): str(v) for k, v in kept.items()} if isinstance(kept, dict) else {}
+    told = open_table(path, "parquet").metadata.get("pneudrive", "{}")
+    kept = parse_json(told, str(path), RecordingError)
+    labels = kept.get("labels") if isinstance(kept, dict) else None
+    return {str(k): str(v) for k, v in labels.items()} if isinstance(labels, dict) else {}
 
 
 def _beside(path: Path) -> Layout:

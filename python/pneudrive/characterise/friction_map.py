@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.files.csv_tables import read_csv
+from pneudrive.files.tables import open_table
 from pneudrive.trajectory import check_target, write_frame
 
 if TYPE_CHECKING:
@@ -112,25 +114,33 @@ def read_map(path: str | Path) -> xr.Dataset:
     RecordingError
         No such file, not such a table, or columns missing.
     """
-    import polars as pl
-
     path = Path(path)
-    types = {name: _polars_type(name) for name in COLUMNS}
-    try:
-        frame = pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, schema_overrides=types)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise RecordingError(f"not a friction map: {str(error).splitlines()[0]}", where=str(path)) from None
-    missing = [name for name in COLUMNS if name not in frame.columns]
+    if path.suffix == ".parquet":
+        table = open_table(path, "parquet")
+        columns = table.get(table.names)
+    else:
+        frame = read_csv(path, {name: _polars_type(name) for name in COLUMNS}, RecordingError)
+        columns = {name: frame[name].to_numpy() for name in frame.columns}
+    missing = [name for name in COLUMNS if name not in columns]
     if missing:
         remedy = "take the map that pneudrive characterise writes"
         raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path), remedy=remedy)
-    found = columns_to_dataset(
-        {name: [v or "" for v in frame[name]] if name in _TEXT else frame[name].to_list() for name in COLUMNS}
-    )
-    own = {n: frame[n].to_numpy() for n in frame.columns if n not in COLUMNS}  # labels that a user added, such as seal
+    found = columns_to_dataset({name: _checked(name, columns[name], path) for name in COLUMNS})
+    own = {name: values for name, values in columns.items() if name not in COLUMNS}  # labels that a user added
     return found.assign(
         {n: ("row", values.astype(object) if values.dtype.kind == "U" else values) for n, values in own.items()}
     )
+
+
+def _checked(name: str, values: np.ndarray, path: Path) -> np.ndarray:
+    """Give a column of a file as the map holds it."""
+    if name in _TEXT:
+        return np.array([str(v) if v is not None else "" for v in values.tolist()], dtype=object)
+    if values.dtype.kind not in "iuf" or (name in _WHOLE and not np.all(values == np.floor(values))):
+        rule = "whole numbers" if name in _WHOLE else "numbers"
+        shown = f"{values.dtype}, {values[:3].tolist()}"
+        raise RecordingError(f"column {name} of the friction map holds no {rule}", where=str(path), value=shown)
+    return values
 
 
 def _polars_type(name: str):  # noqa: ANN202 - polars is imported on use

@@ -9,9 +9,10 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.characterise.text_table import COMPRESSIONS, TextForm
+from pneudrive.characterise.text_table import TextForm
 from pneudrive.describe import toml
 from pneudrive.errors import LayoutError, nearest
+from pneudrive.files.packed import COMPRESSIONS
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:

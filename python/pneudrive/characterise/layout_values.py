@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.characterise import date_times
 from pneudrive.characterise.column_units import ColumnUnit, column_unit, pressure_range, share, uncertainty
-from pneudrive.characterise.formats import FORMATS
 from pneudrive.characterise.friction_map import COLUMNS
 from pneudrive.characterise.layout import (
     CHANNEL_UNITS,
@@ -24,6 +23,7 @@ from pneudrive.characterise.layout import (
 from pneudrive.characterise.text_table import TextForm
 from pneudrive.describe.geometry import KINDS, piston_areas
 from pneudrive.errors import DescriptionError, LayoutError, nearest
+from pneudrive.files.tables import FORMATS
 from pneudrive.units import STANDARD_ATMOSPHERE_PA, parse, parse_pressure, parse_range
 
 if TYPE_CHECKING:

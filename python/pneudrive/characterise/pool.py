@@ -7,12 +7,12 @@ import os
 import pickle
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from typing import IO, TYPE_CHECKING, TypeVar
 
 from pneudrive.errors import PneudriveError, RecordingError
+from pneudrive.files import child
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -52,10 +52,8 @@ def in_processes(work: Callable[..., list[Result]], tasks: Sequence[tuple]) -> l
     PneudriveError
         What `work` raised.
     """
-    # -P: without it, modules in the folder that one happens to stand in would be imported.
-    command = [sys.executable, "-P", "-m", "pneudrive.characterise.pool_worker"]
+    command = child.command("pneudrive.characterise.pool_worker")
     environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
     # Results come by files: a read from a pipe cannot be interrupted where a library's threads take the signal.
     with contextlib.ExitStack() as stack:
         running: list[tuple[subprocess.Popen, IO[bytes]]] = []

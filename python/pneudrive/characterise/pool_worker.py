@@ -19,7 +19,3 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)
     pickle.dump(result, sys.stdout.buffer)
-
-
-if __name__ == "__main__":
-    main()

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pneudrive.characterise.date_times import guess_form, looks_like_date_time
-from pneudrive.characterise.text_table import COMPRESSIONS, TextForm, decode, is_words, read_bytes, split_row, to_number
+from pneudrive.characterise.text_table import TextForm, decode, is_words, read_bytes, split_row, to_number
 from pneudrive.errors import RecordingError
+from pneudrive.files.packed import COMPRESSIONS
 from pneudrive.units import is_unit
 
 if TYPE_CHECKING:

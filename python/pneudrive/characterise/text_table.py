@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import bz2
-import gzip
 import io
-import lzma
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,13 +11,13 @@ import numpy as np
 
 from pneudrive.characterise.date_times import seconds
 from pneudrive.errors import RecordingError
+from pneudrive.files.packed import pieces
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-COMPRESSIONS = {".gz": gzip.decompress, ".xz": lzma.decompress, ".bz2": bz2.decompress}
 NO_SENSOR = 1e100
 UNREADABLE_SHARE = 0.01  # more rows than this share that are not numbers: not such a file at all
 
@@ -52,20 +49,7 @@ class Table:
 
 def read_bytes(path: Path) -> bytes:
     """Read a file, decompressed by its suffix, with one clear message where that fails."""
-    try:
-        data = path.read_bytes()
-        if path.suffix in COMPRESSIONS and data:
-            data = COMPRESSIONS[path.suffix](data)
-    except FileNotFoundError:
-        raise RecordingError("there is no such file", where=str(path)) from None
-    except IsADirectoryError:
-        raise RecordingError(
-            "a folder stands where a recording is needed", where=str(path), remedy="name the files, as in folder/*.csv"
-        ) from None
-    except PermissionError:
-        raise RecordingError("the file may not be read", where=str(path)) from None
-    except (OSError, EOFError, lzma.LZMAError) as error:
-        raise RecordingError(f"the file cannot be decompressed: {error}", where=str(path)) from None
+    data = b"".join(pieces(path, RecordingError, folder="name the files, as in folder/*.csv"))
     if not data.strip():
         raise RecordingError("the file is empty", where=str(path))
     return data

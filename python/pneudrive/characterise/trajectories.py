@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.characterise.recording import CHANNELS, Recording
 from pneudrive.errors import RecordingError
-from pneudrive.trajectory import meaning
+from pneudrive.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,41 +67,22 @@ def from_run(run: xr.Dataset, name: str = "trajectory") -> Recording:
 
 
 def is_trajectory(path: Path) -> bool:
-    """Whether a file has the columns of a trajectory."""
-    try:
-        return path.is_file() and set(COLUMNS) <= set(_names(path))
-    except Exception:  # not readable in this way: the reader of recordings says what is wrong
-        return False
+    """Whether a file has the columns of a trajectory.
+
+    Raises
+    ------
+    RecordingError
+        There is no such file, or it is damaged.
+    """
+    return len(columns_in(path, COLUMNS)) == len(COLUMNS)
 
 
 def read_trajectory(path: Path, name: str) -> Recording:
-    """Read a trajectory file (.parquet, .csv, .nc) as a recording."""
-    import polars as pl
+    """Read a trajectory file (.parquet, .csv, .nc) as a recording.
 
-    if path.suffix == ".nc":
-        import xarray as xr
-
-        with xr.open_dataset(path, engine="h5netcdf") as run:
-            columns = {c: run[v].to_numpy() for c, v in zip(COLUMNS, VARIABLES, strict=True)}
-        return from_trajectory(columns, name, path)
-    reader = pl.read_parquet if path.suffix == ".parquet" else pl.read_csv
-    frame = reader(path, columns=list(COLUMNS))
-    return from_trajectory({c: frame[c].to_numpy() for c in COLUMNS}, name, path)
-
-
-def _names(path: Path) -> list[str]:
-    """Column names of a file; of netCDF those of the file's variables, as columns."""
-    import polars as pl
-
-    if path.suffix == ".parquet":
-        return list(pl.read_parquet_schema(path))
-    if path.suffix == ".csv":
-        with path.open(encoding="utf-8") as file:
-            return file.readline().strip().split(",")
-    if path.suffix == ".nc":
-        import xarray as xr
-
-        with xr.open_dataset(path, engine="h5netcdf") as run:
-            known: dict[str, str] = dict(zip(VARIABLES, COLUMNS, strict=True))
-            return [known[str(v)] for v in run.variables if str(v) in known]
-    return []
+    Raises
+    ------
+    RecordingError
+        It is damaged, or a column does not hold numbers.
+    """
+    return from_trajectory(read_columns(path, COLUMNS), name, path)

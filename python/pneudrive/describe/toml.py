@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import DescriptionError
+from pneudrive.files.content import check_depth, check_nesting, exists, read_text
 
 if sys.version_info >= (3, 11):
-    import tomllib as tomllib
+    import tomllib
 else:
     import tomli as tomllib
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _HEADER = re.compile(r"\s*\[\[?\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY = r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'"""
 _ASSIGNMENT = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=\s*(.*)$")
+LONGEST_LINE = 10_000  # of a line no more is looked at for keys
 _INLINE = re.compile(rf"(?:^|[{{,])\s*({_KEY})\s*=")
 
 
@@ -51,21 +53,9 @@ def read(
         The file is not there, not readable, empty, binary or not TOML; the message names file and line.
     """
     path = Path(path)
-    try:
-        raw = path.read_bytes()
-    except FileNotFoundError:
-        raise kind(f"there is no file {path}", remedy=beside(path)) from None
-    except IsADirectoryError:
-        raise kind(f"{path} is a folder, not a file", remedy="Name the TOML file inside it.") from None
-    except OSError as error:
-        raise kind(f"{path} cannot be read: {error.strerror}") from None
-    if b"\0" in raw:
-        raise kind(f"{path} is a binary file", rule="a TOML file is text in UTF-8")
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        raise kind("the file is not text in UTF-8", where=f"{path}:{line}") from None
+    if not exists(path):
+        raise kind(f"there is no file {path}", remedy=beside(path))
+    text = read_text(path, kind, folder="Name the TOML file inside it.")
     if not text.strip():
         raise kind(f"{path} is empty", remedy=start)
     return parse(text, str(path), kind), text
@@ -77,13 +67,16 @@ def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError)
     Raises
     ------
     PneudriveError
-        It is not TOML; the message names the line.
+        It is not TOML, or nested too deep; the message names the line.
     """
+    check_nesting(text, origin, kind)
     try:
-        return tomllib.loads(text.replace("\r\n", "\n"))
+        tables = tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
         what, line = _syntax(str(error), text)
         raise kind(f"the file is not TOML: {what}", where=f"{origin}:{line}", value=_line(text, line)) from None
+    check_depth(tables, origin, kind)
+    return tables
 
 
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
@@ -108,7 +101,8 @@ def line_of(text: str, key: str) -> int | None:
     counts: dict[str, int] = {}
     table = ""
     fence = None  # inside a multi-line string nothing is a key
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, whole in enumerate(text.splitlines(), start=1):
+        line = whole[:LONGEST_LINE]
         if fence is not None:
             fence = None if fence in line else fence
             continue

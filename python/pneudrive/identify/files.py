@@ -69,10 +69,7 @@ def read_fit(path: str | Path) -> FrictionFit:
         If the file is not there, is no TOML, or lacks what a fit needs.
     """
     where = str(path)
-    try:
-        content = toml.tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
-        raise FitError("the fit cannot be read", where=where, value=str(error)) from error
+    content, _ = toml.read(path, FitError, "pneudrive fit writes a fit.toml.")
     if "kind" in content:
         raise FitError(
             f"this is the fit of a {content['kind']}, not of a friction map by fit_friction",

@@ -135,7 +135,4 @@ def _kind(text: str) -> tuple[str, str]:
 def _said(path: Path) -> str:
     from pneudrive.describe import toml
 
-    try:
-        return str(toml.tomllib.loads(path.read_text(encoding="utf-8")).get("kind", "simulated"))
-    except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
-        raise RigError("the rig file cannot be read", where=str(path), value=str(error)) from error
+    return str(toml.read(path, RigError, "The guides on rigs show what stands in one.")[0].get("kind", "simulated"))

@@ -94,10 +94,7 @@ def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     where = str(path)
     if path in above:
         raise DescriptionError("the rig file extends itself", where=where)
-    try:
-        content = toml.tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, toml.tomllib.TOMLDecodeError) as error:
-        raise DescriptionError("the rig file cannot be read", where=where, value=str(error)) from error
+    content, _ = toml.read(path, start="The guides on rigs show what stands in one.")
     if content.get("schema") != SCHEMA:
         raise DescriptionError("the rig file has another schema", where=where, rule=f"schema = {SCHEMA}")
     base = content.pop("extends", None)

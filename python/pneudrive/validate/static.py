@@ -12,6 +12,7 @@ import numpy as np
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import RecordingError
 from pneudrive.show import Shown
+from pneudrive.trajectory import columns_in
 from pneudrive.validate.metrics import Metrics, metrics
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+OF_MAPS = ("friction_n", "velocity_m_s", "balance_n")
 #: Target (assumed, as those of free runs).
 STATIC_FIT_PERCENT = 98.0
 
@@ -122,23 +124,15 @@ class FrictionValidation(Shown):
 
 
 def is_friction(path: str | Path) -> bool:
-    """Whether this is a friction map or the folder of a campaign rather than a recording of a drive."""
-    import polars as pl
+    """Whether this is a friction map or the folder of a campaign rather than a recording of a drive.
 
+    Raises
+    ------
+    RecordingError
+        There is no such file, or it is damaged.
+    """
     path = Path(path)
-    if path.is_dir():
-        return True
-    try:
-        if path.suffix == ".parquet":
-            names = set(pl.read_parquet_schema(path))
-        elif path.suffix == ".csv":
-            with path.open(encoding="utf-8") as file:
-                names = set(file.readline().strip().split(","))
-        else:
-            return False
-    except (OSError, UnicodeDecodeError, pl.exceptions.PolarsError):
-        return False
-    return {"friction_n", "velocity_m_s", "balance_n"} <= names
+    return path.is_dir() or (path.suffix in (".parquet", ".csv") and len(columns_in(path, OF_MAPS)) == len(OF_MAPS))
 
 
 def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:

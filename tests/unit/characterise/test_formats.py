@@ -250,12 +250,11 @@ def test_dates_that_are_none_and_none_that_are_dates(table, tmp_path):
 
 @pytest.mark.parametrize(("form", "library"), [("tdms", "nptdms"), ("mf4", "asammdf"), ("mat", "pymatreader")])
 def test_a_format_whose_library_is_missing_names_the_extra(tmp_path, monkeypatch, form, library):
-    from pneudrive.characterise import formats
+    from pneudrive.files import formats
 
     def absent(name: str) -> None:
         raise ImportError(name)
 
     monkeypatch.setattr(formats, "import_module", absent)
-    (tmp_path / f"a.{form}").write_bytes(b"TDSm")
     with pytest.raises(RecordingError, match=rf"(?s)needs the optional library {library}.*pneudrive\[formats\]"):
-        characterise(tmp_path / f"a.{form}", layout(form))
+        formats.OPENERS[form][1](tmp_path / f"a.{form}")

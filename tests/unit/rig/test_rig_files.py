@@ -59,7 +59,7 @@ def extending(table, key, value):
     ("text", "message"),
     [
         ('extends = "rig.toml"\n', "extends itself"),
-        ('extends = "nothing"\n', "cannot be read"),
+        ('extends = "nothing"\n', "there is no file"),
         (extending("chambers", "kind", "common"), "chambers.dead_volume is missing"),
         (extending("servo", "bandwidth", "50 Hz"), "go together"),
         (extending("servo", "ripple", "1 %"), "needs servo.pitch"),

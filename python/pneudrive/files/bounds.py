@@ -1,0 +1,112 @@
+"""How much a user may give: sizes, depths and counts, each with its reason, in one table."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import CommandError, nearest
+
+if TYPE_CHECKING:
+    from pneudrive.errors import PneudriveError
+
+VARIABLE = "PNEUDRIVE_BOUNDS"
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Most of something.
+
+    Attributes
+    ----------
+    value : float
+    unit : str
+        What is counted.
+    reason : str
+        Why an honest user stays below it.
+    raised : bool
+        Whether the user may raise it.
+    """
+
+    value: float
+    unit: str
+    reason: str
+    raised: bool = True
+
+
+BOUNDS: dict[str, Bound] = {
+    "text_bytes": Bound(16e6, "bytes", "a description, a protocol or a fit of 1 MB is a large one"),
+    "nesting": Bound(64, "levels", "no file that pneudrive reads is deeper than 8", raised=False),
+    "file_bytes": Bound(1e11, "bytes", "1e9 samples of 12 channels of 8 bytes"),
+    "unpacked_ratio": Bound(200, "times the packed size", "measured columns shrink to a third or a twentieth"),
+    "unpacked_bytes": Bound(1e10, "bytes", "1e8 rows of 100 characters"),
+    "line_bytes": Bound(1e6, "bytes", "a row of 50,000 columns"),
+    "reader_seconds": Bound(60, "s and 1 s for every 10 MB", "libraries read 30 to 1000 MB in a second"),
+}
+
+
+def bound(name: str) -> float:
+    """Return a bound, as the table or the environment variable ``PNEUDRIVE_BOUNDS`` says.
+
+    Raises
+    ------
+    CommandError
+        The variable has an unknown name, a value that is no number, or a bound that is fixed.
+
+    Examples
+    --------
+    >>> bound("nesting")
+    64
+    """
+    return _raised(os.environ.get(VARIABLE, "")).get(name, BOUNDS[name].value)
+
+
+def _raised(text: str) -> dict[str, float]:
+    out = {}
+    for entry in filter(None, map(str.strip, text.split(","))):
+        name, _, value = (part.strip() for part in entry.partition("="))
+        names = [n for n, b in BOUNDS.items() if b.raised]
+        if name not in names:
+            raise CommandError(f"{VARIABLE}: no bound '{name}' can be raised", value=text, remedy=nearest(name, names))
+        try:
+            out[name] = float(value)
+        except ValueError:
+            raise CommandError(
+                f"{VARIABLE}: {name} = '{value}' is not a number", value=text, rule=f'{VARIABLE}="{name}=1e9, ..."'
+            ) from None
+    return out
+
+
+def within(name: str, value: float, what: str, kind: type[PneudriveError], where: str | None = None) -> None:
+    """Refuse what is beyond a bound.
+
+    Parameters
+    ----------
+    name : str
+        Of the bound.
+    value : float
+        What the user gave; NaN is refused.
+    what : str
+        What is wrong, for the message.
+    kind : type of PneudriveError
+    where : str, optional
+
+    Raises
+    ------
+    PneudriveError
+        Of `kind`, with the bound, its reason and how it is raised.
+    """
+    most, entry = bound(name), BOUNDS[name]
+    if value <= most:
+        return
+    raised = f'{VARIABLE}="{name}={_more(value, most):.3g}"'
+    remedy = f"Where it is right, raise the bound: {raised}." if entry.raised else None
+    rule = f"at most {most:,.15g} {entry.unit} ({name}: {entry.reason})"
+    raise kind(what, where=where, rule=rule, remedy=remedy)
+
+
+def _more(value: float, most: float) -> float:
+    """Give a bound that would do, in round figures."""
+    wanted = max(value, most) if value < float("inf") else 10 * most
+    return float(f"{1.5 * wanted:.0e}")

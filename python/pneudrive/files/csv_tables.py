@@ -1,0 +1,63 @@
+"""CSV as pneudrive writes it itself: names in the first line, commas, points. Foreign CSV goes through a layout."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pneudrive.files.bounds import bound
+from pneudrive.files.content import check_file, unreadable
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    import polars as pl
+
+    from pneudrive.errors import PneudriveError
+
+
+def csv_names(path: Path, kind: type[PneudriveError]) -> list[str]:
+    """Give the fields of a file's first line; of a file that is no text, whatever it holds.
+
+    Raises
+    ------
+    PneudriveError
+        There is no such file, or it is too large.
+    """
+    check_file(path, kind)
+    try:
+        with path.open("rb") as file:
+            line = file.readline(int(bound("line_bytes")))
+    except OSError as error:
+        raise unreadable(path, error, kind) from None
+    return [name.strip().strip('"') for name in line.decode("utf-8-sig", errors="replace").split(",")]
+
+
+def read_csv(
+    path: Path, types: Mapping[str, type[pl.DataType]], kind: type[PneudriveError], wanted: Sequence[str] | None = None
+) -> pl.DataFrame:
+    """Read columns of a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+    types : mapping
+        Types of columns; others are guessed.
+    kind : type of PneudriveError
+    wanted : sequence of str, optional
+        None: all columns.
+
+    Raises
+    ------
+    PneudriveError
+        No such file or column, or fields that are not of the column's type.
+    """
+    import polars as pl
+
+    check_file(path, kind)
+    columns = None if wanted is None else list(wanted)
+    try:
+        return pl.read_csv(path, columns=columns, schema_overrides=dict(types))
+    except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise kind("the file cannot be read as CSV", where=str(path), value=reason) from None

@@ -1,0 +1,195 @@
+"""How each binary format is opened by its library. This runs in the reader process only."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.files.packed import check_unpacked
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
+
+Rows = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Opened:
+    """Columns of an open file.
+
+    Attributes
+    ----------
+    names : list of str
+    get : callable
+        ``get(names, dates, rows)`` reads some of them; where `dates` holds a name it gives texts or NumPy's
+        ``datetime64`` for it, if it can. Rows (first, behind the last) None: all.
+    count : callable
+        Gives the rows of the table; None where the format has no tables.
+    metadata : dict
+        Texts that the file carries.
+    close : callable
+    """
+
+    names: list[str]
+    get: Callable[[list[str], frozenset[str], Rows | None], dict[str, NDArray[Any]]]
+    count: Callable[[], int | None]
+    metadata: dict[str, str]
+    close: Callable[[], None]
+
+
+def open_parquet(path: Path) -> Opened:
+    """Open a Parquet file."""
+    import polars as pl
+
+    scan = pl.scan_parquet(path)
+
+    def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> dict[str, NDArray[Any]]:
+        table = scan.select(wanted)
+        frame = (table if part is None else table.slice(part[0], part[1] - part[0])).collect()
+        return {name: frame[name].to_numpy() for name in wanted}
+
+    def count() -> int:
+        return int(scan.select(pl.len()).collect().item())
+
+    return Opened(scan.collect_schema().names(), get, count, pl.read_parquet_metadata(path), lambda: None)
+
+
+def open_netcdf(path: Path) -> Opened:
+    """Open a netCDF file, of version 3 or 4."""
+    import xarray as xr
+
+    with path.open("rb") as file:
+        engine = "scipy" if file.read(3) == CLASSIC_NETCDF else "h5netcdf"
+    data = xr.open_dataset(path, engine=engine, decode_times=False)
+    unpacked = sum(variable.nbytes for variable in data.variables.values())
+    check_unpacked(unpacked, path.stat().st_size, RecordingError)
+    sizes = {v.shape[0] for v in data.variables.values() if v.ndim == 1}
+
+    def get(wanted: list[str], dates: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
+        found = {name: data[name] for name in wanted}
+        if rows is not None:
+            found = {name: v[slice(*rows)] if v.ndim else v for name, v in found.items()}
+        for name in dates & found.keys():
+            if " since " in str(found[name].attrs.get("units", "")):
+                found[name] = xr.decode_cf(found[name].to_dataset(name="t"), decode_timedelta=False)["t"]
+        return {name: values.to_numpy() for name, values in found.items()}
+
+    metadata = {str(key): value for key, value in data.attrs.items() if isinstance(value, str)}
+    usual = sizes.pop() if len(sizes) == 1 else None
+    return Opened([str(n) for n in data.variables], get, lambda: usual, metadata, data.close)
+
+
+def open_tdms(path: Path) -> Opened:
+    """Open a TDMS file; channels are named ``group/channel``.
+
+    A waveform has no channel of times: ``time`` is then what its properties say, s from its start.
+    """
+    nptdms = _optional("nptdms", "tdms")
+    data = nptdms.TdmsFile.read(path)
+    channels = {f"{group.name}/{channel.name}": channel for group in data.groups() for channel in group.channels()}
+    clocked = [name for name, channel in channels.items() if "wf_increment" in channel.properties]
+    timed = bool(clocked) and not any(name.rpartition("/")[2] == "time" for name in channels)
+
+    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
+        part = slice(*(rows or (None,)))
+        found = {name: channels[name][part] for name in wanted if name in channels}
+        if timed and "time" in wanted:
+            clocks = [name for name in found if name in clocked]
+            if not clocks:
+                raise RecordingError("no channel that is read has a time of its own")
+            channel = channels[clocks[0]]
+            step, start = channel.properties["wf_increment"], channel.properties.get("wf_start_offset", 0.0)
+            found["time"] = (start + np.arange(len(channel)) * step)[part]
+        return found
+
+    return Opened([*(["time"] if timed else []), *channels], get, _no_tables, {}, data.close)
+
+
+def open_mf4(path: Path) -> Opened:
+    """Open an MDF file. All channels are brought to the time base of the first one wanted, which is ``time``, s.
+
+    A name that several channel groups have is written ``number of the group/name``.
+    """
+    asammdf = _optional("asammdf", "mf4")
+    with ExitStack() as stack:
+        data = stack.enter_context(asammdf.MDF(path))
+        masters = {(group, index) for group, index in data.masters_db.items()}
+        places: dict[str, tuple[str, int, int]] = {}
+        for name, entries in data.channels_db.items():
+            real = [place for place in entries if tuple(place) not in masters]
+            places |= {(f"{p[0]}/{name}" if len(real) > 1 else name): (name, *p) for p in real}
+        places.pop("time", None)
+        close = stack.pop_all().close
+
+    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
+        chosen = [name for name in wanted if name != "time"]
+        if not chosen:
+            raise RecordingError("no channel but the time is wanted")
+        signals = {n: data.get(places[n][0], group=places[n][1], index=places[n][2]) for n in chosen}
+        base = signals[chosen[0]].timestamps
+        values = {n: _on(base, signal.timestamps, np.asarray(signal.samples)) for n, signal in signals.items()}
+        part = slice(*(rows or (None,)))
+        return {name: column[part] for name, column in {**values, "time": base}.items()}
+
+    return Opened(["time", *sorted(places)], get, _no_tables, {}, close)
+
+
+def open_mat(path: Path) -> Opened:
+    """Open a MAT file (v5 to v7.3); fields of structures have dotted names."""
+    pymatreader = _optional("pymatreader", "mat")
+    flat: dict[str, NDArray[Any]] = {}
+
+    def collect(prefix: str, value: Any) -> None:  # noqa: ANN401 - whatever the file holds
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                collect(f"{prefix}.{key}" if prefix else str(key), inner)
+        elif np.ndim(value) >= 1:
+            flat[prefix] = np.squeeze(np.asarray(value))
+
+    collect("", {key: value for key, value in pymatreader.read_mat(path).items() if not key.startswith("__")})
+
+    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
+        part = slice(*(rows or (None,)))
+        return {name: flat[name][part] if flat[name].ndim else flat[name] for name in wanted}
+
+    return Opened(list(flat), get, _no_tables, {}, flat.clear)
+
+
+#: Format of the layout file -> how it is opened, and what people call it.
+OPENERS: dict[str, tuple[str, Callable[[Path], Opened]]] = {
+    "parquet": ("Parquet", open_parquet),
+    "netcdf": ("netCDF", open_netcdf),
+    "tdms": ("TDMS", open_tdms),
+    "mf4": ("MDF", open_mf4),
+    "mat": ("MAT", open_mat),
+}
+
+
+def _no_tables() -> None:
+    """Channels of these formats may differ in length."""
+
+
+def _on(base: NDArray[np.float64], times: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
+    """Bring a channel to other times; one that has them already, and one that is no row of numbers, stays as it is."""
+    if values.ndim != 1 or values.dtype.kind not in "iuf" or np.array_equal(base, times):
+        return values
+    return np.interp(base, times, values.astype(np.float64))
+
+
+def _optional(module: str, form: str) -> Any:  # noqa: ANN401 - a module
+    try:
+        return import_module(module)
+    except ImportError:
+        raise RecordingError(
+            f"format '{form}' needs the optional library {module}", remedy="pip install 'pneudrive[formats]'"
+        ) from None

@@ -1,0 +1,143 @@
+"""The process in which libraries written in C read files: requests come as JSON on a socket, answers go as memory.
+
+It is started by `pneudrive.files.tables`. An answer is a file descriptor: length of a JSON text, the text, then the
+arrays as they are in memory. What a damaged file does to a library (an exception, a crash, a loop without end) ends
+here: an exception becomes the answer, a crash or the alarm ends this process, and whoever asked starts another one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import PneudriveError
+from pneudrive.files.formats import OPENERS
+from pneudrive.files.tables import ALIGNED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from pneudrive.files.formats import Opened
+
+FIELDS = ("what", "value", "rule", "remedy")
+LONGEST_REASON = 200
+
+
+class _Files:
+    """The file that was opened last: its columns are asked for right after its names."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._opened: Opened | None = None
+
+    def open(self, form: str, path: str) -> Opened:
+        """Open a file, or give the open one."""
+        about = Path(path).stat()
+        key = (form, path, about.st_mtime_ns, about.st_size, about.st_ino)
+        if self._opened is None or key != self._key:
+            self.close()
+            self._opened, self._key = OPENERS[form][1](Path(path)), key
+        return self._opened
+
+    def close(self) -> None:
+        """Close it."""
+        opened, self._opened = self._opened, None
+        if opened is not None:
+            opened.close()
+
+
+def answer(request: dict[str, Any], files: _Files) -> tuple[dict[str, Any], list[NDArray[Any]]]:
+    """Do what is asked; what goes wrong in a library is an answer too."""
+    form = request["form"]
+    try:
+        opened = files.open(form, request["path"])
+        if request["ask"] == "names":
+            return {"names": opened.names, "metadata": opened.metadata}, []
+        if request["ask"] == "count":
+            return {"count": opened.count()}, []
+        rows = request["rows"]
+        found = opened.get(request["wanted"], frozenset(request["dates"]), tuple(rows) if rows else None)
+        columns = {name: np.asarray(values) for name, values in found.items()}
+        if not rows:
+            files.close()
+    except PneudriveError as error:
+        return {"error": {key: getattr(error, key) for key in FIELDS}}, []
+    except BaseException as error:  # libraries raise whatever they like; a panic of Rust is a BaseException
+        if isinstance(error, (KeyboardInterrupt, SystemExit)):
+            raise
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        if isinstance(error, (KeyError, IndexError, AttributeError, TypeError)):
+            reason = f"{type(error).__name__}: {reason}"
+        files.close()
+        what = f"the file cannot be read as {OPENERS[form][0]}"
+        return {"error": {"what": what, "value": reason[:LONGEST_REASON]}}, []
+    arrays, told = [], {}
+    for name, column in columns.items():
+        if column.dtype.kind in "iufbMm":
+            told[name] = {"dtype": column.dtype.str, "shape": column.shape, "array": len(arrays)}
+            arrays.append(np.ascontiguousarray(column))
+        else:
+            texts = [None if v is None else str(v) for v in column.ravel().tolist()]
+            told[name] = {"texts": texts, "shape": column.shape, "dtype": str(column.dtype)}
+    return {"columns": told}, arrays
+
+
+def send(connection: socket.socket, told: dict[str, Any], arrays: list[NDArray[Any]]) -> None:
+    """Send an answer: memory that the other process maps."""
+    places, end = [], 0
+    for array in arrays:
+        places.append(end)
+        end += -(-array.nbytes // ALIGNED) * ALIGNED
+    text = json.dumps({**told, "places": places}).encode()
+    head = -(-(8 + len(text)) // ALIGNED) * ALIGNED
+    descriptor = _memory()
+    with os.fdopen(descriptor, "wb", buffering=0) as file:
+        for chunk in (len(text).to_bytes(8, "little"), text, bytes(head - 8 - len(text))):
+            file.write(chunk)
+        for array in arrays:
+            _write_all(file.fileno(), array.reshape(-1).view(np.uint8).data)
+            file.write(bytes(-array.nbytes % ALIGNED))
+        socket.send_fds(connection, [b"."], [file.fileno()])
+
+
+def _write_all(descriptor: int, data: memoryview) -> None:
+    while data.nbytes:
+        data = data[os.write(descriptor, data) :]
+
+
+def _memory() -> int:
+    """Make a file without a name: in memory where the system can do that."""
+    if hasattr(os, "memfd_create"):
+        return os.memfd_create("pneudrive")
+    with tempfile.TemporaryFile() as file:
+        return os.dup(file.fileno())
+
+
+def _requests(connection: socket.socket) -> Iterator[dict[str, Any]]:
+    with connection.makefile("rb") as stream:
+        for line in stream:
+            yield json.loads(line)
+
+
+def main() -> None:
+    """Answer until the other side is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asked
+    warnings.simplefilter("ignore")
+    connection = socket.socket(fileno=int(sys.argv[1]))
+    files = _Files()
+    for request in _requests(connection):
+        signal.alarm(request["seconds"])  # its default ends the process, whatever a library is doing
+        told, arrays = answer(request, files)
+        send(connection, told, arrays)
+        signal.alarm(0)

@@ -1,0 +1,94 @@
+"""Parquet files that carry the SHA-256 of their own bytes: whoever reads one knows whether it is as it was written."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import mmap
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import polars as pl
+
+#: Key of the Parquet metadata under which a file carries the SHA-256 of its own bytes.
+SEAL = "pneudrive-seal"
+BLANK = "0" * 64
+PARQUET = b"PAR1"
+TAIL = 8  # length of the footer and the mark of the format
+
+Bytes = bytes | mmap.mmap
+
+
+def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
+    """Give the bytes of a Parquet file with its seal."""
+    with io.BytesIO() as memory:
+        frame.write_parquet(memory, metadata={**metadata, SEAL: BLANK})
+        parquet = memory.getvalue()
+    at = _seal_at(parquet)
+    assert at is not None, "the file was written without a blank seal"
+    return parquet[:at] + hashlib.sha256(parquet).hexdigest().encode() + parquet[at + len(BLANK) :]
+
+
+def damage(parquet: Bytes) -> str | None:
+    """Say what is wrong with the bytes of a Parquet file, before anything tries to make sense of them.
+
+    Returns
+    -------
+    str or None
+        None where nothing is wrong, as far as can be told: without a seal only the ends of the file are looked at.
+    """
+    if not len(parquet):
+        return "the file is empty"
+    if parquet[:4] != PARQUET or len(parquet) < 12:
+        return "this is not a Parquet file"
+    if parquet[-4:] != PARQUET or _footer(parquet) is None:
+        return "the file is cut off: its end is missing"
+    at = _seal_at(parquet)
+    if at is None:
+        return "the file is damaged: its seal cannot be read" if has_seal(parquet) else None
+    total = hashlib.sha256(memoryview(parquet)[:at])
+    total.update(BLANK.encode())
+    total.update(memoryview(parquet)[at + len(BLANK) :])
+    if total.hexdigest().encode() != parquet[at : at + len(BLANK)]:
+        return "the file is damaged: its bytes do not have the SHA-256 that they had when it was written"
+    return None
+
+
+def has_seal(parquet: Bytes) -> bool:
+    """Tell whether the file was written with a seal; others may be sound too."""
+    footer = _footer(parquet)
+    return footer is not None and SEAL.encode() in parquet[footer:]
+
+
+def look(path: Path) -> tuple[str | None, bool]:
+    """Say what is wrong with a Parquet file, see `damage`, and whether it has a seal that holds.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    with path.open("rb") as file:
+        if file.seek(0, 2) == 0:
+            return "the file is empty", False
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            wrong = damage(data)
+            return wrong, wrong is None and has_seal(data)
+
+
+def _footer(parquet: Bytes) -> int | None:
+    """Give the place where the footer begins."""
+    length = int.from_bytes(parquet[-TAIL:-4], "little")
+    return None if length > len(parquet) - TAIL - 4 else len(parquet) - TAIL - length
+
+
+def _seal_at(parquet: Bytes) -> int | None:
+    """Find the 64 characters of the seal in the footer: the key, then type and length of the text (compact Thrift)."""
+    footer = _footer(parquet)
+    if footer is None:
+        return None
+    mark = SEAL.encode() + b"\x18" + bytes([len(BLANK)])
+    at = parquet.rfind(mark, footer)
+    return None if at < 0 or at + len(mark) + len(BLANK) > len(parquet) else at + len(mark)
