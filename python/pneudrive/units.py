@@ -383,8 +383,41 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
             number = f"{(value - offset) / factor:.{digits}g}"
             if _apply(number, factor, offset) == value:
                 return f"{number} {unit}"
+        exact = (Decimal(repr(value)) - Decimal(repr(offset))) / Decimal(repr(factor))
+        if len(exact.as_tuple().digits) <= 17 and 1e-4 <= abs(exact) < 1e15:
+            return f"{exact:f} {unit}"
     plain = {"m^3/s ANR": "m3/s ANR"}.get(si_unit, si_unit.replace("^", ""))
     return f"{value!r} {plain}"
+
+
+#: SI unit -> the unit in which people read it, where that is another.
+_READABLE = {
+    "m": "mm",
+    "m^3": "cm3",
+    "m/s": "mm/s",
+    "Pa": "bar",
+    "N/Pa": "N/bar",
+    "1/Pa": "%/bar",
+    "m/(s Pa)": "mm/(s bar)",
+    "m^3/(s Pa)": "dm3/(s bar)",
+    "s": "s",
+}
+
+
+def readable(si_unit: str) -> tuple[float, str]:
+    """Return the unit in which people read values of an SI unit, with its size in SI.
+
+    Examples
+    --------
+    >>> readable("m^3/(s Pa)")
+    (1e-08, 'dm3/(s bar)')
+    >>> readable("1")
+    (1.0, '')
+    """
+    unit = _READABLE.get(si_unit)
+    if unit is not None:
+        return _TABLE[unit][1], unit
+    return 1.0, "" if si_unit == "1" else si_unit.replace("^", "")
 
 
 def _apply(number: str, factor: float, offset: float) -> float:

@@ -25,20 +25,20 @@ CASES = {
 
 
 def holds(model: FrictionModel, seed: int) -> dict[str, bool]:
-    """Whether each free parameter's interval holds the truth in one simulated map."""
+    """Whether each free parameter's interval holds the truth in one simulated map; what is undetermined has none."""
     rng = np.random.default_rng([2018, 5, seed])
     exact = _core.steady_friction("stribeck", TRUTH, SPEED)
     zero, one = np.zeros(SPEED.size), np.ones(SPEED.size)
     friction = exact + NOISE_N * rng.standard_normal(SPEED.size)
     data = Observations(SPEED, friction, NOISE_N * one, zero, zero, zero, np.arange(SPEED.size))
     fit = fit_values(model, data)
-    return {n: low <= TRUTH[n] <= high for n in model.names for low, high in [fit.intervals[n]]}
+    return {n: low <= TRUTH[n] <= high for n, (low, high) in fit.intervals.items()}
 
 
 def coverage(model: FrictionModel, runs: int, first: int = 0) -> dict[str, float]:
-    """Share of `runs` in which the interval of each parameter holds the truth."""
+    """Share of the intervals of each parameter in `runs` that hold the truth."""
     found = [holds(model, seed) for seed in range(first, first + runs)]
-    return {n: float(np.mean([one[n] for one in found])) for n in model.names}
+    return {n: float(np.mean([one[n] for one in found if n in one])) for n in model.names}
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
@@ -128,6 +128,61 @@ _STRIBECK_VELOCITY_M_S = 0.02
 _PASSIVE_SHARE = 0.5
 
 
+#: What is assumed where no law is named -> what it follows from, and how.
+_FOLLOWS: dict[str, tuple[tuple[str, ...], Callable[..., float]]] = {
+    "bristle_stiffness": (("breakaway",), lambda breakaway: breakaway / _BREAKAWAY_DISPLACEMENT_M),
+    "bristle_damping": (("bristle_stiffness",), lambda stiffness: stiffness * _DAMPING_TIME_S),
+    # sigma1 vd/sqrt(2 e) <= 4 Fc: docs/theory/friction.md
+    "damping_fade_velocity": (
+        ("coulomb", "bristle_damping"),
+        lambda coulomb, damping: _PASSIVE_SHARE * 4.0 * coulomb * math.sqrt(2.0 * math.e) / damping,
+    ),
+}
+
+
+#: Digits of an assumed value.
+ASSUMED_DIGITS = 2
+
+
+def _as_assumed(value: float) -> float:
+    return float(f"{value:.{ASSUMED_DIGITS}g}")
+
+
+def _following(known: Mapping[str, float]) -> dict[str, float]:
+    """Complete what is known by what follows from it."""
+    out = dict(known)
+    for key, (sources, value) in _FOLLOWS.items():
+        if key not in out and (key != "damping_fade_velocity" or out["bristle_damping"] > 0.0):
+            out[key] = value(*(out[source] for source in sources))
+    return {key: out[key] for key in _FOLLOWS if key in out}
+
+
+def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
+    """Say which parameters have the value that is assumed where nobody gives it, from what, and how it follows.
+
+    The value tells, so that it is known of a file, too, in which assumed values are written.
+    """
+    if friction.law != DEFAULT_LAW:
+        return {}
+    known = {key: friction.parameters[key] for key in ("coulomb", "breakaway")}
+    out = {}
+    for key, (sources, value) in _FOLLOWS.items():
+        has, would = friction.parameters.get(key), _following(known).get(key)
+        if has is not None and would is not None and (has == _as_assumed(would) or math.isclose(has, would)):
+            out[key] = (sources, value)
+            known[key] = would
+        elif has is not None:
+            known[key] = has
+    return out
+
+
+def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, float]:
+    """Return what parameters that are assumed become when others change."""
+    rules = assumed_from(friction)
+    given = {key: value for key, value in friction.parameters.items() if key not in rules} | dict(changed)
+    return {key: _as_assumed(value) for key, value in _following(given).items() if key in rules and key not in changed}
+
+
 def by_default(data: dict[str, Any]) -> dict[str, Any]:
     """Complete a friction table that names no law: `DEFAULT_LAW`, and values that nobody knows from a datasheet.
 
@@ -151,23 +206,11 @@ def by_default(data: dict[str, Any]) -> dict[str, Any]:
     if any(data.get(key) is None for key in ("coulomb", "breakaway")):
         return out  # what is missing is said as for any law
     try:
-        coulomb, breakaway = (quantities[key].read(data[key]) for key in ("coulomb", "breakaway"))
-        stiffness = breakaway / _BREAKAWAY_DISPLACEMENT_M
-        if "bristle_stiffness" in data:
-            stiffness = quantities["bristle_stiffness"].read(data["bristle_stiffness"])
-        damping = stiffness * _DAMPING_TIME_S
-        if "bristle_damping" in data:
-            damping = quantities["bristle_damping"].read(data["bristle_damping"])
+        known = {key: quantities[key].read(data[key]) for key in ("coulomb", "breakaway", *_FOLLOWS) if key in data}
     except WrongValueError:
         return out  # and so is what is wrong
-    assumed = {
-        "stribeck_velocity": _STRIBECK_VELOCITY_M_S,
-        "bristle_stiffness": stiffness,
-        "bristle_damping": damping,
-    }
-    if damping > 0.0:  # sigma1 vd/sqrt(2 e) <= 4 Fc: docs/theory/friction.md
-        assumed["damping_fade_velocity"] = _PASSIVE_SHARE * 4.0 * coulomb * math.sqrt(2.0 * math.e) / damping
-    rounded = {key: float(f"{value:.2g}") for key, value in assumed.items() if key not in data}
+    assumed = {"stribeck_velocity": _STRIBECK_VELOCITY_M_S} | _following(known)
+    rounded = {key: _as_assumed(value) for key, value in assumed.items() if key not in data}
     shown = {key: quantities[key].show(value) for key, value in rounded.items()}
     listed = ", ".join(f'{key} = "{value}"' for key, value in shown.items())
     with_these = f" with assumed values: {listed}. Replace those that matter by measured ones" if listed else ""

@@ -58,7 +58,7 @@ class Origin(Described):
     """Where one value comes from.
 
     `interval` holds two quantities, `confidence` the probability that it is meant to cover the truth with, `source` the
-    recordings, `fit` the hash of what was fitted.
+    recordings, `fit` the hash of what was fitted, `model_error` the floor for model error where one is known.
     """
 
     table_name: ClassVar[str] = "provenance"
@@ -66,6 +66,7 @@ class Origin(Described):
     confidence: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))] = 0.95
     source: str
     fit: str = ""
+    model_error: str | float = ""
 
     def bounds_si(self, mark: Quantity | StatedPressure | None) -> tuple[float, float]:
         """Return the interval in SI, pressures as they are written."""

@@ -7,9 +7,15 @@ core's. Each function says what it assumes, and `docs/guide/valve-flow.md` how f
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pneudrive import _core
 from pneudrive.units import ANR_PRESSURE_PA, ANR_TEMPERATURE_K
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 # Air at the reference atmosphere of ISO 6358 [iso6358-2013]: 65 % humid, hence not p/(R T) of dry air.
 AIR_DENSITY_KG_M3 = 1.185
@@ -20,6 +26,15 @@ WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
 BAR_PA = 1.0e5
 # Kv of a path with Cv = 1: one US gallon a minute at one pound per square inch, in cubic metres an hour at one bar
 KV_PER_CV = 3.785411784e-3 * 60.0 * math.sqrt(BAR_PA / 6894.757293168361)
+
+
+def openings(command: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of the full conductance that each edge of a proportional valve has open, shape (n, 4).
+
+    The edges are those of the core: supply to a, a to exhaust, supply to b, b to exhaust.
+    """
+    extend, retract = np.maximum(command, 0.0), np.maximum(-command, 0.0)
+    return np.column_stack([extend, retract, retract, extend])
 
 
 def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> float:

@@ -261,8 +261,6 @@ def _described(
     open_ones = dead | found.active | (np.abs(weak) > 0.3).any(axis=0)
     dof = len(data) - len(model.names)
     low, high = _interval(model, found.q, internal_covariance(found), student(dof))
-    low = np.where(open_ones, np.where(model.positive, 0.0, -np.inf), low)
-    high = np.where(open_ones, np.inf, high)
     statistics = {
         "values": float(len(data)),
         "degrees_of_freedom": float(dof),

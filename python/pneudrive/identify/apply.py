@@ -28,24 +28,23 @@ def apply_to_drive(fit: FrictionFit, drive: Drive) -> Drive:
     elif fit.model.stribeck and "stribeck_exponent" in known:
         changes |= _curve(fit, forces)
     _check_pressure(fit, drive)
-    _check_order(fit, drive, forces)
     return apply_identified(identified(fit, forces), drive, changes)
 
 
 def identified(fit: FrictionFit, forces: dict[str, float] | None = None) -> Identified:
     """Return the determined parameters of a fit under their names in the drive file.
 
-    The intervals hold what chance leaves (profile likelihood) and, in quadrature, what all rows share.
+    The intervals hold what chance leaves (profile likelihood) and, in quadrature, what all rows share. Half the sum of
+    two slopes stands for each where the data determine the sum alone: without an interval.
     """
     own = {n: fit.parameters[n] for n in fit.determined if n not in PRESSURE_NAMES} if forces is None else forces
     values = {f"friction.{name}": value for name, value in own.items()}
     values |= {_slope_key(n): fit.parameters[n] for n in PRESSURE_NAMES if n in fit.determined or _shared(fit, n)}
     intervals = {}
     for name in (*own, *PRESSURE_NAMES):
-        source = f"{name}b" if f"{name}b" in fit.free else name
         key = _slope_key(name) if name in PRESSURE_NAMES else f"friction.{name}"
-        if key in values and source in fit.intervals:
-            intervals[key] = whole_interval(values[key], fit.intervals[source], fit.systematic.get(source, 0.0))
+        if key in values and name in fit.intervals:
+            intervals[key] = whole_interval(values[key], fit.intervals[name], fit.systematic.get(name, 0.0))
     said = fit.provenance.get("recordings", ())
     recordings = tuple(str(name) for name in said) if isinstance(said, list | tuple) else ()
     digest = hashlib.sha256(fit_toml(fit).encode()).hexdigest()[:HASH_DIGITS]
@@ -106,21 +105,6 @@ def _check_pressure(fit: FrictionFit, drive: Drive) -> None:
             "the drive adds friction with pressure, and the fit holds at the pressures of its recordings only",
             rule="the same friction would count twice",
             remedy="fit with pressure_dependence=True, or take [friction.pressure] out of the drive first",
-        )
-
-
-def _check_order(fit: FrictionFit, drive: Drive, forces: dict[str, float]) -> None:
-    kept = dict(drive.friction.parameters)
-    after = {**kept, **forces}
-    if "breakaway" in after and after["breakaway"] < after["coulomb"]:
-        kept_names = sorted({"coulomb", "breakaway"} - set(forces))
-        raise FitError(
-            f"the drive would break away at {after['breakaway']:.4g} N, "
-            f"below its Coulomb force of {after['coulomb']:.4g} N",
-            value=f"kept from the drive, as the data do not determine it: {', '.join(kept_names)}",
-            rule="breakaway >= coulomb",
-            remedy="; ".join(str(s.remedy) for s in fit.undetermined if s.parameter in kept_names)
-            or "fit law='stribeck' or change the drive's breakaway first",
         )
 
 

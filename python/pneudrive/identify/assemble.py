@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.model import PRESSURE_NAMES, UNITS
+from pneudrive.identify.model import UNITS
 from pneudrive.identify.result import FrictionFit
 from pneudrive.identify.support import information_criteria
 
@@ -36,7 +36,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
         parameters=parameters,
         free=model.names,
         covariance=covariance(model, found),
-        intervals=support.intervals | _open(parameters, model, theta),
+        intervals=support.intervals,
         systematic=shared,
         undetermined=tuple(lost),
         notes=tuple(notes),
@@ -64,16 +64,6 @@ def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict
         elif f"{name}b" in theta:  # coulomb_ab -> both chambers
             parameters[name] = parameters[f"{name[:-1]}b"] = theta[f"{name}b"]
     return parameters
-
-
-def _open(
-    parameters: dict[str, float], model: FrictionModel, theta: dict[str, float]
-) -> dict[str, tuple[float, float]]:
-    """Intervals of parameters that were not free and are not known."""
-    unknown = [n for n in parameters if n not in theta and f"{n[:-1]}ab" not in theta]
-    if model.stribeck:
-        unknown = [n for n in unknown if n != "stribeck_exponent"]
-    return {n: (-np.inf if n in PRESSURE_NAMES else 0.0, np.inf) for n in unknown}
 
 
 def _statistics(support: Support) -> dict[str, float]:

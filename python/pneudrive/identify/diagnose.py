@@ -10,6 +10,7 @@ import numpy as np
 from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError
 from pneudrive.identify.levels import distinct_levels
+from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -282,8 +283,8 @@ def without_support(
             return smaller, [Undetermined("viscous", reason, remedy)]
         if reach > VISCOUS_REACH * typical:
             reason = (
-                f"between {_mm_s(slowest)} and {_mm_s(fastest)} it could be anything up to {reach:.2g} N of the "
-                f"{typical:.2g} N measured; what is called coulomb here is all the friction at these speeds"
+                f"between {_mm_s(slowest)} and {_mm_s(fastest)} it could be anything up to {plain(reach, 2)} N, where "
+                f"{plain(typical, 2)} N were measured; what is called coulomb here is all the friction at these speeds"
             )
             return smaller, [Undetermined("viscous", reason, f"add levels above {_mm_s(3.0 * fastest)}")]
     return model, []

@@ -41,13 +41,11 @@ def fit_toml(fit: FrictionFit) -> str:
     ]
     for name, value in fit.parameters.items():
         entry: dict[str, object] = {"value": value, "unit": unit_of(name), "determined": name in fit.determined}
-        source = f"{name}b" if f"{name}b" in fit.free else name
-        if source in fit.free:
-            entry["standard_error"] = fit.standard_errors[source]
-            entry["u_systematic"] = fit.systematic[source]
-        if source in fit.intervals:
-            entry["interval"] = list(fit.intervals[source])
-        out += _table(f"parameters.{name}", entry)
+        out += _table(f"parameters.{name}", entry | _uncertainty(fit, name))
+    for name in (n for n in fit.free if n.endswith("_ab")):  # half the sum of two slopes, which is determined
+        value = fit.free_values()[name]
+        entry = {"value": value, "unit": unit_of(name), "determined": name in fit.intervals}
+        out += _table(f"shared.{name}", entry | _uncertainty(fit, name))
     out += _table("covariance", {"names": list(fit.free), "matrix": fit.covariance.tolist()})
     for statement in fit.undetermined:
         out += _table(
@@ -58,6 +56,14 @@ def fit_toml(fit: FrictionFit) -> str:
     out += _table("statistics", fit.statistics)
     out += _table("provenance", fit.provenance)
     return "\n".join(out).lstrip("\n") + "\n"
+
+
+def _uncertainty(fit: FrictionFit, name: str) -> dict[str, object]:
+    """Uncertainty of what is determined; nothing for all else."""
+    if name not in fit.intervals:
+        return {}
+    errors = {"standard_error": fit.standard_errors[name], "u_systematic": fit.systematic[name]}
+    return errors | {"interval": list(fit.intervals[name])}
 
 
 def read_fit(path: str | Path) -> FrictionFit:
@@ -91,10 +97,7 @@ def read_fit(path: str | Path) -> FrictionFit:
 def _from_content(content: dict) -> FrictionFit:
     free = tuple(content["covariance"]["names"])
     entries = content["parameters"]
-
-    def of(name: str, key: str) -> Any:  # noqa: ANN401 - a slope shared by both chambers is written under each of them
-        return entries[name.replace("_ab", "_a")][key]
-
+    of = {name: _entry(content, name) for name in (*entries, *free)}
     model = dict(content["model"])
     exponent = model["stribeck_exponent"]
     covariance = np.array(content["covariance"]["matrix"], dtype=float)
@@ -105,13 +108,8 @@ def _from_content(content: dict) -> FrictionFit:
         parameters={name: float(entry["value"]) for name, entry in entries.items()},
         free=free,
         covariance=covariance,
-        intervals={
-            name: (float(low), float(high))
-            for name in (*free, *(n for n in entries if n not in free and f"{n[:-1]}ab" not in free))
-            if "interval" in entries[name.replace("_ab", "_a")]
-            for low, high in [of(name, "interval")]
-        },
-        systematic={name: float(of(name, "u_systematic")) for name in free},
+        intervals={n: (e["interval"][0], e["interval"][1]) for n, e in of.items() if "interval" in e},
+        systematic={name: float(of[name].get("u_systematic", 0.0)) for name in free},
         undetermined=tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
         notes=tuple(content["notes"]),
         statistics={name: float(value) for name, value in content["statistics"].items()},
@@ -126,6 +124,12 @@ def _from_content(content: dict) -> FrictionFit:
             model.get("knee_pa"),
         ),
     )
+
+
+def _entry(content: dict, name: str) -> dict[str, Any]:
+    """Table of a parameter; that of a slope that both chambers share may stand under each of them, in older files."""
+    shared = content.get("shared", {})
+    return shared[name] if name in shared else content["parameters"][name.replace("_ab", "_a")]
 
 
 def _model_table(model: FrictionModel) -> dict[str, object]:

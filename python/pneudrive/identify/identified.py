@@ -6,23 +6,29 @@ Fits of friction maps and fits of whole records both end here, so that a drive f
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pneudrive import units
 from pneudrive.describe.base import Quantity, StatedPressure
-from pneudrive.describe.friction import friction_laws, parameter_quantities
+from pneudrive.describe.dependences import SealPressure
+from pneudrive.describe.friction import assumed_with, friction_laws, parameter_quantities
 from pneudrive.describe.provenance import marks as marks_of
 from pneudrive.describe.provenance import values as values_of
-from pneudrive.errors import FitError, nearest
+from pneudrive.errors import FitError, PneudriveWarning, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.describe import Drive
 
-#: Digits of the bounds of an interval, which are rounded outwards.
+#: Digits of the bounds of an interval, which are rounded outwards, and of a value without an interval.
 DIGITS = 5
+#: A value is rounded to a share of its interval below this.
+ROUNDED_SHARE = 1e-3
+#: Digits of a floor for model error.
+MODEL_DIGITS = 2
 MOST_SOURCES = 6
 
 
@@ -35,13 +41,16 @@ class Identified:
     values : dict
         Dotted name in the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``) -> SI, pressures absolute.
     intervals : dict
-        Name -> (lower, upper), SI; infinite where nothing bounds it. A value without one gets no provenance.
+        Name -> (lower, upper), SI; infinite where nothing bounds it. A value without one (half of a sum that alone is
+        determined) gets no provenance.
     sources : dict
         Name -> recordings that it comes from.
     fit : str
         Hash by which the fit is found again.
     confidence : float
         Probability that the intervals are meant to cover with.
+    model_errors : dict
+        Name -> floor for model error, SI, where one is known.
     """
 
     values: Mapping[str, float]
@@ -49,6 +58,7 @@ class Identified:
     sources: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fit: str = ""
     confidence: float = 0.95
+    model_errors: Mapping[str, float] = field(default_factory=dict)
 
     def origins(self, marks: Mapping[str, Quantity | StatedPressure | None]) -> dict[str, dict[str, object]]:
         """Tables of provenance, with the units that `marks` give."""
@@ -59,6 +69,8 @@ class Identified:
             mark = marks.get(name)
             ends = [_written(_outward(low, up=False), mark), _written(_outward(high, up=True), mark)]
             origin = {"interval": ends, "confidence": self.confidence, "source": _joined(self.sources.get(name, ()))}
+            if name in self.model_errors:
+                origin["model_error"] = _rounded(self.model_errors[name], None, _size(mark), MODEL_DIGITS)
             out[name] = origin | ({"fit": self.fit} if self.fit else {})
         return out
 
@@ -73,6 +85,11 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
     tables : mapping, optional
         Further changes that go with the values, as of `Drive.replace`: a law, a shape.
 
+    Warns
+    -----
+    PneudriveWarning
+        A value that was kept is moved to the limit that an identified one sets.
+
     Raises
     ------
     FitError
@@ -85,26 +102,109 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
     law = changes.get("friction.law")
     entry = drive.friction.entry if law is None else friction_laws()[str(law)]
     known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
+    known |= {name: _chamber(drive, name) for name in found.values if name.endswith((".a", ".b"))}
     for name, value in found.values.items():
         table, _, last = name.rpartition(".")
-        if last in ("a", "b"):
-            changes[table] = _both(found, drive, table)
-        elif name in known:
-            changes[name] = _written(value, known[name])
-        else:
+        if name not in known:
             raise FitError(f"the fit has {name}, which this drive does not have", remedy=nearest(name, known))
+        written = _rounded(value, found.intervals.get(name), known[name])
+        if last in ("a", "b"):
+            changes.setdefault(table, _both(drive, table))[last] = written  # type: ignore[index]
+        else:
+            changes[name] = written
+    changes |= _within_limits(found, drive, set(changes))
+    if law is None:
+        changes |= _assumed(found, drive)
     after = drive.replace(changes)
     return after.replace({"provenance": found.origins(marks_of(after))})
 
 
-def _both(found: Identified, drive: Drive, table: str) -> dict[str, str]:
-    """Values of both chambers, those that were not identified as they are, or none."""
+def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
+    """Move assumed parameters of friction along with what they follow from."""
+    own = {k.removeprefix("friction."): v for k, v in found.values.items() if k.count(".") == 1}
+    changed = {k: v for k, v in own.items() if k in drive.friction.parameters}
+    marks = parameter_quantities(drive.friction.entry)
+    return {f"friction.{k}": marks[k].show(v) for k, v in assumed_with(drive.friction, changed).items()}
+
+
+def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[str, str]:
+    """Move a level that was not identified to the one that was, where it would lie on the wrong side of it.
+
+    A drive breaks away at no less than its Coulomb force, so each of the two is a limit of the other.
+    """
+    coulomb, breakaway = "friction.coulomb", "friction.breakaway"
+    kept = [name for name in (coulomb, breakaway) if name not in changed]
+    known = drive.friction.parameters
+    if len(kept) != 1 or kept[0].removeprefix("friction.") not in known or "friction.law" in changed:
+        return {}
+    own, limit = known[kept[0].removeprefix("friction.")], found.values[breakaway if kept == [coulomb] else coulomb]
+    if own <= limit if kept == [coulomb] else own >= limit:
+        return {}
+    warnings.warn(
+        f"{kept[0]} = {own:.5g} N is not determined by the fit and would contradict it (breakaway >= coulomb); it is "
+        f"set to its limit, {limit:.5g} N",
+        PneudriveWarning,
+        stacklevel=4,
+    )
+    other = breakaway if kept == [coulomb] else coulomb
+    return {kept[0]: _rounded(limit, found.intervals.get(other), marks_of(drive)[other])}
+
+
+def _chamber(drive: Drive, name: str) -> Quantity | None:
+    """How a value of one chamber is written, also where the drive does not give it yet."""
     known = values_of(drive)
-    keys = {c: f"{table}.{c}" for c in "ab"}
-    marks = [known[key].mark for key in keys.values() if key in known]
-    si_unit = marks[0].si_unit if marks and isinstance(marks[0], Quantity) else "N/Pa"
-    kept = {c: known[key].si if key in known else 0.0 for c, key in keys.items()}
-    return {c: units.write(found.values.get(key, kept[c]), si_unit) for c, key in keys.items()}
+    if name in known:
+        mark = known[name].mark
+        return mark if isinstance(mark, Quantity) else None
+    if name.startswith("friction.pressure."):
+        (mark,) = (m for m in SealPressure.model_fields["coulomb"].metadata if isinstance(m, Quantity))
+        return mark
+    raise FitError(f"the fit has {name}, which this drive does not have", remedy=nearest(name, known))
+
+
+def _both(drive: Drive, table: str) -> dict[str, str]:
+    """Values of both chambers as they are, or none."""
+    known = values_of(drive)
+    out = {}
+    for c in "ab":
+        mark = _chamber(drive, f"{table}.{c}")
+        value = known[f"{table}.{c}"].si if f"{table}.{c}" in known else 0.0
+        out[c] = str(_written(value, mark))
+    return out
+
+
+def _size(mark: Quantity | StatedPressure | None) -> Quantity | None:
+    """How a difference of such values is written: a pressure has no zero, a temperature is in K."""
+    if isinstance(mark, StatedPressure):
+        return Quantity("Pa", "bar")
+    return Quantity("K", "K") if isinstance(mark, Quantity) and mark.si_unit == "K" else mark
+
+
+def _rounded(
+    value: float,
+    interval: tuple[float, float] | None,
+    mark: Quantity | StatedPressure | None,
+    digits: int = DIGITS,
+) -> str | float:
+    """Write a value with as many digits as its interval carries, in the unit in which people read it."""
+    if not math.isfinite(value) or value == 0.0:
+        return _written(value, mark)
+    unit = "bar" if isinstance(mark, StatedPressure) else mark.written if isinstance(mark, Quantity) else None
+    si_unit = "Pa" if isinstance(mark, StatedPressure) else mark.si_unit if isinstance(mark, Quantity) else ""
+    factor, offset = units.converter(unit, si_unit) if unit else (1.0, 0.0)
+    shown = (value - offset) / factor
+    places = digits - 1 - math.floor(math.log10(abs(shown))) if shown else 0
+    if interval is not None and 0.0 < interval[1] - interval[0] < math.inf:
+        places = math.ceil(-math.log10(ROUNDED_SHARE * (interval[1] - interval[0]) / factor))
+    number = f"{round(shown, places):.{max(places, 0)}f}"
+    again = float(number) * factor + offset
+    if interval is not None and not interval[0] <= again <= interval[1]:
+        return _written(value, mark)
+    if not si_unit:
+        return float(number)
+    plain = number.rstrip("0").rstrip(".") if "." in number else number
+    text = f"{plain} {unit or si_unit.replace('^', '')}"
+    return f"{text} abs" if isinstance(mark, StatedPressure) else text
 
 
 def _written(value: float, mark: Quantity | StatedPressure | None) -> str | float:

@@ -15,6 +15,7 @@ from pneudrive.describe.friction import parameter_quantities
 from pneudrive.errors import FitError
 from pneudrive.identify.apply import HASH_DIGITS, whole_interval
 from pneudrive.identify.identified import Identified, apply_identified
+from pneudrive.identify.intervals import WithIntervals
 from pneudrive.show import Shown
 from pneudrive.trajectory import whole
 
@@ -32,7 +33,7 @@ AT_REST = ("dwell", "relaxation")
 
 
 @dataclass(frozen=True, repr=False)
-class LawFit(Shown):
+class LawFit(WithIntervals, Shown):
     """Parameters of any law with their uncertainty.
 
     Attributes
@@ -42,8 +43,8 @@ class LawFit(Shown):
     parameters : dict
         Free parameter -> value, SI.
     intervals : dict
-        Free parameter -> 95 % interval, statistical, first order in the logarithm of what is positive; open where
-        undetermined.
+        Free parameter that the data determine -> 95 % interval, statistical, first order in the logarithm of what is
+        positive; nothing else has one.
     systematic : dict
         Free parameter -> standard uncertainty from what all rows share (sensor gain, pressure, area).
     covariance : ndarray, shape (p, p)
@@ -139,10 +140,13 @@ class LawFit(Shown):
             name: {
                 "value": value,
                 "unit": self._unit(name),
-                "interval": self.intervals[name],
-                "u_systematic": self.systematic[name],
                 "determined": name in self.determined,
             }
+            | (
+                {"interval": self.intervals[name], "u_systematic": self.systematic[name]}
+                if name in self.intervals
+                else {}
+            )
             for name, value in self.parameters.items()
         }
         tables = {
@@ -178,8 +182,8 @@ class LawFit(Shown):
             return LawFit(
                 model=AnyLaw(Friction.model_validate(content["given"]["friction"]), names),
                 parameters={n: float(entries[n]["value"]) for n in names},
-                intervals={n: (float(entries[n]["interval"][0]), float(entries[n]["interval"][1])) for n in names},
-                systematic={n: float(entries[n]["u_systematic"]) for n in names},
+                intervals={n: (e["interval"][0], e["interval"][1]) for n, e in entries.items() if "interval" in e},
+                systematic={n: float(entries[n].get("u_systematic", 0.0)) for n in names},
                 covariance=matrix.reshape(len(names), len(names)),
                 undetermined=tuple(n for n in names if not entries[n]["determined"]),
                 unseen=tuple(content["unseen"]),
@@ -203,8 +207,9 @@ class LawFit(Shown):
         ]
         width = max(map(len, self.parameters))
         for name, value in self.parameters.items():
-            low, high = self.intervals[name]
-            lines.append(f"  {name:<{width}} {value:11.4g} {self._unit(name):<8} 95 %: {low:.4g} .. {high:.4g}")
+            low, high = self.intervals.get(name, (np.nan, np.nan))
+            said = f"95 %: {low:.4g} .. {high:.4g}" if name in self.intervals else "not determined"
+            lines.append(f"  {name:<{width}} {value:11.4g} {self._unit(name):<8} {said}")
         if self.undetermined:
             lines.append(f"  ! not determined by these values: {', '.join(self.undetermined)}")
         if self.unseen:

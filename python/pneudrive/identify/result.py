@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
+from pneudrive.identify.intervals import WithIntervals
 from pneudrive.identify.model import UNITS, FrictionModel, Observations, at_conditions, unit_of
 from pneudrive.show import Shown
 
@@ -45,7 +46,7 @@ class Prediction(Shown):
 
 
 @dataclass(frozen=True, repr=False)
-class FrictionFit(Shown):
+class FrictionFit(WithIntervals, Shown):
     """Parameters of a sliding law with their uncertainty.
 
     Attributes
@@ -59,7 +60,7 @@ class FrictionFit(Shown):
     covariance : ndarray, shape (p, p)
         Statistical covariance of the free parameters; directions that the data do not determine are left out of it.
     intervals : dict
-        Free parameter -> (lower, upper), statistical, 95 %; open where the data set no bound.
+        Free parameter that the data determine -> (lower, upper), statistical, 95 %; nothing else has one.
     systematic : dict
         Free parameter -> standard uncertainty from what all rows share (sensor gain, pressure, area).
     undetermined : tuple of Undetermined
@@ -95,8 +96,9 @@ class FrictionFit(Shown):
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Statistical standard error of each free parameter (first order)."""
-        return dict(zip(self.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        """Statistical standard error of each free parameter that the data determine (first order)."""
+        every = zip(self.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True)
+        return {name: error for name, error in every if name in self.intervals}
 
     @property
     def correlation(self) -> Array:
@@ -119,8 +121,16 @@ class FrictionFit(Shown):
         return tuple(n for n, value in self.parameters.items() if n not in lost | fixed and np.isfinite(value))
 
     def expanded_uncertainty(self, name: str) -> float:
-        """Return U = 2 sqrt(statistical^2 + systematic^2) of one free parameter (k = 2)."""
+        """Return U = 2 sqrt(statistical^2 + systematic^2) of one free parameter (k = 2).
+
+        Raises
+        ------
+        FitError
+            The parameter was not free, or the data do not determine it.
+        """
         self._known(name)
+        if name not in self.intervals:
+            raise FitError(f"{name} has no uncertainty: the data do not determine it")
         return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic[name]))
 
     def predict(
@@ -189,8 +199,13 @@ class FrictionFit(Shown):
         Raises
         ------
         FitError
-            If the drive's law lacks a determined parameter, or if the mixture of fitted and kept parameters breaks
-            a rule of the law (a breakaway force below the Coulomb force).
+            If the drive's law lacks a determined parameter.
+
+        Warns
+        -----
+        PneudriveWarning
+            A breakaway force that the data do not determine lies below the fitted Coulomb force, or the other way
+            round: it is set to that limit.
         """
         from pneudrive.identify.apply import apply_to_drive
 
@@ -275,11 +290,10 @@ class FrictionFit(Shown):
             f"(directions: {self.provenance['direction']}, rms {s['rms_n']:.3g} N, fit {s['fit_percent']:.1f} %, "
             f"residuals {s['scale']:.2g} times their standard errors)"
         ]
-        lost = {u.parameter for u in self.undetermined}
         for name, value in self.free_values().items():
             if name not in self.free and name in UNITS and UNITS[name].startswith("N/Pa"):
                 continue
-            lines.append("  " + _line(self, name, value, name in lost))
+            lines.append("  " + _line(self, name, value))
         lines += [f"  ! {statement}" for statement in self.statements()]
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)
@@ -294,15 +308,17 @@ def shown(unit: str) -> tuple[float, str]:
     return _SHOWN.get(unit, (1.0, unit))
 
 
-def _line(fit: FrictionFit, name: str, value: float, lost: bool) -> str:
+def _line(fit: FrictionFit, name: str, value: float) -> str:
     factor, unit = shown(unit_of(name))
     if not np.isfinite(value):
         return f"{name:<18} not determined"
     text = f"{name:<18} {factor * value:10.4g} {unit:<6}"
     if name not in fit.free:
         return f"{text} fixed"
+    if name not in fit.intervals:
+        return f"{text} not determined"
     lower, upper = fit.intervals[name]
     text += f" 95 %: {factor * lower:.4g} .. {factor * upper:.4g}"
     if fit.systematic[name] > 0.0:
         text += f", U(k=2) {factor * fit.expanded_uncertainty(name):.2g}"
-    return text + (" (not determined)" if lost else "")
+    return text

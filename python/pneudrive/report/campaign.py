@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.numbers import with_u
 from pneudrive.report import campaign_course as course
 from pneudrive.report import campaign_curves as curves
 from pneudrive.report import campaign_run as run
@@ -15,7 +16,7 @@ from pneudrive.report import campaign_stops as stops
 from pneudrive.report import style
 from pneudrive.report.campaign_curves import MM, estimate
 from pneudrive.report.page import Report
-from pneudrive.report.words import plural, with_u
+from pneudrive.report.words import plural
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.numbers import with_u
 from pneudrive.report import style
 from pneudrive.report.page import Picture, Section, Table, Text
-from pneudrive.report.words import plural, spread_evenly, with_u
+from pneudrive.report.words import plural, spread_evenly
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

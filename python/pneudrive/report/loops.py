@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from pneudrive.numbers import with_u
 from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Text
-from pneudrive.report.words import MOST_SHOWN, by_seal, gauge_bar, speed_mm_s, spread_evenly, with_u
+from pneudrive.report.words import MOST_SHOWN, by_seal, gauge_bar, speed_mm_s, spread_evenly
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.numbers import with_u
 from pneudrive.report import style
 from pneudrive.report.page import Picture, Section, Table, Text
 from pneudrive.report.speed import SHOWN_UNITS
-from pneudrive.report.words import with_u
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -109,7 +109,7 @@ def parameter_rows(
     rows = []
     for name in fit.free:
         single = name.removesuffix("b") if name.endswith("_ab") else name
-        if single not in known or single not in fit.parameters:
+        if single not in known or name not in fit.intervals:
             continue
         factor, unit = SHOWN_UNITS.get(name, (1e5, "N/bar"))
         value, expanded = factor * fit.parameters[single], factor * fit.expanded_uncertainty(name)

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.numbers import with_u
 from pneudrive.report.page import Items, Picture, Section, Table, Text
 from pneudrive.report.speed_figure import caption, draw
-from pneudrive.report.words import plural, sentence, with_u
+from pneudrive.report.words import plural, sentence
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -100,7 +101,7 @@ def parameter_rows(fit: FrictionFit) -> list[tuple[str, str, str]]:
     """Name, estimate with U and statistical interval of each parameter that the data determine."""
     rows = []
     for name in fit.free:
-        if name not in fit.determined and not name.endswith("_ab"):
+        if name not in fit.intervals:
             continue
         value = fit.parameters.get(name, fit.parameters.get(f"{name[:-1]}", float("nan")))
         factor, unit = SHOWN_UNITS.get(name, (1e5, "N/bar"))

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.numbers import with_u
 from pneudrive.report import style
 from pneudrive.report.page import Picture, Section, Table, Text
-from pneudrive.report.words import FLAGS, plural, with_u
+from pneudrive.report.words import FLAGS, plural
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.pressure_line import CONFOUNDED
+from pneudrive.numbers import with_u
 from pneudrive.report.paper import count_verdicts
 from pneudrive.report.recovered import recovered
 from pneudrive.report.speed import richest
-from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s, with_u
+from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

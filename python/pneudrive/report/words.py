@@ -72,29 +72,6 @@ def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:
     return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).astype(int))]
 
 
-def with_u(value: float, expanded: float, unit: str = "N") -> str:
-    """Write a value with its expanded uncertainty, which keeps two digits.
-
-    Examples
-    --------
-    >>> with_u(9.7862, 0.4873)
-    '9.79 ± 0.49 N'
-    >>> with_u(98.2, 11.4, "")
-    '98 ± 11'
-    >>> with_u(-0.0001, 0.064)  # no "-0.000"
-    '0.000 ± 0.064 N'
-    """
-    if not (np.isfinite(value) and np.isfinite(expanded)):
-        return f"{value:.3g} {unit}".strip() if np.isfinite(value) else "not determined"
-    digits = places(expanded)
-    return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f} {unit}".strip()
-
-
-def places(uncertainty: float) -> int:
-    """Decimal places at which an uncertainty has two digits."""
-    return 2 if uncertainty <= 0 else int(np.clip(1 - np.floor(np.log10(uncertainty)), 0, 6))
-
-
 def plural(count: int, one: str, many: str = "") -> str:
     """Write a count with its noun.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.describe.valve_flow import openings
 from pneudrive.simulate import compiled
 from pneudrive.validate.simulation import start_temperatures
 
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from pneudrive.validate.signals import Signals
 
     Array = NDArray[np.float64]
-
-#: Edges of the valve, in the core's order.
-EDGES = ("supply to a", "a to exhaust", "supply to b", "b to exhaust")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +50,6 @@ class Terms:
     temperature_b_k: Array
     mass_flow_a_kg_s: Array
     mass_flow_b_kg_s: Array
-
-
-def openings(command: Array) -> Array:
-    """Share of the full conductance that each edge has open, shape (n, 4), see `EDGES`."""
-    extend, retract = np.maximum(command, 0.0), np.maximum(-command, 0.0)
-    return np.column_stack([extend, retract, retract, extend])
 
 
 def evaluate(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.describe.valve_flow import openings
 from pneudrive.units import write
 from pneudrive.validate.residuals import Scene, at_samples, half_support, kernel, raw_residuals
 
@@ -186,8 +187,6 @@ def _command(how: Callable[[Array, float, float], Array]) -> Change:
     """Make the openings of a command that the valve sees otherwise: (command, amount, step) -> command."""
 
     def change(scene: Scene, signals: Signals, amount: float) -> Scene:
-        from pneudrive.validate.balance import openings
-
         before = at_samples(openings(signals.command))
         after = at_samples(openings(how(signals.command, amount, signals.step_s)))
         return replace(scene, opened=np.maximum(scene.opened + after - before, 0.0))

@@ -18,6 +18,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import DescriptionError
+from pneudrive.numbers import with_u
 from pneudrive.show import Shown
 from pneudrive.validate.candidates import Candidate, candidates
 from pneudrive.validate.residuals import BALANCES, Residuals, Scene, half_support, raw_residuals, residuals
@@ -264,8 +265,8 @@ def diagnose(drive: Drive, signals: Sequence[Signals]) -> Diagnosis:
     while len(culprits) < MOST_CULPRITS and _is_dirty(search, left):
         refined = _refined(search, model, left, {c.key for c in culprits})
         alone = alone or tuple((r.candidate.key, r.amount, r.share) for r in refined)
-        found = next((r for r in refined if _is_shown(search, r)), None)
-        if found is None:
+        # The one that explains most, or none: what it explains better is no evidence for another.
+        if not refined or not _is_shown(search, found := refined[0], left):
             break
         culprits.append(_culprit(search, found, refined, left))
         model = search.with_candidate(model, found)
@@ -351,10 +352,10 @@ def _newton(search: _Search, model: _Model, left: Array, start: _Refined) -> _Re
     return best or _Refined(candidate, 0.0, 0.0, start.column, left)
 
 
-def _is_shown(search: _Search, r: _Refined) -> bool:
-    """Whether a candidate is worth a name and beyond chance."""
-    enough = r.share >= LEAST_SHARE and abs(r.amount) >= r.candidate.least
-    return enough and abs(r.amount) >= LEAST_T * search.stderr(r.column, r.after)
+def _is_shown(search: _Search, r: _Refined, left: Array) -> bool:
+    """Whether a candidate is worth a name and beyond chance; where balances are plainly off, any amount is."""
+    worth = abs(r.amount) >= r.candidate.least or any(value > CLEAN for value in search.sizes(left).values())
+    return worth and r.share >= LEAST_SHARE and abs(r.amount) >= LEAST_T * search.stderr(r.column, r.after)
 
 
 def _culprit(search: _Search, r: _Refined, others: list[_Refined], left: Array) -> Culprit:
@@ -401,7 +402,7 @@ def in_words(
     factor, unit = _SAID[candidate.unit]
     value, spread = factor * amount, factor * NORMAL_95 * stderr
     compared = candidate.words.startswith(_COMPARED)
-    shown = _with_spread(abs(value) if compared else value, spread, unit)
+    shown = with_u(abs(value) if compared else value, spread, unit)
     if compared:
         shown += " more" if amount > 0.0 else " less"
     said = candidate.words.format(size=shown)
@@ -409,9 +410,3 @@ def in_words(
     if rivals:
         text += "; the recordings do not tell it from " + ", ".join(f"{key} ({100 * s:.0f} %)" for key, s in rivals[:4])
     return f"{text}. Remedy: {candidate.remedy}."
-
-
-def _with_spread(value: float, spread: float, unit: str) -> str:
-    """Write a value with the half-width of its 95 % interval, which keeps two digits."""
-    digits = int(np.clip(1 - np.floor(np.log10(spread)), 0, 6)) if spread > 0.0 else 3
-    return f"{value:.{digits}f} +- {spread:.{digits}f} {unit}".strip()

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import noise_level
-from pneudrive.validate.balance import Terms, evaluate, openings
+from pneudrive.describe.valve_flow import openings
+from pneudrive.identify.dynamic.model_error import MODEL_SHARE
+from pneudrive.validate.balance import Terms, evaluate
 from pneudrive.validate.breakaway import moving_mass
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 #: velocity takes, shorter than a motion).
 HALF_SUPPORT_S, LEAST_SAMPLES = 0.02, 5
 #: Errors below this share of the terms themselves are not worth a name (assumed).
-FLOOR = 0.01
+FLOOR = MODEL_SHARE
 #: Steady friction is there once bristles have bent for this many times their deflection in sliding.
 BENT = 4.0
 MOST_BENDING_M, LEAST_BENDING_M = 5e-3, 2e-4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -81,7 +82,7 @@ def test_a_drive_takes_the_law_with_intervals_that_hold_what_rows_share(pressed)
     drive = pn.Drive.load("catalogue:reference").replace({"friction": {"law": "coulomb", "coulomb": "1 N"}})
     after = pressed.apply(drive)
     assert after.friction.formula == pressed.model.friction.formula
-    assert after.friction.parameters["coulomb"] == pytest.approx(pressed.parameters["coulomb"])
+    assert after.friction.parameters["coulomb"] == pytest.approx(pressed.parameters["coulomb"], abs=1e-3)
     assert after.friction.parameters["film_time"] == pressed.model.friction.parameters["film_time"]
     assert set(after.provenance) == {f"friction.{name}" for name in pressed.parameters}
     origin = after.provenance["friction.coulomb"]
@@ -135,7 +136,7 @@ def test_a_guess_of_zero_is_no_end_of_the_search(make_map):
         assert np.isfinite(fit.intervals[name]).all(), name
 
 
-def test_what_the_map_cannot_tell_is_open(make_map, friction_of):
+def test_what_the_map_cannot_tell_has_no_interval(make_map, friction_of):
     speed = np.full(8, 0.4) * np.linspace(0.99, 1.01, 8)
     curves = make_map(speed, friction_of(speed), 0.2)
     guess = pn.Friction(
@@ -143,7 +144,8 @@ def test_what_the_map_cannot_tell_is_open(make_map, friction_of):
     )
     fit = fit_any_law(curves, guess, free=["coulomb", "viscous", "breakaway"])
     assert "breakaway" in fit.undetermined
-    assert fit.intervals["breakaway"] == (0.0, np.inf)
+    assert "breakaway" not in fit.intervals
+    assert re.search(r"breakaway +\S+ N +not determined", str(fit))
 
 
 def test_messages(make_map, friction_of):

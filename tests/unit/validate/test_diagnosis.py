@@ -58,7 +58,7 @@ def test_two_causes_are_found_one_after_the_other():
 def test_the_sentence_says_which_way_and_how_sure():
     text = str(validate(drive(), record(drive(valve__conductance="1.6 dm3/(s bar)"), 11)).diagnosis())
     assert "less conductance C of the valve" in text
-    assert "+-" in text
+    assert "±" in text
 
 
 def test_residuals_of_a_run_against_its_own_equations_are_rounding_and_sampling():

@@ -38,13 +38,18 @@ def write_fit(fit: DriveFit, path: str | Path) -> None:
 def fit_toml(fit: DriveFit) -> str:
     """Return the text of fit.toml."""
     out = [
-        "# Identified drive. SI units, pressures absolute; intervals are 95 %.",
-        *_table("", {"schema": SCHEMA, "kind": "drive", "converged": fit.converged, "notes": list(fit.notes)}),
+        "# Identified drive. SI units, pressures absolute; intervals are 95 %: what noise leaves; model_error is how",
+        "# far a value moves as each number that was held is off by 1 %.",
+        *_table("", {"schema": SCHEMA, "kind": "drive", "converged": fit.converged, "fits": fit.fits}),
+        *_table("", {"notes": list(fit.notes)}),
     ]
     for group, values in (("values", fit.values), ("sensors", fit.sensors)):
         for name, value in values.items():
             entry: dict[str, Any] = {"value": value, "unit": fit.units[name]}
-            entry |= {"interval": list(fit.intervals[name]), "standard_error": fit.standard_errors[name]}
+            if name in fit.intervals:
+                entry |= {"interval": list(fit.intervals[name]), "standard_error": fit.standard_errors[name]}
+            if name in fit.model_errors:
+                entry["model_error"] = fit.model_errors[name]
             if name in fit.values:
                 entry |= {"determined": name in fit.determined, "sources": list(fit.sources[name])}
             out += _table(f"{group}.{json.dumps(name)}", entry)
@@ -97,8 +102,13 @@ def _from_content(content: Mapping[str, Any]) -> DriveFit:
         free=tuple(content["covariance"]["names"]),
         covariance=np.array(content["covariance"]["matrix"], dtype=np.float64),
         intervals={
-            name: (float(low), float(high)) for name, entry in both.items() for low, high in [entry["interval"]]
+            name: (float(low), float(high))
+            for name, entry in both.items()
+            if "interval" in entry
+            for low, high in [entry["interval"]]
         },
+        fits=bool(content.get("fits", True)),
+        model_errors={name: float(entry["model_error"]) for name, entry in both.items() if "model_error" in entry},
         sources={name: tuple(entry["sources"]) for name, entry in values.items()},
         undetermined=tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
         notes=tuple(content["notes"]),

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive import __version__
 from pneudrive.characterise.drive_recording import read_drive_recordings
 from pneudrive.characterise.plausible import check_plausible, time_gaps
 from pneudrive.characterise.spread import robust_deviation, student
 from pneudrive.errors import FitError
-from pneudrive.identify.dynamic.files import fit_hash
+from pneudrive.identify.dynamic.assemble import assembled
 from pneudrive.identify.dynamic.parameters import Candidates, Coordinates, Parameter, chosen
 from pneudrive.identify.dynamic.problem import Experiment, Point, Problem, sensor_parameters
 from pneudrive.identify.dynamic.recordings import CHANNELS, channels_in
-from pneudrive.identify.dynamic.result import DriveFit, Series
 from pneudrive.identify.dynamic.search import Joined, Progress, Watcher, join_segments, linearise, predict_segments
 from pneudrive.identify.dynamic.sensors import Channel, Delay, Sensor, channels_of, command_delay
 from pneudrive.identify.dynamic.shooting import Shooter, segment_starts
 from pneudrive.identify.dynamic.states import measured_starts, observed, white_noise
-from pneudrive.identify.dynamic.uncertainty import Information, bootstrap, information, intervals_of, profile
-from pneudrive.identify.dynamic.undetermined import statements, unresolved_damping
+from pneudrive.identify.dynamic.uncertainty import Information, bootstrap, information, profile
+from pneudrive.identify.dynamic.undetermined import unresolved_damping
+from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -33,6 +32,8 @@ if TYPE_CHECKING:
     from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.describe import Drive
     from pneudrive.identify.diagnose import Undetermined
+    from pneudrive.identify.dynamic.result import DriveFit
+    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
@@ -45,12 +46,14 @@ NOISE_ROUNDS = 4
 LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
 #: Change of the noise below which it counts as found.
 NOISE_CHANGE = 0.02
-#: Correlation of residuals, in samples, of which a note is made, unless their variance is that of the solver alone.
-CORRELATED, SOLVER_SHARE = 10.0, 0.1
 #: Residuals above this multiple of the noise from sample to sample are no noise (assumed).
 MISFIT = 2.0
-#: A fit below this, worse than the mean of the record, is no matter of parameters, %.
-SENSELESS_PERCENT = 0.0
+#: Shares of the segments' length with which the search is repeated, and the shortest segment, s.
+SHORTER_SEGMENTS, SHORTEST_SEGMENT_S = (0.5, 0.25), 0.02
+#: Factor on the solver's tolerance in the last attempt: its error may be what the search sticks at.
+LAST_RTOL = 1e-2
+#: A repeated search that lowers the mean logarithm of the residuals by less than this has not helped.
+GAIN = 0.02
 #: Huber's constant: 95 % efficient for normal errors [huber2009].
 HUBER_K = 1.345
 
@@ -65,6 +68,38 @@ class Solved:
     at: Joined
     information: Information
     freedom: int
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One search from start to end.
+
+    Attributes
+    ----------
+    solved : Solved
+    converged : bool
+    missed : dict
+        Channel -> residuals over its noise from sample to sample, where they are larger by more than `MISFIT`.
+    score : float
+        Mean logarithm of the residuals, each over the noise of its channel from sample to sample.
+    segment_s : float or None
+        Length of its segments.
+    """
+
+    solved: Solved
+    converged: bool
+    missed: dict[str, float]
+    score: float
+    segment_s: float | None
+
+    @property
+    def good(self) -> bool:
+        """Whether the search converged to where the model follows what was measured."""
+        return self.converged and not self.missed
+
+    def rank(self) -> tuple[bool, bool, float]:
+        """Less is better."""
+        return not self.good, not self.converged, self.score
 
 
 @dataclass
@@ -108,6 +143,7 @@ def identify(
     rtol: float = RTOL,
     threads: int = 2,
     progress: Callable[[Progress], None] | None = None,
+    cancel: Flag | None = None,
 ) -> DriveFit:
     """Identify numbers of a drive from recordings of its motion by output error.
 
@@ -142,6 +178,8 @@ def identify(
     threads : int
     progress : callable, optional
         Is told each step (`Progress`).
+    cancel : object with ``is_set()``, optional
+        A `threading.Event`, for instance: once set, the search ends with `Cancelled` at its next step.
 
     Returns
     -------
@@ -172,17 +210,46 @@ def identify(
     described = {c.name: c for c in channels_of(names, sensors)}
     options.delay = command_delay(sensors)
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
-    watcher = Watcher(progress)
-    problem, point = _problem(drive, parameters, records, present, described, options)
+    watcher = Watcher(progress, Watch(cancel=cancel))
     stated = [np.array([np.isfinite(described[c].noise or np.nan) for c in p]) for p in present]
-    solved, converged = _solve(problem, point, stated, options, watcher)
-    if not (converged or options.interrupted) and options.segment_s is not None:
-        options.lengths_s, options.last_attempt = SECOND_LADDER_S, True
-        reached = solved.problem.values(solved.point.eta)[: len(parameters)]
-        problem, point = _problem(drive, parameters, records, present, described, options, reached)
-        again, converged = _solve(problem, point, stated, options, watcher)
-        solved = again
-    return _result(drive, parameters, records, solved, options, watcher, converged)
+
+    def attempt(values: Array | None) -> Attempt:
+        start = None if values is None else values[: len(parameters)]
+        problem, point = _problem(drive, parameters, records, present, described, options, start)
+        return _solve(problem, point, stated, options, watcher)
+
+    best = _best_of_attempts(attempt, options)
+    return assembled(drive, parameters, records, best, options, watcher)
+
+
+def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: Options) -> Attempt:
+    """Search with shorter segments while that helps, where the first search ends beside the measured motion.
+
+    A short segment cannot be led far astray by wrong values: its search gets past what is a minimum for long ones, to
+    values from which these find their way. A model that lacks something misses with segments of any length: then the
+    first result stands.
+    """
+    tried = [attempt(None)]
+    whole = options.segment_s
+    for share in SHORTER_SEGMENTS:
+        if whole is None or options.interrupted or tried[-1].good or share * whole < SHORTEST_SEGMENT_S:
+            break
+        options.segment_s = share * whole
+        tried.append(attempt(None))
+        if tried[0].converged and tried[-1].score > tried[0].score - GAIN:
+            break
+    options.segment_s = whole
+    for lengths_s in (LADDER_S, SECOND_LADDER_S):
+        best = min(tried, key=Attempt.rank)
+        nearest = min(tried, key=lambda one: one.score)
+        helped = not best.converged or nearest.score < best.score - GAIN
+        if whole is None or options.interrupted or best.good or not helped:
+            break
+        options.lengths_s, options.last_attempt = lengths_s, lengths_s == SECOND_LADDER_S
+        if options.last_attempt:
+            options.rtol *= LAST_RTOL
+        tried.append(attempt(nearest.solved.problem.values(nearest.solved.point.eta)))
+    return min(tried, key=Attempt.rank)
 
 
 def _options(segment: str | float | None, robust: bool, rtol: float, threads: int) -> Options:
@@ -271,13 +338,14 @@ def _noise(channel: Channel, record: DriveRecording, rtol: float) -> float:
 
 def _solve(
     problem: Problem, point: Point, stated: list[NDArray[np.bool_]], options: Options, watcher: Watcher
-) -> tuple[Solved, bool]:
+) -> Attempt:
     """Search, and take the noise of the sensors from the residuals until it stays.
 
     Where the search sticks, the misfit is not taken for noise before the last attempt.
     """
     converged = False
     watcher.point, at = point, None
+    candidates = problem.experiments[0].shooter.candidates
     believed = [s.copy() for s in point.states]
     try:
         if options.segment_s is not None:
@@ -288,6 +356,8 @@ def _solve(
             point, at, converged = join_segments(problem, point, believed, watcher)
             if not (converged or options.last_attempt) or not _renew_noise(problem, at, stated, options.rtol):
                 break
+        if converged and candidates.settle(problem.values(point.eta)[: problem.drive_size]):
+            point, at, converged = join_segments(problem, point, believed, watcher)
     except KeyboardInterrupt:
         options.interrupted = True
         problem.held[:] = False
@@ -301,7 +371,23 @@ def _solve(
     found = information(problem, at)
     measured = int(sum(e.weight.sum() for e in problem.experiments))
     freedom = measured - problem.size - sum(s.shape[1] for s in point.states)
-    return Solved(problem, point, believed, at, found, max(freedom, 1)), converged
+    solved = Solved(problem, point, believed, at, found, max(freedom, 1))
+    over = over_noise(solved)
+    missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT}
+    score = float(np.mean(np.log([max(ratio, 1e-9) for ratio in over.values()])))
+    return Attempt(solved, converged, missed, score, options.segment_s)
+
+
+def over_noise(solved: Solved) -> dict[str, float]:
+    """Residuals of each channel over its noise from sample to sample, in the worst recording."""
+    worst: dict[str, float] = {}
+    for experiment, residual in zip(solved.problem.experiments, solved.at.residuals, strict=True):
+        for c, channel in enumerate(experiment.channels):
+            used = experiment.weight[:, c] > 0.0
+            own = experiment.noise[c] * float(np.sqrt(np.mean(residual[used, c] ** 2)))
+            white = max(white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
+            worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
+    return worst
 
 
 def _regrouped(problem: Problem, point: Point, length_s: float) -> Point:
@@ -331,142 +417,6 @@ def _renew_noise(problem: Problem, at: Joined, stated: list[NDArray[np.bool_]], 
             if abs(new / experiment.noise[c] - 1.0) > NOISE_CHANGE:
                 experiment.noise[c], changed = new, True
     return changed
-
-
-def _result(
-    drive: Drive,
-    parameters: list[Parameter],
-    records: list[DriveRecording],
-    solved: Solved,
-    options: Options,
-    watcher: Watcher,
-    converged: bool,
-) -> DriveFit:
-    problem, point, found = solved.problem, solved.point, solved.information
-    values = problem.values(point.eta)
-    names = problem.names
-    by_coordinate = problem.natural_jacobian(point.eta)
-    covariance = by_coordinate @ found.covariance(problem) @ by_coordinate.T
-    reach = student(solved.freedom)
-    intervals = intervals_of(parameters, problem, values, reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
-    fit = DriveFit(
-        values=dict(zip(names[: problem.drive_size], values.tolist(), strict=False)),
-        units={**{p.name: p.unit for p in parameters}, **{s.name: s.unit for s in problem.sensors}},
-        sensors=dict(zip(names[problem.drive_size :], values[problem.drive_size :].tolist(), strict=True)),
-        free=tuple(names),
-        covariance=covariance,
-        intervals=intervals,
-        sources={n: tuple(r.name for r in records) for n in names[: problem.drive_size]},
-        undetermined=(),
-        notes=tuple(_notes(options, problem, solved, converged, records)),
-        statistics=_statistics(problem, solved, watcher),
-        converged=converged,
-        provenance=_provenance(drive, records, options, parameters),
-        start=drive,
-        series=_series(problem, solved, records),
-        solved=solved,
-    )
-    fit.units.update({c.name: c.unit for e in problem.experiments for c in e.channels})
-    sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
-    lost = statements(names, values, sizes, intervals, fit.correlation, found.weak)
-    fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
-    return replace(fit, undetermined=(*options.lost, *lost))
-
-
-def _sizes(parameters: list[Parameter], problem: Problem) -> list[float]:
-    return [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
-
-
-def _notes(
-    options: Options, problem: Problem, solved: Solved, converged: bool, records: list[DriveRecording]
-) -> list[str]:
-    notes = list(options.notes)
-    if not converged and not any("interrupted" in n for n in notes):
-        notes.append("the search has not converged: look at the residuals, or try shorter segments")
-    coloured = [
-        f"{problem.experiments[i].channels[c].name} of {records[i].name} ({tau:.0f} samples)"
-        for (i, c), (variance, tau) in solved.information.inflation.items()
-        if tau > CORRELATED and variance > SOLVER_SHARE
-    ]
-    if coloured:
-        notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
-    missed = _missed(problem, solved)
-    if missed:
-        fits = {k: v for k, v in _statistics(problem, solved, Watcher()).items() if k.startswith("fit_percent.")}
-        worst = min(fits, key=lambda k: fits[k])
-        if fits[worst] < SENSELESS_PERCENT:
-            notes.append(
-                f"the model does not follow what was recorded ({worst.removeprefix('fit_percent.')}: fit "
-                f"{fits[worst]:.0f} %). Look whether a sign is reversed or chambers are swapped: a command above "
-                "0 fills chamber a, which moves the piston towards greater positions"
-            )
-        notes.append(
-            f"the model does not fit: {', '.join(missed)}. Values and intervals make up for what it lacks, so the "
-            "truth may lie outside them: put the fit into the drive and ask `pneudrive validate` what is missing"
-        )
-    if any(r.synthetic for r in records):
-        notes.append("from simulated recordings")
-    return notes
-
-
-def _missed(problem: Problem, solved: Solved) -> list[str]:
-    """Say where residuals are larger than the noise from sample to sample."""
-    worst: dict[str, float] = {}
-    for experiment, residual in zip(problem.experiments, solved.at.residuals, strict=True):
-        for c, channel in enumerate(experiment.channels):
-            used = experiment.weight[:, c] > 0.0
-            own = experiment.noise[c] * float(np.sqrt(np.mean(residual[used, c] ** 2)))
-            white = max(white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
-            worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
-    return [f"{name} is off by {ratio:.2g} times its noise" for name, ratio in worst.items() if ratio > MISFIT]
-
-
-def _statistics(problem: Problem, solved: Solved, watcher: Watcher) -> dict[str, float]:
-    out = {
-        "samples": float(sum(len(e.measured) for e in problem.experiments)),
-        "iterations": float(watcher.count),
-        "cost": solved.at.cost,
-        "gap": solved.at.standing.gap,
-    }
-    for name, rms in problem.rms(solved.at.residuals).items():
-        out[f"rms.{name}"] = rms
-        own = [(e, i) for e in problem.experiments for i, c in enumerate(e.channels) if c.name == name]
-        out[f"noise.{name}"] = float(np.sqrt(np.mean([e.noise[i] ** 2 for e, i in own])))
-        power = np.mean([np.nanvar(e.measured[:, i]) for e, i in own])
-        out[f"fit_percent.{name}"] = float(100.0 * (1.0 - rms / np.sqrt(power))) if power > 0.0 else np.nan
-    return out
-
-
-def _series(problem: Problem, solved: Solved, records: list[DriveRecording]) -> dict[str, dict[str, Series]]:
-    out: dict[str, dict[str, Series]] = {}
-    for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
-        out[record.name] = {
-            channel.name: Series(
-                record.time_s,
-                experiment.measured[:, c],
-                experiment.measured[:, c] - residual[:, c] * experiment.noise[c],
-            )
-            for c, channel in enumerate(experiment.channels)
-        }
-    return out
-
-
-def _provenance(
-    drive: Drive, records: list[DriveRecording], options: Options, parameters: list[Parameter]
-) -> dict[str, Any]:
-    return {
-        "version": __version__,
-        "method": "output error",
-        "drive": drive.name,
-        "description_hash": drive.description_hash,
-        "recordings": [
-            {"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s} for r in records
-        ],
-        "start": {p.name: p.value for p in parameters},
-        "segment_s": options.segment_s if options.segment_s is not None else "one",
-        "robust": options.robust,
-        "rtol": options.rtol,
-    }
 
 
 def profile_of(solved: Solved, names: list[str]) -> dict[str, tuple[float, float]]:

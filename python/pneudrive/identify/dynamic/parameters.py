@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.describe.derived import derived
 from pneudrive.errors import FitError, nearest
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe import Drive
+    from pneudrive.describe.derived import Derived
 
     Array = NDArray[np.float64]
 
@@ -229,13 +231,31 @@ class Coordinates:
         return values, jacobian
 
 
+#: Relative step over which a derived value is differentiated by what it follows from.
+_STEP = 1e-6
+
+
 class Candidates:
-    """The core's drive for any values of the free parameters."""
+    """The core's drive for any values of the free parameters, and of what follows from them.
+
+    Attributes
+    ----------
+    paths : list of str
+        What a run is differentiated by: the free parameters, then the derived values that move with them.
+    moving : list of Derived
+        These.
+    """
 
     def __init__(self, drive: Drive, parameters: Sequence[Parameter]) -> None:
         self._form = json.loads(drive.core_json())
-        self._places = [self._place(p.core) for p in parameters]
-        self.paths = [p.core for p in parameters]
+        free = [p.core for p in parameters]
+        self.moving: list[Derived] = []
+        for one in derived(drive):
+            if one.path not in free and {*free, *(m.path for m in self.moving)}.intersection(one.sources):
+                self.moving.append(one)
+        self.settled: list[Derived] = []
+        self.size = len(free)
+        self.paths = [*free, *(m.path for m in self.moving)]
 
     def _place(self, path: str) -> tuple[dict[str, Any], str]:
         *tables, key = path.split(".")
@@ -244,8 +264,52 @@ class Candidates:
             at = at[table]
         return at, key
 
+    def get(self, path: str) -> float:
+        """Return the number at a path."""
+        table, key = self._place(path)
+        return float(table[key])
+
+    def _set(self, values: Array) -> None:
+        for path, value in zip(self.paths, values, strict=False):
+            table, key = self._place(path)
+            table[key] = float(value)
+        for one in self.moving:
+            table, key = self._place(one.path)
+            table[key] = one.value(*(self.get(path) for path in one.sources))
+
     def json(self, values: Array) -> str:
         """Return the core's form with these values."""
-        for (table, key), value in zip(self._places, values, strict=True):
-            table[key] = float(value)
+        self._set(values)
         return json.dumps(self._form, sort_keys=True)
+
+    def settle(self, values: Array) -> bool:
+        """Hold what a description rounds where these values put it; whether there is anything."""
+        self._set(values)
+        rounded = [one for one in self.moving if one.digits is not None]
+        for one in rounded:
+            table, key = self._place(one.path)
+            table[key] = float(f"{table[key]:.{one.digits}g}")
+        self.settled += rounded
+        self.moving = [one for one in self.moving if one not in rounded]
+        self.paths = [*self.paths[: self.size], *(one.path for one in self.moving)]
+        return bool(rounded)
+
+    def derived_values(self, values: Array) -> dict[str, float]:
+        """Return what follows from these values, by its name in the drive file."""
+        self._set(values)
+        return {one.name: self.get(one.path) for one in (*self.settled, *self.moving)}
+
+    def by_free(self, values: Array) -> Array:
+        """Return the derivatives of the numbers at `paths` by the free values, shape (paths, free)."""
+        self._set(values)
+        out = np.zeros((len(self.paths), self.size))
+        out[: self.size] = np.eye(self.size)
+        for row, one in enumerate(self.moving, start=self.size):
+            at = [self.get(path) for path in one.sources]
+            for k, path in enumerate(one.sources):
+                if path not in self.paths:
+                    continue
+                step = _STEP * max(abs(at[k]), 1e-300)
+                ends = [one.value(*at[:k], at[k] + sign * step, *at[k + 1 :]) for sign in (1.0, -1.0)]
+                out[row] += (ends[0] - ends[1]) / (2.0 * step) * out[self.paths.index(path)]
+        return out

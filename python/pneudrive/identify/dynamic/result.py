@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
-from pneudrive.errors import FitError, nearest
+from pneudrive.errors import FitError, PneudriveWarning, nearest
+from pneudrive.identify.intervals import WithIntervals
+from pneudrive.numbers import places, plain
 from pneudrive.show import Shown
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,6 +29,12 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
+#: What the numbers after "model ±" are.
+MODEL_ERROR_WORDS = (
+    "95 %: what the noise leaves; model ±: how far the value moves as each number that was held is off by 1 % (assumed)"
+)
+
+
 @dataclass(frozen=True)
 class Series:
     """One channel of one recording beside the model, its sensor included; SI, shape (n,)."""
@@ -35,7 +45,7 @@ class Series:
 
 
 @dataclass(frozen=True, repr=False)
-class DriveFit(Shown):
+class DriveFit(WithIntervals, Shown):
     """Values of a drive's description with their uncertainty.
 
     Attributes
@@ -52,7 +62,11 @@ class DriveFit(Shown):
         SI, first order, with the residuals' own variance and correlation in time; directions that the recordings do not
         determine are left out of it.
     intervals : dict
-        Value or sensor -> (lower, upper), 95 %.
+        Value or sensor that the recordings determine -> (lower, upper), 95 %: what the noise of the sensors leaves.
+        Nothing has one where the search did not converge.
+    model_errors : dict
+        Value or sensor -> floor for model error: how far it moves where each number that was held is off by 1 %, in
+        quadrature (`pneudrive.identify.dynamic.model_error`).
     sources : dict
         Name -> names of the recordings that it comes from.
     undetermined : tuple of Undetermined
@@ -63,6 +77,8 @@ class DriveFit(Shown):
         samples, iterations, cost, gap; ``rms.CHANNEL``, ``noise.CHANNEL`` in SI, ``fit_percent.CHANNEL``.
     converged : bool
         False where the search was interrupted or stopped early: the values are the best so far.
+    fits : bool
+        False where residuals are larger than the noise of a channel from sample to sample: the model lacks something.
     provenance : dict
         Version, hash of the drive, recordings with their hashes, options.
     start : Drive
@@ -84,13 +100,16 @@ class DriveFit(Shown):
     converged: bool
     provenance: dict[str, Any]
     start: Drive = field(repr=False)
+    fits: bool = True
+    model_errors: dict[str, float] = field(default_factory=dict)
     series: dict[str, dict[str, Series]] = field(repr=False, compare=False, default_factory=dict)
     solved: Solved | None = field(repr=False, compare=False, default=None)
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard error of each free value and sensor, SI."""
-        return dict(zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True))
+        """Standard error of each free value and sensor that has an interval, SI."""
+        every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True)
+        return {name: error for name, error in every if name in self.intervals}
 
     @property
     def correlation(self) -> Array:
@@ -106,6 +125,13 @@ class DriveFit(Shown):
         """Names of `values` that the recordings determine."""
         lost = {u.parameter for u in self.undetermined}
         return tuple(name for name in self.values if name not in lost)
+
+    @property
+    def state(self) -> str:
+        """How the search ended, in words."""
+        if not self.converged:
+            return "not converged: the best so far, without intervals"
+        return "converged" if self.fits else "converged, but the model does not fit"
 
     def statements(self) -> list[str]:
         """Return what cannot be determined, in sentences."""
@@ -170,10 +196,17 @@ class DriveFit(Shown):
         """
         from pneudrive.identify.identified import Identified, apply_identified
 
+        if not self.converged:
+            warnings.warn(
+                "the search did not converge: the drive gets its best values so far, without intervals",
+                PneudriveWarning,
+                stacklevel=2,
+            )
         kept = self.determined
         found = Identified(
             values={n: self.values[n] for n in kept},
-            intervals={n: self.intervals[n] for n in kept},
+            intervals={n: self.intervals[n] for n in kept if n in self.intervals},
+            model_errors=self.model_errors,
             sources={n: self.sources[n] for n in kept},
             fit=str(self.provenance.get("fit_hash", "")),
         )
@@ -248,26 +281,33 @@ class DriveFit(Shown):
         s = self.statistics
         recordings = self.provenance.get("recordings", [])
         seconds = sum(float(r["seconds"]) for r in recordings)
-        state = "" if self.converged else ", not converged: the best so far"
-        lines = [f"{len(recordings)} recording(s), {seconds:.4g} s, {s['samples']:.0f} samples{state}"]
-        lost = {u.parameter for u in self.undetermined}
+        lines = [f"{len(recordings)} recording(s), {seconds:.4g} s, {s['samples']:.0f} samples; {self.state}"]
         shown = {**self.values, **self.sensors}
         width = max(map(len, shown))
-        lines += [f"  {name:<{width}} {self._line(name, value, name in lost)}" for name, value in shown.items()]
+        lines += [f"  {name:<{width}} {self._line(name, value)}" for name, value in shown.items()]
         for key, rms in s.items():
             if key.startswith("rms."):
                 channel = key.removeprefix("rms.")
                 unit = self.units[channel]
-                lines.append(f"  residuals of {channel}: {rms:.3g} {unit}, fit {s[f'fit_percent.{channel}']:.2f} %")
+                factor, unit = readable(unit)
+                lines.append(
+                    f"  residuals of {channel}: {plain(rms / factor)} {unit}, fit {s[f'fit_percent.{channel}']:.2f} %"
+                )
         lines += [f"  ! {statement}" for statement in self.statements()]
+        if self.intervals and self.model_errors:
+            lines.append(f"  {MODEL_ERROR_WORDS}")
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)
 
-    def _line(self, name: str, value: float, lost: bool) -> str:
-        unit = self.units[name]
-        lower, upper = self.intervals[name]
-        # as many digits as show the interval's width, five at least
-        width, size = upper - lower, max(abs(lower), abs(upper), 1e-300)
-        digits = 5 if not 0.0 < width < np.inf else int(np.clip(2 - np.floor(np.log10(width / size)), 5, 12))
-        text = f"{f'{value:.{digits}g}':>13} {unit if unit != '1' else '':<12}"
-        return text + f" 95 %: {lower:.{digits}g} .. {upper:.{digits}g}" + (" (not determined)" if lost else "")
+    def _line(self, name: str, value: float) -> str:
+        factor, unit = readable(self.units[name])
+        interval = self.intervals.get(name)
+        if interval is None:
+            lost = any(u.parameter == name for u in self.undetermined)
+            return f"{plain(value / factor, 5):>13} {unit:<12}" + (" not determined" if lost else "")
+        lower, upper = (end / factor for end in interval)
+        digits = places(0.5 * (upper - lower))
+        text = f"{value / factor:>13.{digits}f} {unit:<12} 95 %: {lower:.{digits}f} .. {upper:.{digits}f}"
+        if name in self.model_errors:
+            text += f"; model ± {plain(self.model_errors[name] / factor, 2)}"
+        return text

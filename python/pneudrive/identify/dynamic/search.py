@@ -16,6 +16,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.problem import Point
+from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from pneudrive.identify.dynamic.problem import Problem
     from pneudrive.identify.dynamic.shooting import Shot
+    from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]
 
@@ -76,12 +78,13 @@ class Progress:
 class Watcher:
     """Keeps the best point, for who interrupts the search, and tells of each step."""
 
-    def __init__(self, tell: Callable[[Progress], None] | None = None) -> None:
-        self.tell, self.count = tell, 0
+    def __init__(self, tell: Callable[[Progress], None] | None = None, watch: Watch = UNWATCHED) -> None:
+        self.tell, self.watch, self.count = tell, watch, 0
         self.point: Point | None = None
 
     def step(self, problem: Problem, phase: str, standing: Standing, point: Point) -> None:
-        """Take note of an accepted step."""
+        """Take note of an accepted step; end the search where the user cancelled it."""
+        self.watch.look()
         self.point = point
         self.count += 1
         if self.tell is not None:

@@ -83,7 +83,7 @@ class Shooter:
         delay_s: float = 0.0,
     ) -> None:
         self.recording, self.outputs, self.starts = recording, list(outputs), starts
-        self._candidates, self._rtol, self._threads = candidates, rtol, threads
+        self.candidates, self._rtol, self._threads = candidates, rtol, threads
         self._delay_s = delay_s
 
     def inner_states(self, drive: Drive) -> list[str]:
@@ -92,7 +92,11 @@ class Shooter:
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
         """Return the same with segments that begin at other samples."""
-        return Shooter(self.recording, self.outputs, starts, self._candidates, self._rtol, self._threads, self._delay_s)
+        return Shooter(self.recording, self.outputs, starts, self.candidates, self._rtol, self._threads, self._delay_s)
+
+    def with_outputs(self, outputs: Sequence[str]) -> Shooter:
+        """Return the same with other columns of the core."""
+        return Shooter(self.recording, outputs, self.starts, self.candidates, self._rtol, self._threads, self._delay_s)
 
     def run(
         self,
@@ -124,16 +128,21 @@ class Shooter:
             The core refuses the drive.
         """
         try:
-            core = compiled(self._candidates.json(values))
+            core = compiled(self.candidates.json(values))
             found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start)
             beside = [] if delay_s is None or not derivatives else [delay_s + DELAY_STEP_S, delay_s - DELAY_STEP_S]
             shifted = [self._shoot(core, initial, delay) for delay in beside]
         except ValueError as error:
             raise FitError(f"the core refuses a drive of the search: {error}") from None
-        p = len(self._candidates.paths) if derivatives else 0
+        p = self.candidates.size if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
-        if derivatives and by_start is not None:
-            sensitivities, ends = (_spread(d, p, by_start, initial.shape[1]) for d in (sensitivities, ends))
+        if derivatives:
+            paths = len(self.candidates.paths)
+            if by_start is not None:
+                sensitivities, ends = (_spread(d, paths, by_start, initial.shape[1]) for d in (sensitivities, ends))
+            if paths > p:
+                by_free = self.candidates.by_free(values)
+                sensitivities, ends = (_chained(d, by_free) for d in (sensitivities, ends))
         if shifted:
             later, sooner = shifted
             by_delay, ends_by_delay = ((later[k] - sooner[k]) / (2.0 * DELAY_STEP_S) for k in ("values", "ends"))
@@ -166,7 +175,7 @@ class Shooter:
             self.recording.time_s,
             self.starts.tolist(),
             np.ascontiguousarray(initial),
-            self._candidates.paths if derivatives else [],
+            self.candidates.paths if derivatives else [],
             derivatives if by_start is None or not derivatives else by_start.tolist(),
             self.outputs,
             self._rtol,
@@ -181,6 +190,12 @@ def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array
     shifted = times + delay_s
     first = max(int(np.searchsorted(shifted, times[0], side="right")) - 1, 0)
     return np.r_[times[0], shifted[first + 1 :]], commands[first:]
+
+
+def _chained(derivatives: Array, by_free: Array) -> Array:
+    """Turn derivatives by all paths of the drive (first on the last axis) into such by its free values."""
+    paths = len(by_free)
+    return np.concatenate([derivatives[..., :paths] @ by_free, derivatives[..., paths:]], axis=-1)
 
 
 def _spread(derivatives: Array, p: int, columns: NDArray[np.int64], states: int) -> Array:

@@ -1,0 +1,77 @@
+"""Values of a drive that follow from others of its values as long as nobody gives them: derived defaults.
+
+Whoever changes a value (a search, a fit that is applied) has to take along what follows from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pneudrive.describe import valve_flow
+from pneudrive.describe.friction import ASSUMED_DIGITS, assumed_from
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from pneudrive.describe.drive import Drive
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A value that follows from others.
+
+    Attributes
+    ----------
+    name : str
+        As in the drive file.
+    path : str
+        In the core's form of the drive.
+    sources : tuple of str
+        Paths of what it follows from, which may be derived themselves.
+    value : callable
+        Of the sources' values, SI.
+    digits : int or None
+        To which a description rounds it.
+    """
+
+    name: str
+    path: str
+    sources: tuple[str, ...]
+    value: Callable[..., float]
+    digits: int | None = None
+
+
+def derived(drive: Drive) -> list[Derived]:
+    """Return what follows from other values of a drive, each after what it follows from.
+
+    Examples
+    --------
+    >>> from pneudrive.describe import Drive
+    >>> [d.name for d in derived(Drive.load("catalogue:reference"))]
+    ['supply.temperature', 'cylinder.wall_temperature']
+    """
+    return list(_derived(drive))
+
+
+def _derived(drive: Drive) -> Iterator[Derived]:
+    for key, (sources, value) in assumed_from(drive.friction).items():
+        paths = tuple(f"friction.parameters.{source}" for source in sources)
+        yield Derived(f"friction.{key}", f"friction.parameters.{key}", paths, value, ASSUMED_DIGITS)
+    ambient, supply, valve = "ambient.temperature_k", drive.supply, drive.valve
+    if supply.temperature_k is None:
+        yield Derived("supply.temperature", "supply.temperature_k", (ambient,), float)
+    if drive.cylinder.wall_temperature_k is None:
+        yield Derived("cylinder.wall_temperature", "cylinder.wall_temperature_k", (ambient,), float)
+    if supply.pressure.gauge:
+        yield Derived("supply.pressure", "supply.pressure_pa", ("ambient.pressure_pa",), supply.pressure.absolute_pa)
+    flow = valve.nominal_flow_m3_s_anr
+    if flow is not None:
+        sources = ("valve.critical_pressure_ratio", "valve.subsonic_index")
+        given: float = flow
+        yield Derived(
+            "valve.conductance",
+            "valve.conductance_m3_s_pa",
+            sources,
+            lambda b, m: valve_flow.conductance_from_nominal_flow(given, b, m),
+        )

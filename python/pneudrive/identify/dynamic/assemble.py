@@ -1,0 +1,185 @@
+"""The result of a dynamic identification from where its search ended: values, intervals, notes, statistics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive import __version__
+from pneudrive.characterise.spread import student
+from pneudrive.identify.dynamic.files import fit_hash
+from pneudrive.identify.dynamic.model_error import model_errors
+from pneudrive.identify.dynamic.parameters import numbers_of
+from pneudrive.identify.dynamic.result import DriveFit, Series
+from pneudrive.identify.dynamic.uncertainty import intervals_of
+from pneudrive.identify.dynamic.undetermined import statements
+from pneudrive.numbers import plain
+from pneudrive.units import readable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.characterise.drive_recording import DriveRecording
+    from pneudrive.describe import Drive
+    from pneudrive.identify.dynamic.fit import Attempt, Options, Solved
+    from pneudrive.identify.dynamic.parameters import Parameter
+    from pneudrive.identify.dynamic.problem import Problem
+    from pneudrive.identify.dynamic.search import Watcher
+
+    Array = NDArray[np.float64]
+
+#: Correlation of residuals, in samples, of which a note is made, unless their variance is that of the solver alone.
+CORRELATED, SOLVER_SHARE = 10.0, 0.1
+#: A fit below this, worse than the mean of the record, is no matter of parameters, %.
+SENSELESS_PERCENT = 0.0
+
+
+def assembled(
+    drive: Drive,
+    parameters: list[Parameter],
+    records: list[DriveRecording],
+    attempt: Attempt,
+    options: Options,
+    watcher: Watcher,
+) -> DriveFit:
+    """Put the result of the best search together."""
+    solved = attempt.solved
+    problem, point, found = solved.problem, solved.point, solved.information
+    values = problem.values(point.eta)
+    names = problem.names
+    by_coordinate = problem.natural_jacobian(point.eta)
+    covariance = by_coordinate @ found.covariance(problem) @ by_coordinate.T
+    reach = student(solved.freedom)
+    intervals = intervals_of(parameters, problem, values, reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    statistics = _statistics(problem, solved, watcher)
+    fit = DriveFit(
+        values=dict(zip(names[: problem.drive_size], values.tolist(), strict=False)),
+        units={**{p.name: p.unit for p in parameters}, **{s.name: s.unit for s in problem.sensors}},
+        sensors=dict(zip(names[problem.drive_size :], values[problem.drive_size :].tolist(), strict=True)),
+        free=tuple(names),
+        covariance=covariance,
+        intervals=intervals,
+        sources={n: tuple(r.name for r in records) for n in names[: problem.drive_size]},
+        undetermined=(),
+        notes=tuple(_notes(drive, options, attempt, statistics, records)),
+        statistics=statistics,
+        converged=attempt.converged,
+        fits=not attempt.missed,
+        model_errors=model_errors(drive, parameters, solved),
+        provenance=_provenance(drive, records, attempt, options, parameters),
+        start=drive,
+        series=_series(problem, solved, records),
+        solved=solved,
+    )
+    fit.units.update({c.name: c.unit for e in problem.experiments for c in e.channels})
+    sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
+    lost = statements(names, values, sizes, intervals, fit.correlation, found.weak)
+    fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
+    return replace(fit, undetermined=(*options.lost, *lost))
+
+
+def _sizes(parameters: list[Parameter], problem: Problem) -> list[float]:
+    return [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
+
+
+def _notes(
+    drive: Drive, options: Options, attempt: Attempt, statistics: dict[str, float], records: list[DriveRecording]
+) -> list[str]:
+    notes, solved = list(options.notes), attempt.solved
+    problem = solved.problem
+    if not attempt.converged:
+        if not options.interrupted:
+            notes.append("the search has not converged: look at the residuals, or try shorter segments")
+        notes.append("no interval is given: intervals hold at the end of a search alone")
+    units = numbers_of(drive)
+    moved = problem.experiments[0].shooter.candidates.derived_values(problem.values(solved.point.eta))
+    notes += [
+        f"{_written(name, value, units[name].unit)} follows from what is free, as nobody gives it"
+        for name, value in moved.items()
+    ]
+    coloured = [
+        f"{problem.experiments[i].channels[c].name} of {records[i].name} ({tau:.0f} samples)"
+        for (i, c), (variance, tau) in solved.information.inflation.items()
+        if tau > CORRELATED and variance > SOLVER_SHARE
+    ]
+    if coloured and attempt.converged:
+        notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
+    if attempt.missed:
+        notes += _misfit(attempt, statistics)
+    if any(r.synthetic for r in records):
+        notes.append("from simulated recordings")
+    return notes
+
+
+def _written(name: str, si: float, unit: str) -> str:
+    factor, shown = readable(unit)
+    return f"{name} = {plain(si / factor, 4)} {shown}".strip()
+
+
+def _misfit(attempt: Attempt, statistics: dict[str, float]) -> list[str]:
+    """Say what the model does not follow."""
+    notes = []
+    fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
+    worst = min(fits, key=lambda k: fits[k])
+    if fits[worst] < SENSELESS_PERCENT:
+        notes.append(
+            f"the model does not follow what was recorded ({worst.removeprefix('fit_percent.')}: fit "
+            f"{fits[worst]:.0f} %). Look whether a sign is reversed or chambers are swapped: a command above "
+            "0 fills chamber a, which moves the piston towards greater positions"
+        )
+    missed = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in attempt.missed.items())
+    notes.append(
+        f"the model does not fit: {missed}. Values and intervals make up for what it lacks, so the "
+        "truth may lie outside them: put the fit into the drive and ask `pneudrive validate` what is missing"
+    )
+    return notes
+
+
+def _statistics(problem: Problem, solved: Solved, watcher: Watcher) -> dict[str, float]:
+    out = {
+        "samples": float(sum(len(e.measured) for e in problem.experiments)),
+        "iterations": float(watcher.count),
+        "cost": solved.at.cost,
+        "gap": solved.at.standing.gap,
+    }
+    for name, rms in problem.rms(solved.at.residuals).items():
+        out[f"rms.{name}"] = rms
+        own = [(e, i) for e in problem.experiments for i, c in enumerate(e.channels) if c.name == name]
+        out[f"noise.{name}"] = float(np.sqrt(np.mean([e.noise[i] ** 2 for e, i in own])))
+        power = np.mean([np.nanvar(e.measured[:, i]) for e, i in own])
+        out[f"fit_percent.{name}"] = float(100.0 * (1.0 - rms / np.sqrt(power))) if power > 0.0 else np.nan
+    return out
+
+
+def _series(problem: Problem, solved: Solved, records: list[DriveRecording]) -> dict[str, dict[str, Series]]:
+    out: dict[str, dict[str, Series]] = {}
+    for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
+        out[record.name] = {
+            channel.name: Series(
+                record.time_s,
+                experiment.measured[:, c],
+                experiment.measured[:, c] - residual[:, c] * experiment.noise[c],
+            )
+            for c, channel in enumerate(experiment.channels)
+        }
+    return out
+
+
+def _provenance(
+    drive: Drive, records: list[DriveRecording], attempt: Attempt, options: Options, parameters: list[Parameter]
+) -> dict[str, Any]:
+    return {
+        "version": __version__,
+        "method": "output error",
+        "drive": drive.name,
+        "description_hash": drive.description_hash,
+        "recordings": [
+            {"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s} for r in records
+        ],
+        "start": {p.name: p.value for p in parameters},
+        "segment_s": attempt.segment_s if attempt.segment_s is not None else "one",
+        "robust": options.robust,
+        "rtol": options.rtol,
+    }

@@ -1,0 +1,131 @@
+"""The floor for model error of identified values: what numbers that were held, and are not exact, do to them.
+
+An interval says what the noise of the sensors leaves, and falls with every sample. No model is that exact. Here each
+number of the description that was held (bore, supply pressure, conductance, ...) is off by `MODEL_SHARE`, the share of
+the balances' terms below which their check names nothing, and the free values answer by least squares on the balances
+along the recordings (force in sliding, both pressure rates):
+
+    d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
+
+Phi are the derivatives of the balances' residuals by the free values, d e_h their change with the held number h, and W
+weighs each balance by one over the mean square of its terms. The recordings' own motion enters, the noise does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.describe.valve_flow import openings
+from pneudrive.errors import PneudriveError
+from pneudrive.identify.dynamic.parameters import Candidates, numbers_of
+from pneudrive.simulate import compiled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.describe import Drive
+    from pneudrive.identify.dynamic.fit import Solved
+    from pneudrive.identify.dynamic.parameters import Parameter
+
+    Array = NDArray[np.float64]
+
+#: Share by which no term of a model of a drive is trusted (assumed).
+MODEL_SHARE = 0.01
+#: Slower than this share of the greatest speed, friction is not that of sliding.
+SLIDES = 0.01
+#: Directions of the scaled derivatives below this share of the largest are not determined.
+SINGULAR_SHARE = 1e-3
+_STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
+
+
+def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
+    """Return the floor of each free value, SI; none for what the balances of sliding do not show, such as bristles."""
+    found = solved.problem.values(solved.point.eta)[: len(parameters)]
+    free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]
+    held = _held(drive, free, solved)
+    candidates = Candidates(drive, [*free, *held])
+    values = np.array([p.value for p in (*free, *held)])
+    steps = np.array([MODEL_SHARE * max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held)])
+    try:
+        motions = [_motion(solved, index) for index in range(len(solved.problem.experiments))]
+        at = [_balances(candidates, values, motion) for motion in motions]
+        scale = np.sqrt([sum(np.sum(one[1][b] ** 2) for one in at) for b in range(3)])
+        columns = np.column_stack(
+            [_change(candidates, values, k, steps[k], motions, scale) for k in range(values.size)]
+        )
+    except (PneudriveError, ValueError):
+        return {}
+    if not np.isfinite(columns).all():
+        return {}
+    own, off = columns[:, : len(free)], columns[:, len(free) :]
+    size = np.linalg.norm(own, axis=0)
+    shown = size > 0.0
+    inverse = np.linalg.pinv(own[:, shown] / size[shown], rcond=SINGULAR_SHARE) / size[shown][:, None]
+    floor = np.linalg.norm(inverse @ off, axis=1) * steps[: len(free)][shown]
+    names = [p.name for p, one in zip(free, shown, strict=True) if one]
+    return dict(zip(names, floor.tolist(), strict=True))
+
+
+def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter]:
+    """Numbers of the drive that were held and do not follow from free ones, with the values that they were held at."""
+    candidates = solved.problem.experiments[0].shooter.candidates
+    known = {*candidates.paths, *(one.path for one in candidates.settled), *(p.core for p in free)}
+    every = [replace(p, value=candidates.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
+    return [p for p in every if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
+
+
+def _motion(solved: Solved, index: int) -> dict[str, Array]:
+    """Return the states of the model along a recording at the solution, without noise."""
+    experiment = solved.problem.experiments[index]
+    shooter = experiment.shooter.with_outputs(_STATES)
+    values = solved.problem.values(solved.point.eta)[: solved.problem.drive_size]
+    states = shooter.run(values, solved.point.states[index], derivatives=False).outputs
+    motion = {name: np.ascontiguousarray(states[:, k]) for k, name in enumerate(_STATES)}
+    recording = shooter.recording
+    start = solved.point.states[index][0]
+    return motion | {"time_s": recording.time_s, "command": recording["command"], "temperatures": start[[3, 5]]}
+
+
+def _balances(candidates: Candidates, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
+    """Return what the equations give along a motion, and its terms: force in sliding, N, and pressure rates, Pa/s."""
+    out = compiled(candidates.json(values)).along(
+        motion["time_s"],
+        *(motion[name] for name in _STATES),
+        np.ascontiguousarray(openings(motion["command"])),
+        motion["temperatures"].tolist(),
+    )
+    if "slides" not in motion:  # at the solution; what a change of a number does is seen along the same motion
+        speed = np.abs(motion["velocity_m_s"])
+        motion["slides"] = (speed > SLIDES * speed.max()) & (out["end_stop_force_n"] == 0.0)
+    slides = motion["slides"]
+    pushed, friction = out["force_n"] * slides, out["friction_n"] * slides
+    mass = candidates.get("cylinder.moving_mass_kg") + candidates.get("load.mass_kg")
+    if "inertia_n_kg" not in motion:
+        motion["inertia_n_kg"] = (pushed - friction) / mass
+    residual = mass * motion["inertia_n_kg"] - pushed + friction
+    rates = [out["pressure_rate_a_pa_s"], out["pressure_rate_b_pa_s"]]
+    return [residual, *rates], [np.hypot(pushed, friction), *rates]
+
+
+def _change(
+    candidates: Candidates, values: Array, k: int, step: float, motions: list[dict[str, Array]], scale: Array
+) -> Array:
+    """Change of all balances, each over the size of its terms, as one number of the drive changes by a step."""
+    parts = []
+    for motion in motions:
+        here = _balances(candidates, values, motion)[0]
+        for sign in (1.0, -1.0):  # a number at the edge of what is possible goes the other way
+            beside = values.copy()
+            beside[k] += sign * step
+            try:
+                there = _balances(candidates, beside, motion)[0]
+            except PneudriveError:
+                if sign < 0.0:
+                    raise
+                continue
+            parts += [sign * (b - a) / s for a, b, s in zip(here, there, scale, strict=True)]
+            break
+    return np.concatenate(parts)

@@ -1,0 +1,58 @@
+"""Numbers in sentences and tables, as people write them."""
+
+from __future__ import annotations
+
+import math
+
+
+def with_u(value: float, expanded: float, unit: str = "N") -> str:
+    """Write a value with its expanded uncertainty, which keeps two digits.
+
+    Examples
+    --------
+    >>> with_u(9.7862, 0.4873)
+    '9.79 ± 0.49 N'
+    >>> with_u(98.2, 11.4, "")
+    '98 ± 11'
+    >>> with_u(-0.0001, 0.064)  # no "-0.000"
+    '0.000 ± 0.064 N'
+    """
+    if not (math.isfinite(value) and math.isfinite(expanded)):
+        return f"{value:.3g} {unit}".strip() if math.isfinite(value) else "not determined"
+    digits = places(expanded)
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f} {unit}".strip()
+
+
+def places(uncertainty: float) -> int:
+    """Decimal places at which an uncertainty has two digits."""
+    if not uncertainty > 0.0:
+        return 2
+    return min(max(1 - math.floor(math.log10(uncertainty)), 0), 9)
+
+
+def plain(value: float, digits: int = 3) -> str:
+    """Write a number with some digits, without an exponent where people would not use one, and never "-0".
+
+    Examples
+    --------
+    >>> plain(312.4, 2), plain(-0.0), plain(0.0123456), plain(2.5e7)
+    ('310', '0', '0.0123', '2.5e+07')
+    """
+    if not math.isfinite(value):
+        return str(value)
+    rounded = float(f"{value:.{digits}g}") + 0.0
+    if rounded and not 1e-4 <= abs(rounded) < 1e6:
+        return f"{rounded:.{digits}g}"
+    decimals = digits - 1 - math.floor(math.log10(abs(rounded))) if rounded % 1.0 else 0
+    return f"{rounded:.{max(0, decimals)}f}"
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Write a number with fixed decimals, never "-0.0".
+
+    Examples
+    --------
+    >>> fixed(-0.04, 1), fixed(-0.06, 1)
+    ('0.0', '-0.1')
+    """
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"
