@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Supply as Supply
     from pneudrive.describe import Valve as Valve
     from pneudrive.errors import PneudriveError as PneudriveError
+    from pneudrive.identify import fit_any_law as fit_any_law
     from pneudrive.identify import fit_friction as fit_friction
     from pneudrive.identify.design import design as design
     from pneudrive.identify.dynamic import Sensor as Sensor
@@ -61,7 +62,7 @@ _HOME = {
     "save": "pneudrive.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.characteristics"),
     "compare": "pneudrive.characteristics.compare.comparison",
-    "fit_friction": "pneudrive.identify",
+    **dict.fromkeys(["fit_any_law", "fit_friction"], "pneudrive.identify"),
     "compare_laws": "pneudrive.identify.laws",
     "survey": "pneudrive.identify.survey",
     "design": "pneudrive.identify.design",

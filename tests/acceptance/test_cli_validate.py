@@ -94,6 +94,7 @@ def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys):
         (["validate", "DRIVE", "RUN", "--window", "5 mm"], "--window"),
         (["validate", "DRIVE", "RUN", "MAP"], "validated by itself"),
         (["export", "DRIVE", "--to", "simscape"], "does not say which speeds"),
+        (["export", "DRIVE", "--to", "fmu"], "no export of a drive as an FMU yet"),
         (["export", "DRIVE", "--to", "amesim", "--speeds", "1 mm/s .. 2 mm/s"], "no export to 'amesim'"),
         (["export", "DRIVE", "--to", "csv", "--pressure-a", "3 bar abs"], "is absolute"),
         (["export", "RUN", "--to", "csv"], "binary file"),

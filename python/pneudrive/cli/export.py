@@ -27,10 +27,12 @@ def export(
 ) -> None:
     """Write friction in another tool's form of the law, with how far it is off and what is lost."""
     from pneudrive.errors import CommandError
+    from pneudrive.identify.export import check_tool, read_source
     from pneudrive.identify.export import export as exported
-    from pneudrive.identify.export import read_source
     from pneudrive.identify.export.convert import curve_of
     from pneudrive.units import parse_pressure, parse_range
+
+    check_tool(to)
 
     def gauge(text: str | None, name: str) -> float | None:
         if text is None:

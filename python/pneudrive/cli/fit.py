@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.options import option
+from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -201,9 +202,12 @@ def _fitted(
     comparison: LawComparison | None = None
     chosen, form, loss = names[0], pressure or "linear", options["loss"]
     options = {key: value for key, value in options.items() if key != "loss"}
+    shown = on_terminal().tell
     if len(names) > 1 or forms is None or hold_out:
         try:
-            comparison = compare_laws(curves, names, pressure=forms, hold_out=hold_out or None, loss=loss, **options)
+            comparison = compare_laws(
+                curves, names, pressure=forms, hold_out=hold_out or None, loss=loss, progress=shown, **options
+            )
         except FitError as problem:
             if hold_out:
                 raise

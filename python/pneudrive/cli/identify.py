@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pneudrive.cli.options import sensor_option
+
 if TYPE_CHECKING:
     from pneudrive.identify.dynamic import Progress
 
@@ -46,7 +48,7 @@ def identify(
     if out is not None:
         check_target(out, (".toml",))
     names = [name.strip() for name in free.split(",") if name.strip()]
-    sensors = dict(_sensor(text) for text in sensor or ())
+    sensors = dict(sensor_option(text) for text in sensor or ())
     fit = identified(
         Drive.load(drive),
         list(recordings),
@@ -69,19 +71,3 @@ def identify(
 def _show(progress: Progress) -> None:
     rms = ", ".join(f"{name} {value:.3g}" for name, value in progress.rms.items())
     sys.stderr.write(f"step {progress.step} ({progress.phase}): cost {progress.cost:.5g}; rms {rms}\n")
-
-
-def _sensor(text: str) -> tuple[str, dict[str, str]]:
-    """Read ``position: noise = 2 um, offset = free``."""
-    from pneudrive.errors import CommandError
-
-    channel, colon, rest = text.partition(":")
-    entries: dict[str, str] = {}
-    for entry in filter(None, map(str.strip, rest.split(","))):
-        key, equals, value = (part.strip() for part in entry.partition("="))
-        if not equals or not value:
-            raise CommandError(f'"{entry}" in --sensor is not key = value', remedy='For instance "noise = 2 um".')
-        entries[key] = value
-    if not colon or not entries:
-        raise CommandError(f'--sensor "{text}" says nothing', remedy='For instance "position: noise = 2 um".')
-    return channel.strip(), entries

@@ -24,3 +24,17 @@ def option(name: str) -> Iterator[None]:
         yield
     except DescriptionError as error:
         raise CommandError(f"{name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+
+
+def sensor_option(text: str) -> tuple[str, dict[str, str]]:
+    """Read ``position: noise = 2 um, offset = free``."""
+    channel, colon, rest = text.partition(":")
+    entries: dict[str, str] = {}
+    for entry in filter(None, map(str.strip, rest.split(","))):
+        key, equals, value = (part.strip() for part in entry.partition("="))
+        if not equals or not value:
+            raise CommandError(f'"{entry}" in --sensor is not key = value', remedy='For instance "noise = 2 um".')
+        entries[key] = value
+    if not colon or not entries:
+        raise CommandError(f'--sensor "{text}" says nothing', remedy='For instance "position: noise = 2 um".')
+    return channel.strip(), entries

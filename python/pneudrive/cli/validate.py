@@ -9,16 +9,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import option
+from pneudrive.cli.options import option, sensor_option
 from pneudrive.cli.output import console, writable_folder
+from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
     from pneudrive.describe import Drive
+    from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.validate import Validation
 
 
 def validate(
-    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
+    drive: Annotated[
+        str,
+        typer.Argument(
+            help="Drive file (TOML), catalogue:NAME, or what `pneudrive identify --out` wrote: with the zeros of its "
+            "sensors.",
+            metavar="DRIVE|FIT",
+        ),
+    ],
     recordings: Annotated[
         list[Path],
         typer.Argument(
@@ -28,6 +37,13 @@ def validate(
     ],
     layout: Annotated[
         Path | None, typer.Option(help="How foreign files are read; default: layout.toml beside them.")
+    ] = None,
+    sensor: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='What is known of a sensor: "pressure_a: offset = 0.02 bar"; gain; "command: delay = 3 ms".',
+            metavar="CHANNEL: KEY = VALUE, ...",
+        ),
     ] = None,
     window: Annotated[str, typer.Option(help="Length of the runs that start from measured states.")] = "0.5 s",
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("validation"),
@@ -45,7 +61,9 @@ def validate(
 
     with option("--window"):
         seconds = parse(window, "s")
-    described = Drive.load(drive)
+    fit = _fit(drive)
+    described = Drive.load(drive) if fit is None else fit.apply()
+    known = dict(sensor_option(text) for text in sensor or ())
     if any(is_friction(path) for path in recordings):
         if len(recordings) > 1:
             raise CommandError("a friction map or a campaign is validated by itself", remedy="Name one of them.")
@@ -53,7 +71,10 @@ def validate(
         return
     with warnings.catch_warnings(record=True) as notes:
         warnings.simplefilter("always")
-        found = validated(described, list(recordings), layout=layout, window_s=seconds)
+        shown = on_terminal().tell
+        found = validated(
+            described, list(recordings), layout=layout, window_s=seconds, sensors=known or fit, progress=shown
+        )
     for note in dict.fromkeys(str(note.message) for note in notes):
         sys.stderr.write(f"Note: {note}\n")
     folder = writable_folder(out)
@@ -61,6 +82,18 @@ def validate(
     _say(found)
     for path in written:
         typer.echo(str(path))
+
+
+def _fit(path: str) -> DriveFit | None:
+    """Read a fit of a drive, where the file is one."""
+    from pneudrive.describe import toml
+    from pneudrive.errors import DescriptionError
+    from pneudrive.identify.dynamic.result import DriveFit
+
+    if Path(path).suffix != ".toml" or not Path(path).is_file():
+        return None
+    tables, _ = toml.read(path, DescriptionError, "`pneudrive identify --out` and `pneudrive apply --out` write TOML.")
+    return DriveFit.from_toml(path) if tables.get("kind") == "drive" and "values" in tables else None
 
 
 def _friction(drive: Drive, path: Path, out: Path) -> None:

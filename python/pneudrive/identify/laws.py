@@ -19,15 +19,17 @@ from pneudrive.identify.observations import observations
 from pneudrive.identify.support import as_it_is, with_knee
 from pneudrive.identify.survey import pressure_levels, row_labels
 from pneudrive.show import Shown
+from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     import xarray as xr
     from numpy.typing import NDArray
 
     from pneudrive.identify.model import Observations
     from pneudrive.identify.result import FrictionFit
+    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
@@ -145,6 +147,8 @@ def compare_laws(
     exclude_flags: Collection[str] = (),
     loss: str = "huber",
     probability: float = 0.9,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
 ) -> LawComparison:
     """Compare friction laws by AICc, BIC, and by prediction of conditions that were left out.
 
@@ -164,6 +168,8 @@ def compare_laws(
         As of :func:`fit_friction`.
     probability : float
         Of the prediction intervals that are counted.
+    progress, cancel : optional
+        See `pneudrive.watch.Watch`.
 
     Returns
     -------
@@ -181,7 +187,9 @@ def compare_laws(
     data, _ = observations(friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags)
     forms = _forms(data, pressure)
     held_out, folds = _folds(friction_map, data, hold_out)
-    tried = [_compared(name, form, data, folds, loss, probability) for name in laws for form in forms]
+    wanted = [(name, form) for name in laws for form in forms]
+    each = Watch(progress, cancel).each(wanted, "laws fitted, each with every condition left out once")
+    tried = [_compared(name, form, data, folds, loss, probability) for name, form in each]
     rows = [row for row in tried if isinstance(row, Compared)]
     if not rows:
         raise FitError("no law can be compared on this map", value="; ".join(str(row) for row in tried))
@@ -261,7 +269,12 @@ def _folds(
 
 
 def _compared(
-    name: str, form: str | None, data: Observations, folds: NDArray[np.int64], loss: str, probability: float
+    name: str,
+    form: str | None,
+    data: Observations,
+    folds: NDArray[np.int64],
+    loss: str,
+    probability: float,
 ) -> Compared | str:
     """Fit and predict, or say why that cannot be done."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN

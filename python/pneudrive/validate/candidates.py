@@ -62,6 +62,8 @@ class Candidate:
         Numbers that the candidate stands for: more of them explain more by chance.
     bounds : tuple of float
         Least and greatest amount that the description takes.
+    described : bool
+        Whether a drive file, or what is known of the sensors, can say it.
     """
 
     key: str
@@ -76,6 +78,7 @@ class Candidate:
     profile: Callable[[Scene, Signals], list[Values]] | None = None
     parts: int = 1
     bounds: tuple[float, float] = (-np.inf, np.inf)
+    described: bool = True
 
     def effect(self, scene: Scene, signals: Signals, amount: float, base: Values) -> Values:
         """Return what the residuals lose when the model is changed by `amount`."""
@@ -287,13 +290,13 @@ def _of_valve() -> list[Candidate]:
         Candidate("conductance", "valve", "{size} conductance C of the valve, all paths", "share", 0.05, 0.03,
                   "measure C (ISO 6358), or fit valve.conductance to these records", conductance, bounds=SHARE),
         Candidate("conductance to exhaust", "valve", "{size} conductance of the valve towards exhaust", "share",
-                  0.05, 0.04, _PATH_REMEDY, _edges(1, 3), bounds=SHARE),
+                  0.05, 0.04, _PATH_REMEDY, _edges(1, 3), bounds=SHARE, described=False),
         Candidate("conductance from supply", "valve", "{size} conductance of the valve from supply", "share",
-                  0.05, 0.04, _PATH_REMEDY, _edges(0, 2), bounds=SHARE),
+                  0.05, 0.04, _PATH_REMEDY, _edges(0, 2), bounds=SHARE, described=False),
         Candidate("conductance of a", "valve", "{size} conductance of the paths of chamber a", "share",
-                  0.05, 0.04, _PATH_REMEDY, _edges(0, 1), bounds=SHARE),
+                  0.05, 0.04, _PATH_REMEDY, _edges(0, 1), bounds=SHARE, described=False),
         Candidate("conductance of b", "valve", "{size} conductance of the paths of chamber b", "share",
-                  0.05, 0.04, _PATH_REMEDY, _edges(2, 3), bounds=SHARE),
+                  0.05, 0.04, _PATH_REMEDY, _edges(2, 3), bounds=SHARE, described=False),
         Candidate("critical pressure ratio", "valve", "critical pressure ratio b {size}", "1", 0.03, 0.03,
                   "measure b (ISO 6358), or fit valve.critical_pressure_ratio to these records",
                   _drive(lambda d, b: {"valve.critical_pressure_ratio": float(
@@ -302,9 +305,9 @@ def _of_valve() -> list[Candidate]:
                   "measure the valve's step response; identify with a free delay of the command", _command(_delayed)),
         Candidate("valve zero", "valve", "a valve whose zero lies at a command of {size}", "1", 0.01, 0.005,
                   "find the command at which the piston stands, and tare it",
-                  _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0))),
+                  _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0)), described=False),
         Candidate("dead zone", "valve", "a dead zone of the valve of {size} of its command", "1", 0.01, 0.005,
-                  "measure the flow over the command near zero", _command(_dead_zone)),
+                  "measure the flow over the command near zero", _command(_dead_zone), described=False),
     ]  # fmt: skip
 
 
@@ -314,18 +317,20 @@ def _of_supply() -> list[Candidate]:
                   "measure the pressure at the valve's inlet while the drive runs",
                   _drive(lambda d, p: {"supply.pressure": f"{d.supply_pressure_pa + p!r} Pa abs"})),
         Candidate("supply sag", "supply", "a supply pressure that falls by {size} at the greatest flow", "Pa",
-                  0.05e5, 0.1e5, "a larger regulator or a tank near the valve; measure the pressure there", term=_sag),
+                  0.05e5, 0.1e5, "a larger regulator or a tank near the valve; measure the pressure there", term=_sag,
+                  described=False),
     ]  # fmt: skip
 
 
 def _of_leaks(drive: Drive) -> list[Candidate]:
     return [
         Candidate("leak from a", "valve", "a leak from chamber a outside, {size} of C", "share of C", 0.005, 0.002,
-                  "seal-tightness test: shut the valve and watch pressure a", _leak(1)),
+                  "seal-tightness test: shut the valve and watch pressure a", _leak(1), described=False),
         Candidate("leak from b", "valve", "a leak from chamber b outside, {size} of C", "share of C", 0.005, 0.002,
-                  "seal-tightness test: shut the valve and watch pressure b", _leak(3)),
+                  "seal-tightness test: shut the valve and watch pressure b", _leak(3), described=False),
         Candidate("leak through the valve", "valve", "a leak of the valve from supply to both chambers, {size} of C",
-                  "share of C", 0.005, 0.002, "measure the pressure rise behind the shut valve", _leak(0, 2)),
+                  "share of C", 0.005, 0.002, "measure the pressure rise behind the shut valve", _leak(0, 2),
+                  described=False),
         Candidate("leak past the piston", "chamber", "a leak past the piston of {size} of C", "share of C",
                   0.005, 0.002, "hold the piston with one chamber under pressure and watch the other; "
                   "cylinder.leakage describes it", _drive(_piston_leak),
@@ -356,7 +361,8 @@ def _of_chambers(drive: Drive) -> list[Candidate]:
 def _of_sensors() -> list[Candidate]:
     return [
         *[Candidate(f"zero of pressure {c}", "sensor", f"pressure sensor {c} that shows {{size}} too much", "Pa",
-                    2e3, 2e3, "tare the sensor at ambient pressure", _sensor(c)) for c in "ab"],
+                    2e3, 2e3, "tare the sensor at ambient pressure, or let identify find its offset and validate that "
+                    "fit", _sensor(c)) for c in "ab"],
         Candidate("gain of the pressures", "sensor", "pressure sensors that show {size} too much", "share", 0.01, 0.01,
                   "calibrate the pressure sensors", _gain, bounds=(-0.5, 0.5)),
         Candidate("zero of the position", "sensor", "a position that is shown {size} too large", "m", 2e-3, 2e-3,

@@ -22,14 +22,16 @@ from pneudrive.numbers import with_u
 from pneudrive.show import Shown
 from pneudrive.validate.candidates import Candidate, candidates
 from pneudrive.validate.residuals import BALANCES, Residuals, Scene, half_support, raw_residuals, residuals
+from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
     from pneudrive.describe import Drive
     from pneudrive.validate.signals import Signals
+    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
     Values = tuple[Array, Array, Array]
@@ -243,7 +245,13 @@ class _Refined:
     after: Array
 
 
-def diagnose(drive: Drive, signals: Sequence[Signals]) -> Diagnosis:
+def diagnose(
+    drive: Drive,
+    signals: Sequence[Signals],
+    *,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> Diagnosis:
     """Find what the residuals of the balances point to.
 
     Parameters
@@ -252,18 +260,21 @@ def diagnose(drive: Drive, signals: Sequence[Signals]) -> Diagnosis:
         The model.
     signals : sequence of Signals
         Of recordings.
+    progress, cancel : optional
+        See `pneudrive.watch.Watch`.
 
     Returns
     -------
     Diagnosis
     """
+    watch = Watch(progress, cancel)
     search = _Search(drive, signals)
     model = search.start(drive)
     first = left = model.left(search)
     culprits: list[Culprit] = []
     alone: tuple[tuple[str, float, float], ...] = ()
     while len(culprits) < MOST_CULPRITS and _is_dirty(search, left):
-        refined = _refined(search, model, left, {c.key for c in culprits})
+        refined = _refined(search, model, left, {c.key for c in culprits}, watch)
         alone = alone or tuple((r.candidate.key, r.amount, r.share) for r in refined)
         # The one that explains most, or none: what it explains better is no evidence for another.
         if not refined or not _is_shown(search, found := refined[0], left):
@@ -279,13 +290,12 @@ def _is_dirty(search: _Search, e: Array) -> bool:
     return any(value > SOUGHT for value in search.sizes(e).values())
 
 
-def _refined(search: _Search, model: _Model, left: Array, taken: set[str]) -> list[_Refined]:
+def _refined(search: _Search, model: _Model, left: Array, taken: set[str], watch: Watch) -> list[_Refined]:
     """Fit each candidate by itself, refine the best on the equations; best first."""
     whole = float(left @ left)
     linear = []
-    for key, candidate in search.candidates.items():
-        if key in taken:
-            continue
+    wanted = {key: candidate for key, candidate in search.candidates.items() if key not in taken}
+    for candidate in watch.each(wanted.values(), f"causes tried for what is left after {len(taken)}"):
         if candidate.profile is not None:
             linear += [found] if (found := _profile(search, model, left, candidate)) is not None else []
             continue
@@ -409,4 +419,5 @@ def in_words(
     text = f"{100.0 * share:.0f} % of the residual is explained by {said}"
     if rivals:
         text += "; the recordings do not tell it from " + ", ".join(f"{key} ({100 * s:.0f} %)" for key, s in rivals[:4])
-    return f"{text}. Remedy: {candidate.remedy}."
+    untold = "" if candidate.described else ". A drive file cannot describe it yet"
+    return f"{text}{untold}. Remedy: {candidate.remedy}."

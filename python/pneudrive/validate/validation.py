@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.characterise.drive_recording import read_drive_recordings
 from pneudrive.characterise.plausible import check_plausible, time_gaps
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.show import Card, Shown
 from pneudrive.validate.breakaway import Breakaway, breakaways
+from pneudrive.validate.diagnosis import diagnose
 from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
+from pneudrive.validate.sensors import corrected
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import ModelRun, run_model
+from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -26,7 +30,9 @@ if TYPE_CHECKING:
     from pneudrive.characterise.drive_recording import DriveRecording, Given
     from pneudrive.characterise.layout import Layout
     from pneudrive.describe import Drive
+    from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.validate.diagnosis import Diagnosis
+    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
@@ -194,15 +200,14 @@ class Validation(Shown):
                 rows += [_condition(key, value, group) for value, group in sorted(groups.items())]
         return tuple(rows)
 
-    def diagnosis(self) -> Diagnosis:
+    def diagnosis(
+        self, progress: Callable[[float, float, str], None] | None = None, cancel: Flag | None = None
+    ) -> Diagnosis:
         """Say which terms of the balances the residual points to; see `pneudrive.validate.diagnosis`."""
-        return self._diagnosis
-
-    @cached_property
-    def _diagnosis(self) -> Diagnosis:
-        from pneudrive.validate.diagnosis import diagnose
-
-        return diagnose(self.drive, [r.signals for r in self.records])
+        if "_diagnosis" not in vars(self):
+            found = diagnose(self.drive, [r.signals for r in self.records], progress=progress, cancel=cancel)
+            vars(self)["_diagnosis"] = found
+        return vars(self)["_diagnosis"]
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml (metrics, verdicts, diagnosis) into a folder that is there."""
@@ -236,18 +241,21 @@ class Validation(Shown):
 
 
 def validate(
-    drive: Drive,
+    drive: Drive | DriveFit,
     recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
     *,
     layout: Layout | str | Path | None = None,
     window_s: float = WINDOW_S,
+    sensors: DriveFit | Mapping[str, Sensor | Mapping[str, Any]] | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
 ) -> Validation:
     """Compare a drive with recordings of it.
 
     Parameters
     ----------
-    drive : Drive
-        The model.
+    drive : Drive or DriveFit
+        The model; of a fit of a drive its `apply()`, with what it found of the sensors.
     recordings
         One or several of: a file as ``pneudrive simulate --out`` writes, a foreign one that a layout reads, what
         ``pn.simulate`` returns, a mapping of SI columns (time_s, command, position_m, pressure_a_pa, pressure_b_pa).
@@ -255,6 +263,14 @@ def validate(
         How foreign files are read; None: ``layout.toml`` beside the file.
     window_s : float
         Length of the runs that start from measured states, s.
+    sensors : DriveFit or mapping, optional
+        What is known of the sensors, and is taken off the recordings: what a fit found of them, or channel ->
+        ``{"offset": "0.02 bar"}``, gain; of the command its delay. What a fit found holds for its own recordings; a new
+        one gets the mean of each.
+    progress : callable, optional
+        Is called as ``progress(done, total, task)``, see `pneudrive.watch.Watch`.
+    cancel : object with ``is_set()``, optional
+        Once set, the call ends with `Cancelled`.
 
     Returns
     -------
@@ -277,15 +293,24 @@ def validate(
     >>> pn.validate(drive, run).verdicts[0].met
     True
     """
+    if isinstance(drive, DriveFit):
+        drive, sensors = drive.apply(), drive if sensors is None else sensors
     if not hasattr(drive, "core_json"):
         raise DescriptionError(f"drive is a {type(drive).__name__}", remedy='Write pn.Drive.load("drive.toml").')
     if not (np.isfinite(window_s) and window_s > 0.0):
         raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
-    read = read_drive_recordings(recordings, layout)
-    for recording in read:
+    watch = Watch(progress, cancel)
+    read, known = [], []
+    for recording in read_drive_recordings(recordings, layout):
         check_plausible(recording, drive)
-    records = tuple(_record(drive, Signals.of(r), window_s) for r in read)
-    return Validation(drive, records, window_s, (*_notes(records), *time_gaps(read)))
+        own = sensors.sensors_of(recording.name) if isinstance(sensors, DriveFit) else sensors
+        without, said = corrected(recording, own)
+        read.append(without)
+        known += said
+    records = tuple(_record(drive, Signals.of(r), window_s) for r in watch.each(read, "recordings simulated"))
+    found = Validation(drive, records, window_s, (*known, *_notes(records), *time_gaps(read)))
+    found.diagnosis(progress, cancel)
+    return found
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:

@@ -137,6 +137,32 @@ class DriveFit(WithIntervals, Shown):
         """Return what cannot be determined, in sentences."""
         return [str(u) for u in self.undetermined]
 
+    def sensors_of(self, recording: str) -> dict[str, dict[str, float]]:
+        """Return what the fit found of the sensors of a recording, as `pn.validate` takes it.
+
+        Parameters
+        ----------
+        recording : str
+            Its name. Of one that was not in the fit: what is common to all, and the mean of each offset and delay.
+
+        Returns
+        -------
+        dict
+            Channel -> offset, gain, lag or delay -> SI.
+        """
+        known = [str(r["name"]) for r in self.provenance.get("recordings", [])]
+        lost = {u.parameter for u in self.undetermined}
+        found: dict[tuple[str, str], list[float]] = {}
+        for name, value in self.sensors.items():
+            plain_name, _, which = name.partition(" [")
+            if name not in lost and (not which or which == f"{recording}]" or recording not in known):
+                channel, _, kind = plain_name.rpartition(".")
+                found.setdefault((channel, kind), []).append(value)
+        out: dict[str, dict[str, float]] = {}
+        for (channel, kind), values in found.items():
+            out.setdefault(channel, {})[kind] = float(np.mean(values))
+        return out
+
     def profile(self, names: Sequence[str] | None = None) -> dict[str, tuple[float, float]]:
         """95 % intervals by profile likelihood: each value is held, all others are fitted again.
 

@@ -261,6 +261,24 @@ def _csv(curve: Curve) -> Exported:
 TOOLS: dict[str, Callable[[Curve], Exported]] = {"simscape": _simscape, "modelica": _modelica, "csv": _csv}
 
 
+def check_tool(to: str) -> None:
+    """Refuse a tool to which nothing can be exported.
+
+    Raises
+    ------
+    FitError
+    """
+    if to in TOOLS:
+        return
+    if to == "fmu":
+        raise FitError(
+            "there is no export of a drive as an FMU yet",
+            rule="what there is: its friction law for " + ", ".join(TOOLS),
+            remedy="--to modelica gives a friction law that a Modelica tool can put into an FMU",
+        )
+    raise FitError(f"there is no export to {to!r}", remedy=nearest(to, TOOLS))
+
+
 def export(curve: Curve, to: str) -> Exported:
     """Convert a curve.
 
@@ -275,8 +293,7 @@ def export(curve: Curve, to: str) -> Exported:
     FitError
         Another tool, or a curve that is not finite or not positive.
     """
-    if to not in TOOLS:
-        raise FitError(f"there is no export to {to!r}", remedy=nearest(to, TOOLS))
+    check_tool(to)
     if not (np.isfinite(curve.friction_n).all() and (curve.friction_n > 0.0).all()):
         worst = float(np.min(np.where(np.isfinite(curve.friction_n), curve.friction_n, -np.inf)))
         raise FitError(

@@ -1,0 +1,61 @@
+"""What is known of the sensors of a recording, taken off it before it is compared with a model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.identify.dynamic.recordings import CHANNELS
+from pneudrive.identify.dynamic.sensors import Sensor, channels_of, command_delay
+from pneudrive.numbers import plain
+from pneudrive.units import readable
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.characterise.drive_recording import DriveRecording
+
+
+def corrected(
+    recording: DriveRecording, sensors: Mapping[str, Sensor | Mapping[str, Any]] | None
+) -> tuple[DriveRecording, list[str]]:
+    """Take offsets, gains and the delay of the command off a recording, and say so.
+
+    Parameters
+    ----------
+    recording : DriveRecording
+    sensors : mapping or None
+        Channel -> `Sensor` or its keywords, as of `identify`; offset, gain and lag are numbers here.
+
+    Raises
+    ------
+    FitError
+        A channel that the recording lacks, or a number that is to be sought.
+    """
+    if not sensors:
+        return recording, []
+    delay = command_delay(sensors)
+    present = [name for name, column in CHANNELS.items() if column in recording]
+    columns, said = dict(recording.columns), []
+    if delay.free or any(channel.free for channel in channels_of(present, sensors)):
+        raise FitError("validate seeks nothing", remedy="let identify find what is free, and hand its fit to validate")
+    for channel in channels_of(present, sensors):
+        if channel.offset != 0.0 or channel.gain != 1.0:
+            columns[channel.column] = (columns[channel.column] - channel.offset) / channel.gain
+            factor, unit = readable(channel.unit)
+            gain = f", gain {plain(channel.gain, 5)}" if channel.gain != 1.0 else ""
+            said.append(f"{channel.name} offset {plain(channel.offset / factor)} {unit}{gain}")
+        if channel.lag > 0.0:
+            said.append(f"{channel.name} lag of {plain(1e3 * channel.lag)} ms, which stays in it")
+    if delay.value_s != 0.0:
+        time, command = recording.time_s, recording["command"]
+        held = np.searchsorted(time, time - delay.value_s + 1e-9 * recording.duration_s, side="right") - 1
+        columns["command"] = command[np.clip(held, 0, time.size - 1)]
+        said.append(f"command that acts {plain(1e3 * delay.value_s)} ms late")
+    if not said:
+        return recording, []
+    note = f"{recording.name}: known of its sensors and taken off: {'; '.join(said)}"
+    return replace(recording, columns=columns), [note]
