@@ -23,12 +23,18 @@ if TYPE_CHECKING:
 
 SAME_SLOPE = 1e-3  # of the largest pressure: pairs that lie on one line closer than this do not tell both pressures
 CHANCE = 0.05
+#: Correlation of a pressure with the order of the cycles from which the two are said to go together (assumed).
+FOLLOWS_TIME = 0.7
 UNIT = "N/Pa"
 
 
 @dataclass(frozen=True, eq=False)
 class _Design:
-    """Cycles of one set of levels. Pressures are in bar, gauge; ``kind`` is both, a, b, sum or line."""
+    """Cycles of one set of levels. Pressures are in bar, gauge; ``kind`` is both, a, b, sum or line.
+
+    ``beside`` has a column for each set of equal cycles at other speeds, such as sentinels: they say nothing of
+    pressure, and tell what time did. Their ``level`` is -1.
+    """
 
     kind: str
     speeds: Array
@@ -36,7 +42,18 @@ class _Design:
     a: Array
     b: Array
     place: Array
+    beside: Array
+    order: Array
     pairs: tuple[tuple[float, float], ...]
+
+    @property
+    def compared(self) -> NDArray[np.bool_]:
+        """Cycles at speeds that were measured at all pressure pairs."""
+        return self.level >= 0
+
+    def centred(self, values: Array) -> Array:
+        """Values less their mean over the compared cycles, and zero beside them."""
+        return np.where(self.compared, values - values[self.compared].mean(), 0.0)
 
 
 def pressure_effects(reading: Reading, fits: Fits) -> tuple[PressureEffects, ...]:
@@ -58,13 +75,17 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
     design, members = _design(reading, fits, members)
     if design is None:
         return None
-    speed = np.eye(design.speeds.size)[design.level]
+    speed = np.eye(design.speeds.size)[design.level] * design.compared[:, None]
     slopes = {"both": [design.a, design.b], "a": [design.a], "b": [design.b]}.get(design.kind, [design.a])
     count = design.speeds.size
-    x = np.hstack([speed, *(speed * p[:, None] for p in slopes)])
+    base = np.hstack([design.beside, speed])
+    x = np.hstack([base, *(speed * p[:, None] for p in slopes)])
     if x.shape[0] <= x.shape[1] + 1:  # too few cycles for a slope at each speed: one for all of them
         count = 1
-        x = np.hstack([speed, *(p[:, None] for p in slopes)])
+        x = np.hstack([base, *(p[:, None] for p in slopes)])
+    # Where pressures act together, that is no scatter and no drift: slopes are taken beside it, at the mean pressures.
+    together = _together(design, x) if design.kind == "both" else np.zeros((x.shape[0], 0))
+    x = np.hstack([together, x])
     fit = _fit(reading, fits, members, x) if x.shape[0] > x.shape[1] + 1 else None
     if fit is None:
         return None
@@ -72,9 +93,13 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
     reach = [u / max(float(np.ptp(p)), 1e-12) for p in slopes]
     each = [tuple(_slope(fit, len(slopes), count, k, [s], reach[k]) for s in range(count)) for k in range(len(slopes))]
     means = [_slope(fit, len(slopes), count, k, range(count), reach[k]) for k in range(len(slopes))]
-    interaction, joint = _extra(reading, fits, members, x, design, [design.a * design.b])
-    squares = [p**2 for p in slopes]
-    curvature = _extra(reading, fits, members, x, design, squares)[0]
+    interaction, joint = None, None
+    if together.shape[1]:
+        rows = np.eye(x.shape[1])[: together.shape[1]]
+        interaction, joint = fit.f_test(rows), _per_pascal(fit.contrast(rows[0]), 2)
+    curvature = _curvature(
+        reading, fits, members, x, design, [design.centred(p) ** 2 * design.compared for p in slopes]
+    )
     first = {"both": 0, "a": 0}.get(design.kind)
     second = {"both": 1, "b": 0}.get(design.kind)
     total = None if design.kind in {"both", "a", "b"} else 0
@@ -87,11 +112,11 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
         mean_a=means[first] if first is not None else None,
         mean_b=means[second] if second is not None else None,
         mean_sum=means[total] if total is not None else None,
-        interaction=interaction if design.kind == "both" else None,
-        interaction_n_pa2=joint if design.kind == "both" else None,
+        interaction=interaction,
+        interaction_n_pa2=joint,
         curvature=curvature,
         gauge_pa=tuple((PA_PER_BAR * a, PA_PER_BAR * b) for a, b in design.pairs),
-        statement=_statement(design, means, interaction if design.kind == "both" else None, joint, curvature, u),
+        statement=_statement(design, means, interaction, joint, curvature, u),
     )
 
 
@@ -114,18 +139,26 @@ def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_
     ]
     if not levels:
         return None, members
-    members = members & np.isin(points.level, levels)
+    compared = members & np.isin(points.level, levels)
+    # Equal cycles at other speeds, in one set each; a single one would say nothing.
+    cell = points.condition * (int(points.level.max()) + 1) + points.level
+    sets, counts = np.unique(cell[members & ~compared], return_counts=True)
+    beside = members & ~compared & np.isin(cell, sets[counts > 1])
+    used = compared | beside
     table = np.array(pairs)
+    here = compared[used]
     design = _Design(
         kind=_kind(table),
         speeds=points.level_speeds_m_s[levels],
-        level=np.searchsorted(levels, points.level[members]),
-        a=table[of_cycle[members], 0],
-        b=table[of_cycle[members], 1],
-        place=np.log(points.reduced.speed_m_s[members]),
+        level=np.where(here, np.searchsorted(levels, points.level[used]), -1),
+        a=np.where(here, table[of_cycle[used], 0], 0.0),
+        b=np.where(here, table[of_cycle[used], 1], 0.0),
+        place=np.log(points.reduced.speed_m_s[used]),
+        beside=(cell[used][:, None] == sets[counts > 1]) & beside[used][:, None],
+        order=np.array([reading.order(d.head) for d, m in zip(points.reduced.data, used, strict=True) if m]),
         pairs=tuple((float(a), float(b)) for a, b in pairs),
     )
-    return design, members
+    return design, used
 
 
 def _kind(pairs: Array) -> str:
@@ -187,26 +220,41 @@ def _per_pascal(found: Estimate, power: int) -> Estimate:
     return Estimate(*values, unit, found.degrees_of_freedom, found.p)
 
 
-def _extra(
-    reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array, design: _Design, products: list[Array]
-) -> tuple[FTest | None, Estimate | None]:
-    """Test further products of pressures: their mean over speeds and their change with its logarithm."""
-    tilt = design.place - design.place.mean()
-    columns = [p for p in products if np.ptp(p) > 0]
-    both = [*columns, *(p * tilt for p in columns)] if design.speeds.size > 1 else columns
-    wide = np.column_stack([x, *both])
+def _over_speed(design: _Design, columns: list[Array]) -> list[Array]:
+    """Columns, and each of them with the logarithm of speed."""
+    tilt = design.centred(design.place)
+    return [*columns, *(c * tilt for c in columns)] if design.speeds.size > 1 else columns
+
+
+def _together(design: _Design, x: Array) -> Array:
+    """Columns of the product of both pressures, its mean over speeds and its change with their logarithm.
+
+    Centred, so that slopes beside it are those at the mean of the other pressure; none where the design does not carry
+    it.
+    """
+    product = design.centred(design.a) * design.centred(design.b)
+    columns = [c for c in _over_speed(design, [product]) if np.ptp(c) > 0.0]
+    kept = [k - x.shape[1] for k in independent(np.column_stack([x, *columns])).tolist() if k >= x.shape[1]]
+    if 0 not in kept or x.shape[0] <= x.shape[1] + len(kept) + 1:
+        return np.zeros((x.shape[0], 0))
+    return np.column_stack([columns[k] for k in kept])
+
+
+def _curvature(
+    reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array, design: _Design, squares: list[Array]
+) -> FTest | None:
+    """Test squares of pressures, their mean over speeds and their change with its logarithm."""
+    columns = [p for p in squares if np.ptp(p) > 0.0]
+    wide = np.column_stack([x, *_over_speed(design, columns)])
     kept = independent(wide)
     added = [k for k in kept.tolist() if k >= x.shape[1]]
     if len([k for k in added if k < x.shape[1] + len(columns)]) < len(columns) or not columns:
-        return None, None
+        return None
     wide = wide[:, kept]
     if wide.shape[0] <= wide.shape[1] + 1:
-        return None, None
+        return None
     fit = _fit(reading, fits, members, wide)
-    if fit is None:
-        return None, None
-    rows = np.eye(wide.shape[1])[x.shape[1] :]
-    return fit.f_test(rows), _per_pascal(fit.contrast(rows[0]), 2)
+    return None if fit is None else fit.f_test(np.eye(wide.shape[1])[x.shape[1] :])
 
 
 def _statement(
@@ -233,7 +281,27 @@ def _statement(
         text += _interaction(design, interaction, joint, u)
     if curvature is not None and curvature.p < CHANCE:
         text += f"Friction is not linear in pressure ({_chance(curvature.p)}): the slopes are those of a line. "
+    for name, pressure in {"both": (("p_a", "a"), ("p_b", "b")), "a": (("p_a", "a"),), "b": (("p_b", "b"),)}.get(
+        design.kind, (("the pressures", "a"),)
+    ):
+        if _with_time(design, getattr(design, pressure)):
+            text += (
+                f"The order of the cycles follows {name}, and nothing was repeated in between: a seal that runs in or "
+                "wears looks the same, and may be in these numbers. Run in first, or randomise the order. "
+            )
+            break
     return text.strip()
+
+
+def _with_time(design: _Design, pressure: Array) -> bool:
+    """Whether a pressure changed with time alone, and no equal cycles tell the two apart."""
+    here = design.compared
+    if design.beside.shape[1] or np.ptp(pressure[here]) == 0.0:
+        return False
+    cells = np.column_stack([design.level, design.a, design.b])[here]
+    if np.unique(cells, axis=0).shape[0] < cells.shape[0]:
+        return False
+    return abs(float(np.corrcoef(design.order[here], pressure[here])[0, 1])) > FOLLOWS_TIME
 
 
 def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> str:

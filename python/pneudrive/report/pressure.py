@@ -31,8 +31,8 @@ def section(found: Characterisation) -> Section | None:
         return None
     blocks: list = [
         Text(
-            "Each point is one recording with U (k = 2), which covers strokes and sensors but not a new assembly. The "
-            "band is where the friction of one further run is expected with 95 %; it includes the spread between runs."
+            "Each point is one recording with U (k = 2), which covers strokes and sensors but not a new assembly. "
+            f"{_band_in_words(found)}"
         ),
         Picture("friction-pressure", _caption(found), draw(found), synthetic=found.synthetic),
     ]
@@ -45,8 +45,23 @@ def section(found: Characterisation) -> Section | None:
 def _caption(found: Characterisation) -> str:
     spread = found.run_spread
     known = f"standard deviation between runs {100 * spread.relative:.0f} %" if spread else "nothing was run twice"
-    what = "Friction against gauge pressure, runs as separate markers; line and 95 % prediction band for a further run"
-    return f"{what} ({known})."
+    what = "Friction against gauge pressure, runs as separate markers; line and 95 % prediction band for "
+    return f"{what}{BAND[spread is not None]} ({known})."
+
+
+#: What the band holds, by whether anything was run twice.
+BAND = {True: "a further run", False: "a further recording of the same run"}
+
+
+def _band_in_words(found: Characterisation) -> str:
+    if found.run_spread is None:
+        return (
+            "The band is where one further recording of the same run is expected with 95 %. Nothing was run twice: a "
+            "further run may lie far outside."
+        )
+    return (
+        "The band is where the friction of one further run is expected with 95 %; it includes the spread between runs."
+    )
 
 
 def panels_of(found: Characterisation) -> dict[str, tuple[list[FrictionPoint], PressureLine | None]]:
@@ -114,7 +129,7 @@ def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | Non
         bar = line.band_pressure_pa / 1e5
         band = axis.fill_between(bar, line.band_low_n, line.band_high_n, color=style.BAND, lw=0)
         handles["line"] = axis.plot(bar, line.band_mean_n, "-", color=style.BLACK, lw=0.9, label="line")[0]
-        band.set_label("95 % for a further run")
+        band.set_label(f"95 % for {BAND[line.basis != 'unknown']}")
         handles["band"] = band
     runs = sorted({p.run for p in points})  # one order in all panels: a run keeps its marker
     own = []
