@@ -6,7 +6,6 @@ Fits of friction maps and fits of whole records both end here, so that a drive f
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -16,7 +15,7 @@ from pneudrive.describe.dependences import SealPressure
 from pneudrive.describe.friction import assumed_with, friction_laws, parameter_quantities
 from pneudrive.describe.provenance import marks as marks_of
 from pneudrive.describe.provenance import values as values_of
-from pneudrive.errors import FitError, PneudriveWarning, nearest
+from pneudrive.errors import FitError, nearest, warn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -140,11 +139,9 @@ def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[s
     own, limit = known[kept[0].removeprefix("friction.")], found.values[breakaway if kept == [coulomb] else coulomb]
     if own <= limit if kept == [coulomb] else own >= limit:
         return {}
-    warnings.warn(
+    warn(
         f"{kept[0]} = {own:.5g} N is not determined by the fit and would contradict it (breakaway >= coulomb); it is "
-        f"set to its limit, {limit:.5g} N",
-        PneudriveWarning,
-        stacklevel=4,
+        f"set to its limit, {limit:.5g} N"
     )
     other = breakaway if kept == [coulomb] else coulomb
     return {kept[0]: _rounded(limit, found.intervals.get(other), marks_of(drive)[other])}

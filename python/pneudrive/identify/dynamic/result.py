@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
-from pneudrive.errors import FitError, PneudriveWarning, nearest
+from pneudrive.errors import FitError, nearest, warn
 from pneudrive.identify.intervals import WithIntervals
 from pneudrive.numbers import places, plain
 from pneudrive.show import Shown
@@ -223,11 +222,7 @@ class DriveFit(WithIntervals, Shown):
         from pneudrive.identify.identified import Identified, apply_identified
 
         if not self.converged:
-            warnings.warn(
-                "the search did not converge: the drive gets its best values so far, without intervals",
-                PneudriveWarning,
-                stacklevel=2,
-            )
+            warn("the search did not converge: the drive gets its best values so far, without intervals")
         kept = self.determined
         found = Identified(
             values={n: self.values[n] for n in kept},
