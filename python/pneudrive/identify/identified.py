@@ -154,7 +154,7 @@ def _chamber(drive: Drive, name: str) -> Quantity | None:
         mark = known[name].mark
         return mark if isinstance(mark, Quantity) else None
     if name.startswith("friction.pressure."):
-        (mark,) = (m for m in SealPressure.model_fields["coulomb"].metadata if isinstance(m, Quantity))
+        (mark,) = (m for m in SealPressure.model_fields["coulomb_n_pa"].metadata if isinstance(m, Quantity))
         return mark
     raise FitError(f"the fit has {name}, which this drive does not have", remedy=nearest(name, known))
 
