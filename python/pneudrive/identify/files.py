@@ -62,7 +62,7 @@ def _uncertainty(fit: FrictionFit, name: str) -> dict[str, object]:
     """Uncertainty of what is determined; nothing for all else."""
     if name not in fit.intervals:
         return {}
-    errors = {"standard_error": fit.standard_errors[name], "u_systematic": fit.systematic[name]}
+    errors: dict[str, object] = {"standard_error": fit.standard_errors[name], "u_systematic": fit.systematic[name]}
     return errors | {"interval": list(fit.intervals[name])}
 
 

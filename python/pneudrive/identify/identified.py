@@ -126,7 +126,7 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
     return {f"friction.{k}": marks[k].show(v) for k, v in assumed_with(drive.friction, changed).items()}
 
 
-def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[str, str]:
+def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[str, str | float]:
     """Move a level that was not identified to the one that was, where it would lie on the wrong side of it.
 
     A drive breaks away at no less than its Coulomb force, so each of the two is a limit of the other.

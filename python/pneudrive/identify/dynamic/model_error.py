@@ -93,9 +93,12 @@ def _balances(candidates: Candidates, values: Array, motion: dict[str, Array]) -
     """Return what the equations give along a motion, and its terms: force in sliding, N, and pressure rates, Pa/s."""
     out = compiled(candidates.json(values)).along(
         motion["time_s"],
-        *(motion[name] for name in _STATES),
+        motion["position_m"],
+        motion["velocity_m_s"],
+        motion["pressure_a_pa"],
+        motion["pressure_b_pa"],
         np.ascontiguousarray(openings(motion["command"])),
-        motion["temperatures"].tolist(),
+        [float(t) for t in motion["temperatures"]],
     )
     if "slides" not in motion:  # at the solution; what a change of a number does is seen along the same motion
         speed = np.abs(motion["velocity_m_s"])
