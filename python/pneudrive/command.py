@@ -16,15 +16,16 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pneudrive.describe import Initial
+    from pneudrive.describe.signal import Signal
 
-Pairs: TypeAlias = Sequence[tuple[float | str, float]]
+Pairs: TypeAlias = Sequence[tuple[float | str, float | str]]
 Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
 #: Whatever `steps` reads.
 Command: TypeAlias = "str | Path | float | Callable[[float], float] | Pairs | np.ndarray"
 FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)], a CSV file or a function of time'
 
 
-def steps(command: Command, times: Sequence[float] | None = None) -> Steps:
+def steps(command: Command, times: Sequence[float] | None = None, signal: Signal | None = None) -> Steps:
     """Read a command.
 
     Parameters
@@ -35,6 +36,8 @@ def steps(command: Command, times: Sequence[float] | None = None) -> Steps:
         at `times` and held from each to the next, as a digital controller would.
     times : sequence of float, optional
         s; when a function is asked: rising from 0.
+    signal : Signal, optional
+        Electrical input of the valve (``drive.valve.command``), for commands such as ``"0 s: 7.5 V"``.
 
     Returns
     -------
@@ -55,7 +58,7 @@ def steps(command: Command, times: Sequence[float] | None = None) -> Steps:
         return _from_file(command)
     if isinstance(command, str):
         is_file = command.lower().endswith(".csv") or (":" not in command and _is_file(command))
-        return _from_file(Path(command)) if is_file else _from_text(command)
+        return _from_file(Path(command)) if is_file else _from_text(command, signal)
     if isinstance(command, Real):
         return _checked([(0.0, _number(command, "command"))])
     if callable(command):
@@ -72,18 +75,18 @@ def steps(command: Command, times: Sequence[float] | None = None) -> Steps:
                 rule="each entry is (time, command)",
                 remedy=f"Give {FORMS}.",
             ) from None
-        pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _number(value, "command")))
+        pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _opening(value, signal)))
     return _checked(pairs)
 
 
 @lru_cache(maxsize=64)
-def _from_text(text: str) -> Steps:
+def _from_text(text: str, signal: Signal | None) -> Steps:
     entries = [entry.strip() for entry in text.split(",")]
     if not text.strip():
         raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
     pairs = []
     if len(entries) == 1 and ":" not in text:
-        return _checked([(0.0, _number(text.strip(), "command"))])
+        return _checked([(0.0, _opening(text.strip(), signal))])
     for entry in entries:
         time, colon, value = entry.rpartition(":")
         if not colon or not time.strip():
@@ -92,7 +95,7 @@ def _from_text(text: str) -> Steps:
                 rule="each entry is time: command",
                 remedy='For instance "0 s: 0.6".',
             )
-        pairs.append((_time(time.strip()), _number(value.strip(), "command")))
+        pairs.append((_time(time.strip()), _opening(value.strip(), signal)))
     return _checked(pairs)
 
 
@@ -147,7 +150,11 @@ def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str] | None 
         if not time > before:
             raise CommandError(f"{time:g} s follows {before:g} s in the command", where=place(i), rule="times rise")
         if not abs(value) <= 1.0:
-            raise CommandError(f"command = {value:g} at {time:g} s", where=place(i), rule="-1 <= command <= 1")
+            raise CommandError(
+                f"command = {value:g} at {time:g} s",
+                where=place(i),
+                rule="-1 <= command <= 1: the share of full opening",
+            )
         before = time
     times, values = zip(*pairs, strict=True)
     return times, values
@@ -158,6 +165,18 @@ def _time(text: str) -> float:
         return units.parse(text, "s")
     except DescriptionError as error:
         raise CommandError(f"a time of the command: {error.what}", rule=error.rule, remedy=error.remedy) from None
+
+
+def _opening(given: object, signal: Signal | None) -> float:
+    """Read one command: a number, or a voltage or current where the valve says what that means."""
+    unit = given.split()[1:] if isinstance(given, str) else []
+    if not unit:
+        return _number(given, "command")
+    if signal is None:
+        what = f'command "{given}" has a unit, and the drive does not say what it means'
+        remedy = 'Write command = "0 V .. 10 V" under [valve], or give the share of full opening, -1 .. 1.'
+        raise CommandError(what, remedy=remedy)
+    return signal.opening(str(given))
 
 
 def _number(given: object, what: str, where: str | None = None) -> float:

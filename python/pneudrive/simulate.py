@@ -132,7 +132,7 @@ def run(
             rule=f"1 to {MOST_SAMPLES:.0e} samples",
         )
     asked = [k / rate for k in range(round(samples))] if callable(command) else None
-    steps = commands.steps(command, asked)
+    steps = commands.steps(command, asked, drive.valve.command)
     if isinstance(rtol, bool) or not 1e-13 <= rtol <= 1e-1:
         raise CommandError(f"rtol = {rtol} is out of bounds", rule="1e-13 <= rtol <= 0.1")
     start = drive.core_initial(commands.initial(initial))

@@ -94,7 +94,7 @@ def test_a_protocol_that_takes_too_long_gets_a_fraction_that_fits(capsys, tmp_pa
         (["plan", "quik-look"], "Did you mean 'quick-look'?"),
         (["plan", "nowhere.toml"], "there is no file nowhere.toml"),
         (["plan", "quick-look", "--rig", "default1"], "Did you mean 'default'?"),
-        (["plan", "quick-look", "--fraction", "no/such/folder.toml"], "no place for a protocol"),
+        (["plan", "quick-look", "--fraction", "no/such/folder.toml"], "a protocol cannot be written there"),
         (["plan", "quick-look", "--fraction", "part.toml"], "fits as it is"),
         (["plann"], "Did you mean 'plan'?"),
     ],

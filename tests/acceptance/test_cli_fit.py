@@ -134,14 +134,14 @@ def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
         (["fit", "{map}", "--pressure", "cubic"], "--pressure cubic is not known"),
         (["fit", "{map}", "--hold-out", "day"], "the friction map has no column 'day'"),
         (["fit", "{map}", "--direction", "up"], "both, +x or -x"),
-        (["fit", "{map}", "--out", "fit.txt"], "no place for a fit"),
+        (["fit", "{map}", "--out", "fit.txt"], "a fit cannot be written there"),
         (["fit", "{map}", "--by", "seals"], "no column 'seals'"),
         (["design", "nothing.toml"], "the fit cannot be read"),
-        (["design", "{fit}", "--points", "5", "--time", "1 h"], "exclude each other"),
+        (["design", "{fit}", "--points", "5", "--time", "1 h"], "cannot be given together"),
         (["design", "{fit}", "--criterion", "A"], "there is no criterion 'A'"),
         (["design", "{fit}", "--speeds", "1 mm/s .. 90 m/s"], "beyond what the rig reaches"),
         (["design", "{fit}", "--stops", "logarithm"], "there is no dwell law 'logarithm'"),
-        (["design", "{fit}", "--out", "next.txt"], "no place for a protocol"),
+        (["design", "{fit}", "--out", "next.txt"], "a protocol cannot be written there"),
     ],
 )
 def test_wrong_input_is_one_message_and_status_2(folder, tmp_path, monkeypatch, capsys, arguments, words):

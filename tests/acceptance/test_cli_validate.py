@@ -92,7 +92,7 @@ def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys):
     [
         (["validate", "DRIVE", "nowhere.parquet"], "there is no such file"),
         (["validate", "DRIVE", "RUN", "--window", "5 mm"], "--window"),
-        (["validate", "DRIVE", "RUN", "MAP"], "validated by itself"),
+        (["validate", "DRIVE", "RUN", "MAP"], "cannot be validated together"),
         (["export", "DRIVE", "--to", "simscape"], "does not say which speeds"),
         (["export", "DRIVE", "--to", "fmu"], "no export of a drive as an FMU yet"),
         (["export", "DRIVE", "--to", "amesim", "--speeds", "1 mm/s .. 2 mm/s"], "no export to 'amesim'"),

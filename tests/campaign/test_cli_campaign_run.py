@@ -65,8 +65,8 @@ def test_run_and_status(folder, asked, capsys):
     [
         (["run", "nothing.toml", "--into", "c"], "nothing.toml"),
         (["run", "quick-look", "--into", "c", "--rig", "nothing"], "'nothing' is no rig"),
-        (["run", "quick-look", "--into", "c", "--label", "seal"], "--label seal is no label"),
-        (["run", "quick-look", "--into", "c", "--patience", "long"], "--patience long is no time"),
+        (["run", "quick-look", "--into", "c", "--label", "seal"], "--label seal has no value"),
+        (["run", "quick-look", "--into", "c", "--patience", "long"], "--patience long is not a time"),
         (["resume", "c"], "this is not a campaign folder"),
         (["status", "c"], "this is not a campaign folder"),
         (["pause", "c"], "no process works in this campaign folder"),

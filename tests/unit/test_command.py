@@ -80,6 +80,23 @@ def test_wrong_files_name_the_line(tmp_path, content, what, line):
     assert line is None or caught.value.where == f"{path}:{line}"
 
 
+def test_a_valve_may_say_what_its_voltage_means():
+    plain = pn.Drive.load("catalogue:reference")
+    drive = plain.replace({"valve.command": "0 V .. 10 V"})
+    assert drive.description_hash == plain.description_hash
+    assert drive.replace({"name": "again"}).valve.command == drive.valve.command
+    assert command.steps("0 s: 7.5 V, 0.1 s: 0 V", None, drive.valve.command) == ((0.0, 0.1), (0.5, -1.0))
+    milliamps = plain.replace({"valve.command": "4 mA .. 20 mA"}).valve.command
+    assert command.steps([(0, "16 mA"), (0.1, -1)], None, milliamps) == ((0.0, 0.1), (pytest.approx(0.5), -1.0))
+    with pytest.raises(CommandError, match=r"12 V is outside[\s\S]*valve.command = 0 V .. 10 V"):
+        pn.simulate(drive, "12 V", "1 ms")
+    with pytest.raises(CommandError, match=r'command = "0 V .. 10 V" under \[valve\]'):
+        pn.simulate(plain, "5 V", "1 ms")
+    for wrong in ("10 V", "10 V .. 0 V", "0 mm .. 1 mm"):
+        with pytest.raises(DescriptionError, match=r"valve.command: .* is not a range"):
+            plain.replace({"valve.command": wrong})
+
+
 def test_the_start_state():
     start = command.initial("position = 50 mm, pressure_a = 2 bar gauge")
     assert (start.position_m, start.pressure_a.gauge, start.pressure_b) == (0.05, True, None)

@@ -39,7 +39,9 @@ def apply(
     if tables.get("kind") == "drive":
         after = DriveFit.from_toml(fit).apply(given)
     elif given is None:
-        raise CommandError("a fit of friction alone does not know the drive", remedy="name the drive file, too")
+        raise CommandError(
+            "this fit of friction does not say of which drive it is", remedy="Name the drive file after it."
+        )
     else:
         after = (LawFit if tables.get("kind") == KIND else FrictionFit).from_toml(fit).apply(given)
     if out is None:

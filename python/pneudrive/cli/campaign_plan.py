@@ -27,11 +27,13 @@ def check_target(path: Path, protocol: Protocol) -> None:
         The file exists, its folder does not, or the protocol is a fraction already.
     """
     if protocol.fraction is not None:
-        raise CommandError("--fraction: the protocol is a fraction already", remedy="Name the protocol that it is of.")
+        raise CommandError("--fraction: the protocol is a fraction already", remedy="Name the whole protocol.")
     if path.exists():
         raise CommandError(f"--fraction {path}: the file exists", remedy="Name another one.")
     if path.suffix != ".toml" or not path.parent.is_dir():
-        raise CommandError(f"--fraction {path}: no place for a protocol", rule="FILE.toml in a folder that exists")
+        raise CommandError(
+            f"--fraction {path}: a protocol cannot be written there", rule="FILE.toml in a folder that exists"
+        )
 
 
 def show(plan: Plan) -> str:

@@ -21,7 +21,7 @@ EXIT_OTHER, EXIT_INTERRUPTED = 1, 130
 
 Folder = Annotated[Path, typer.Argument(help="Campaign folder.", metavar="DIR")]
 Operator = Annotated[str, typer.Option(help="Who is at the rig; kept with the campaign and with each operator's step.")]
-Yes = Annotated[bool, typer.Option("--yes", help="Take operator's steps as done: nobody is there.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Take every step of the operator as done, without asking.")]
 Pace = Annotated[
     float | None,
     typer.Option(help="Seconds of a simulated rig per second on the wall; 1: real time. Absent: as fast as it goes."),
@@ -147,7 +147,7 @@ def _labels(given: list[str]) -> dict[str, str]:
     for one in given:
         name, equals, value = one.partition("=")
         if not (name.strip() and equals):
-            raise CommandError(f"--label {one} is no label", rule="KEY=VALUE")
+            raise CommandError(f"--label {one} has no value", rule="KEY=VALUE")
         labels[name.strip()] = value.strip()
     return labels
 
@@ -160,7 +160,7 @@ def _options(operator: str, yes: bool, patience: str) -> Options:
     try:
         seconds = units.parse(patience, "s")
     except PneudriveError as error:
-        raise CommandError(f"--patience {patience} is no time", value=str(error)) from None
+        raise CommandError(f"--patience {patience} is not a time", value=str(error)) from None
     if seconds < 0.0:
         raise CommandError(f"--patience {patience}", rule="zero or more")
     return Options(operator=operator, yes=yes, patience_s=seconds)

@@ -79,7 +79,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
 
     if len(recordings) > 1 or layout is not None:
         raise CommandError(
-            "a campaign is characterised by itself",
+            "a campaign cannot be characterised together with anything else",
             value=" ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else ""),
             rule="one folder, without recordings beside it and without a layout",
             remedy="for two campaigns against each other: pneudrive compare",

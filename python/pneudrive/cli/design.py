@@ -51,9 +51,11 @@ def design(
     from pneudrive.units import parse
 
     if out is not None and (out.exists() or out.suffix != ".toml" or not out.parent.is_dir()):
-        raise CommandError(f"--out {out}: no place for a protocol", rule="a new FILE.toml in a folder that exists")
+        raise CommandError(
+            f"--out {out}: a protocol cannot be written there", rule="a new FILE.toml in a folder that exists"
+        )
     if points and time:
-        raise CommandError("--points and --time exclude each other")
+        raise CommandError("--points and --time cannot be given together")
     found = FrictionFit.from_toml(fit)
     machine = load_rig(rig)
     identity, envelope = machine.identity(), machine.limits()

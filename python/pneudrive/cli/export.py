@@ -40,7 +40,9 @@ def export(
         with option(name):
             pressure = parse_pressure(text)
         if not pressure.gauge:
-            raise CommandError(f'{name} "{text}" is absolute', rule="friction counts from ambient", remedy="say gauge")
+            raise CommandError(
+                f'{name} "{text}" is an absolute pressure', rule="a gauge pressure", remedy='Write "... gauge".'
+            )
         return pressure.value_pa
 
     with option("--speeds"):

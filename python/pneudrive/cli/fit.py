@@ -67,7 +67,7 @@ def fit(
     if direction not in turn:
         raise CommandError(f"--direction {direction} is not known", rule="both, +x or -x")
     if out.suffix != ".toml" or not out.parent.is_dir():
-        raise CommandError(f"--out {out}: no place for a fit", rule="FILE.toml in a folder that exists")
+        raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
     curves = _map_of(source, layout)
     options = {"direction": turn[direction], "loss": loss, "ambient_pressure_pa": _ambient(curves, ambient)}
     for group, part in _groups(curves, by):

@@ -21,7 +21,10 @@ def identify(
         typer.Argument(help="Recordings: time, command, position, pressures.", metavar="RECORDING..."),
     ],
     free: Annotated[
-        str, typer.Option(help="What is sought, with commas: friction.coulomb, valve.conductance, ...", metavar="NAMES")
+        str,
+        typer.Option(
+            help="Parameters to be found, with commas: friction.coulomb, valve.conductance, ...", metavar="NAMES"
+        ),
     ],
     sensor: Annotated[
         list[str] | None,

@@ -36,5 +36,5 @@ def sensor_option(text: str) -> tuple[str, dict[str, str]]:
             raise CommandError(f'"{entry}" in --sensor is not key = value', remedy='For instance "noise = 2 um".')
         entries[key] = value
     if not colon or not entries:
-        raise CommandError(f'--sensor "{text}" says nothing', remedy='For instance "position: noise = 2 um".')
+        raise CommandError(f'--sensor "{text}" has no key = value', remedy='For instance "position: noise = 2 um".')
     return channel.strip(), entries

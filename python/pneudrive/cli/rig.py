@@ -27,15 +27,19 @@ def serve(
     port: Annotated[int, typer.Option(help="Port; 0 takes a free one.", min=0, max=65535)] = 4840,
     bind: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     pace: Annotated[float, typer.Option(help="1: in real time; 10: ten times faster; 0: as fast as it goes.")] = 1.0,
-    seed: Annotated[int, typer.Option(help="Of everything that is random on a simulated rig.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of all noise of a simulated rig.")] = 0,
     map: Annotated[Path | None, typer.Option(help="Node map; default: the one that is shipped.")] = None,  # noqa: A002
     heartbeat: Annotated[
-        str, typer.Option(help="A client that is silent this long finds the axis at rest; default: the map's.")
+        str, typer.Option(help="The axis stops where the client is silent for longer; default: as the map says.")
     ] = "",
-    certificate: Annotated[Path | None, typer.Option(help="Of this server: sign and encrypt everything.")] = None,
-    key: Annotated[Path | None, typer.Option(help="Of the certificate; default: beside it, with .key.")] = None,
+    certificate: Annotated[
+        Path | None, typer.Option(help="Certificate of this server; everything is then signed and encrypted.")
+    ] = None,
+    key: Annotated[
+        Path | None, typer.Option(help="Private key of the certificate; default: the same name with .key.")
+    ] = None,
     trust: Annotated[
-        list[Path] | None, typer.Option(help="Certificate of a client that is let in; repeatable.")
+        list[Path] | None, typer.Option(help="Certificate of a client that may connect; repeatable.")
     ] = None,
     user_file: Annotated[Path | None, typer.Option(help="Users that may log in; made by `pneudrive rig user`.")] = None,
     trust_user: Annotated[list[Path] | None, typer.Option(help="Certificate of a user; repeatable.")] = None,
@@ -92,7 +96,7 @@ def user(
     name: Annotated[str, typer.Argument(help="Name to log in with.")],
     user_file: Annotated[Path, typer.Option(help="File of users; it keeps salted hashes, no passwords.")],
 ) -> None:
-    """Add a user who may log in, or give one another password; it is asked for, or read from standard input."""
+    """Add a user who may log in, or change the password of one. It is asked for, or read from standard input."""
     from pneudrive.rig.opcua_access import add_user
 
     if sys.stdin.isatty():

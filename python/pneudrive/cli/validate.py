@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,17 +64,15 @@ def validate(
     known = dict(sensor_option(text) for text in sensor or ())
     if any(is_friction(path) for path in recordings):
         if len(recordings) > 1:
-            raise CommandError("a friction map or a campaign is validated by itself", remedy="Name one of them.")
+            raise CommandError(
+                "a friction map or a campaign cannot be validated together with other files", remedy="Name one of them."
+            )
         _friction(described, recordings[0], out)
         return
-    with warnings.catch_warnings(record=True) as notes:
-        warnings.simplefilter("always")
-        shown = on_terminal().tell
-        found = validated(
-            described, list(recordings), layout=layout, window_s=seconds, sensors=known or fit, progress=shown
-        )
-    for note in dict.fromkeys(str(note.message) for note in notes):
-        sys.stderr.write(f"Note: {note}\n")
+    shown = on_terminal().tell
+    found = validated(
+        described, list(recordings), layout=layout, window_s=seconds, sensors=known or fit, progress=shown
+    )
     folder = writable_folder(out)
     written = [*found.write(folder), write_validation_report(found, folder)]
     _say(found)

@@ -105,7 +105,9 @@ class Drive(Described):
                 return cls.model_validate(tables)
             if not isinstance(base, str) or not base.startswith(catalogue.PREFIX):
                 raise wrong(
-                    "drive", f"drive = {base!r} names no drive", remedy=f'Write drive = "{catalogue.PREFIX}NAME".'
+                    "drive",
+                    f"drive = {base!r} is not a drive of the catalogue",
+                    remedy=f'Write drive = "{catalogue.PREFIX}NAME".',
                 )
             return cls._from_catalogue(base, tables)
         except DescriptionError as error:

@@ -329,7 +329,7 @@ class Friction(Described):
     @model_validator(mode="after")
     def _shape(self) -> Friction:
         if self.stribeck_shape is not None and (self.formula is not None or not has_stribeck_curve(self.law)):
-            what = f'friction.stribeck_shape needs a Stribeck curve, which law "{self.law}" has not'
+            what = f'friction.stribeck_shape needs a Stribeck curve, and law "{self.law}" has none'
             laws = ", ".join(name for name in friction_laws() if has_stribeck_curve(name))
             raise wrong("friction.stribeck_shape", what, remedy=f"Laws with one: {laws}.")
         if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
@@ -367,7 +367,7 @@ class Friction(Described):
     @model_validator(mode="after")
     def _bristles_relax(self) -> Friction:
         if self.relaxation is not None and not self.entry["bristles"]:
-            what = f'friction.relaxation needs elastic bristles, which law "{self.law}" has not'
+            what = f'friction.relaxation needs elastic bristles, and law "{self.law}" has none'
             laws = ", ".join(name for name in friction_laws() if has_bristles(name))
             raise wrong("friction.relaxation", what, remedy=f"Laws of bristles: {laws}.")
         return self

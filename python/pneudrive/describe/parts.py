@@ -28,6 +28,7 @@ from pneudrive.describe.base import (
     wrong,
 )
 from pneudrive.describe.geometry import piston_areas
+from pneudrive.describe.signal import Signal, SignalRange
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
 
@@ -184,6 +185,7 @@ class Valve(Described):
     """A 5/3 proportional valve.
 
     A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance, u < 0 the mirror.
+    `command` is the range of its electrical input where commands are given in V or mA: its ends are u = -1 and u = 1.
     Its size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv
     (`pneudrive.describe.valve_flow` says what each conversion assumes).
     """
@@ -201,6 +203,7 @@ class Valve(Described):
     critical_pressure_ratio: Fraction
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: Fraction = 0.999
+    command: Annotated[Signal | None, SignalRange("")] = None
 
     @model_validator(mode="after")
     def _one_size(self) -> Valve:

@@ -42,7 +42,7 @@ class _Ends(Quantity):
         """Check the form alone: the unit is that of the value."""
         pair = isinstance(given, list | tuple) and len(given) == 2
         if not pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
-            raise WrongValueError(f"{given!r} is no interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
+            raise WrongValueError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
         return Interval(*(str(end) for end in given))  # type: ignore[union-attr]
 
     def show(self, value: Interval) -> list[str]:  # type: ignore[override]
@@ -150,7 +150,7 @@ def check(drive: Drive) -> None:
     for key, origin in drive.provenance.items():
         full = f"provenance.{key}"
         if key not in known:
-            raise wrong(full, f'[provenance."{key}"] names no value of this drive', remedy=nearest(key, known))
+            raise wrong(full, f'[provenance."{key}"] is not a value of this drive', remedy=nearest(key, known))
         try:
             low, high = origin.bounds_si(known[key].mark)
         except (DescriptionError, ValueError) as error:

@@ -1,0 +1,80 @@
+"""The electrical signal that commands a valve: which voltage or current means which opening."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from pneudrive import units
+from pneudrive.describe.base import Quantity, WrongValueError
+from pneudrive.errors import CommandError, DescriptionError
+
+# SI unit -> unit in which it is written
+_WRITTEN = {"V": "V", "A": "mA"}
+_FORM = '"0 V .. 10 V" or "4 mA .. 20 mA"'
+
+
+class Signal(NamedTuple):
+    """Range of a valve's electrical input, V or A.
+
+    Its lower end opens b fully to the supply (u = -1), its upper end a (u = 1); the valve is shut half-way.
+    """
+
+    low: float
+    high: float
+    si_unit: str
+
+    def __str__(self) -> str:
+        unit = _WRITTEN[self.si_unit]
+        return " .. ".join(units.write(end, self.si_unit, unit) for end in self[:2])
+
+    def opening(self, text: str) -> float:
+        """Convert a voltage or current to the command u in [-1, 1].
+
+        Raises
+        ------
+        CommandError
+            It is another quantity, or lies outside the range.
+
+        Examples
+        --------
+        >>> Signal(0.0, 10.0, "V").opening("7.5 V")
+        0.5
+        """
+        try:
+            value = units.parse(text, self.si_unit)
+        except DescriptionError as error:
+            raise CommandError(f"command: {error.what}", rule=error.rule, remedy=error.remedy) from None
+        if not self.low <= value <= self.high:
+            raise CommandError(f"command = {text} is outside the valve's range", rule=f"valve.command = {self}")
+        return (2.0 * value - self.low - self.high) / (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class SignalRange(Quantity):
+    """Annotation of a field that takes a range of voltage or current and stores a `Signal`."""
+
+    def read(self, given: object) -> Signal:  # type: ignore[override]
+        """Read ``"0 V .. 10 V"``."""
+        if isinstance(given, Signal):
+            return given
+        if not isinstance(given, str):
+            raise WrongValueError(f"{given!r} is not a range", remedy=f"Write {_FORM}.")
+        si_unit = "A" if given.rstrip().endswith("A") else "V"
+        try:
+            return Signal(*units.parse_range(given, si_unit), si_unit)
+        except DescriptionError as error:
+            what = f'"{given}" is not a range of voltage or current'
+            raise WrongValueError(what, error.rule, f"Write {_FORM}.") from None
+
+    def show(self, value: Signal) -> str:  # type: ignore[override]
+        """Write it as users would."""
+        return str(value)
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {
+            "type": "string",
+            "pattern": r"^.+\.\..+$",
+            "description": f"a range of voltage or current, e.g. {_FORM}",
+        }
