@@ -96,7 +96,7 @@ def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys):
         (["export", "DRIVE", "--to", "simscape"], "does not say which speeds"),
         (["export", "DRIVE", "--to", "fmu"], "no export of a drive as an FMU yet"),
         (["export", "DRIVE", "--to", "amesim", "--speeds", "1 mm/s .. 2 mm/s"], "no export to 'amesim'"),
-        (["export", "DRIVE", "--to", "csv", "--pressure-a", "3 bar abs"], "is absolute"),
+        (["export", "DRIVE", "--to", "csv", "--pressure-a", "3 bar abs"], "is an absolute pressure"),
         (["export", "RUN", "--to", "csv"], "binary file"),
     ],
 )
