@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Spring as Spring
     from pneudrive.describe import Supply as Supply
     from pneudrive.describe import Valve as Valve
+    from pneudrive.describe.tank import Tank as Tank
     from pneudrive.errors import PneudriveError as PneudriveError
     from pneudrive.identify import fit_any_law as fit_any_law
     from pneudrive.identify import fit_friction as fit_friction
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.dynamic import identify_presliding as identify_presliding
     from pneudrive.identify.laws import compare_laws as compare_laws
     from pneudrive.identify.survey import survey as survey
+    from pneudrive.identify.volume import identify_volume as identify_volume
     from pneudrive.simulate import citations as citations
     from pneudrive.simulate import simulate as simulate
     from pneudrive.trajectory import save as save
@@ -65,6 +67,8 @@ _HOME = {
     **dict.fromkeys(["fit_any_law", "fit_friction"], "pneudrive.identify"),
     "compare_laws": "pneudrive.identify.laws",
     "survey": "pneudrive.identify.survey",
+    "Tank": "pneudrive.describe.tank",
+    "identify_volume": "pneudrive.identify.volume",
     "design": "pneudrive.identify.design",
     "identify": "pneudrive.identify.dynamic",
     "Sensor": "pneudrive.identify.dynamic",

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 __all__ = [
     "Drive",
     "Rig",
+    "Tank",
     "choked_flow_factor",
     "flow_ratio",
     "formula_law",
@@ -42,6 +43,23 @@ class Shot(TypedDict):
     end_sensitivities: NDArray[float64]
     failures: list[str | None]
     start_names: list[str]
+
+@final
+class Tank:
+    def __new__(cls, json: str) -> Tank: ...
+    def shoot(
+        self,
+        times: Sequence[float] | NDArray[float64],
+        commands: Sequence[float] | NDArray[float64],
+        sample_times: Sequence[float] | NDArray[float64],
+        starts: Sequence[int],
+        initial: NDArray[float64],
+        parameters: Sequence[str],
+        with_initial: bool | Sequence[int],
+        outputs: Sequence[str],
+        rtol: float,
+        threads: int = 2,
+    ) -> Shot: ...
 
 @final
 class Drive:

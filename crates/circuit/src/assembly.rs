@@ -7,6 +7,7 @@ mod leak;
 mod own_law;
 mod rig;
 mod shoot;
+mod tank;
 
 pub use along::{ALONG, Record, Restart};
 pub use drive::{Drive, Servo};
@@ -14,3 +15,4 @@ pub use friction::{friction_law, steady_sensitivity};
 pub use own_law::own_law;
 pub use rig::{End, Motion, Rig, Start};
 pub use shoot::{ByStart, DIRECTIONS, Shooting, Shot};
+pub use tank::Tank;

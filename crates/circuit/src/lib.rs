@@ -1,7 +1,7 @@
 //! Volumes, restrictions, pistons and springs joined into one system of equations.
 //!
 //! A [`Circuit`] is parts and the nodes that join them: gas nodes carry pressure, temperature, mass
-//! and enthalpy flow; axes carry position, velocity and force. [`Drive`] and [`Rig`] are assemblies
+//! and enthalpy flow; axes carry position, velocity and force. [`Drive`], [`Rig`] and [`Tank`] are assemblies
 //! made of nothing but public parts.
 
 mod assembly;
@@ -14,7 +14,7 @@ mod run;
 pub mod specification;
 
 pub use assembly::{
-    ALONG, ByStart, DIRECTIONS, Drive, End, Motion, Record, Restart, Rig, Servo, Shooting, Shot, Start,
+    ALONG, ByStart, DIRECTIONS, Drive, End, Motion, Record, Restart, Rig, Servo, Shooting, Shot, Start, Tank,
     friction_law, own_law, steady_sensitivity,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};

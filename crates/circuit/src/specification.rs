@@ -20,6 +20,40 @@ pub struct GasState {
     pub temperature_k: f64,
 }
 
+/// A volume without a piston. Heat passes its whole wall at `heat_transfer_w_k` times the difference of
+/// temperatures; the leak goes into the ambient air.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FixedVolume {
+    pub volume_m3: f64,
+    pub heat_transfer_w_k: f64,
+    pub wall_temperature_k: f64,
+    #[serde(default)]
+    pub leakage_m3_s_pa: f64,
+}
+
+/// What joins a volume to gas of constant pressure and temperature: a restriction after ISO 6358.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Line {
+    pub conductance_m3_s_pa: f64,
+    pub critical_pressure_ratio: f64,
+    pub subsonic_index: f64,
+    pub linear_above: f64,
+    pub pressure_pa: f64,
+    pub temperature_k: f64,
+}
+
+/// A tank on a line, or one that is shut where there is none.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tank {
+    pub gas: Gas,
+    pub ambient: GasState,
+    pub volume: FixedVolume,
+    pub line: Option<Line>,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CylinderKind {

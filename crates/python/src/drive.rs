@@ -230,27 +230,13 @@ impl PyDrive {
             starts,
             initial: initial.as_array().iter().copied().collect(),
             parameters,
-            with_initial: match with_initial {
-                WithInitial::All(all) => all.into(),
-                WithInitial::Of(places) => ByStart::Of(places),
-            },
+            with_initial: with_initial.into(),
             outputs,
             options: options(rtol),
             threads,
         };
         let shot = detached(py, |interrupted| self.drive.shoot(&self.json, &asked, interrupted))?;
-        let Shot { values, sensitivities, ends, end_sensitivities, failures, directions } = shot;
-        let (samples, outputs) = (asked.sample_times.len(), asked.outputs.len());
-        let (segments, states) = (asked.starts.len(), self.drive.start_names().len());
-        let array = |values: Vec<f64>| PyArray1::from_vec(py, values);
-        let out = PyDict::new(py);
-        out.set_item("values", array(values).reshape([samples, outputs])?)?;
-        out.set_item("sensitivities", array(sensitivities).reshape([samples, outputs, directions])?)?;
-        out.set_item("ends", array(ends).reshape([segments, states])?)?;
-        out.set_item("end_sensitivities", array(end_sensitivities).reshape([segments, states, directions])?)?;
-        out.set_item("failures", failures)?;
-        out.set_item("start_names", self.drive.start_names())?;
-        Ok(out)
+        shot_to_dict(py, &asked, shot, self.drive.start_names())
     }
 
     /// What the user should know about this description.
@@ -295,7 +281,37 @@ fn initial_state(initial: &Bound<'_, PyDict>) -> PyResult<specification::Initial
 
 /// Whether to differentiate by the starts, or by which of their numbers.
 #[derive(FromPyObject)]
-enum WithInitial {
+pub enum WithInitial {
     All(bool),
     Of(Vec<usize>),
+}
+
+impl From<WithInitial> for ByStart {
+    fn from(asked: WithInitial) -> Self {
+        match asked {
+            WithInitial::All(all) => all.into(),
+            WithInitial::Of(places) => ByStart::Of(places),
+        }
+    }
+}
+
+/// What a shot gave, as arrays by name.
+pub fn shot_to_dict<'py>(
+    py: Python<'py>,
+    asked: &Shooting,
+    shot: Shot,
+    start_names: Vec<String>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let Shot { values, sensitivities, ends, end_sensitivities, failures, directions } = shot;
+    let (samples, outputs) = (asked.sample_times.len(), asked.outputs.len());
+    let (segments, states) = (asked.starts.len(), start_names.len());
+    let array = |values: Vec<f64>| PyArray1::from_vec(py, values);
+    let out = PyDict::new(py);
+    out.set_item("values", array(values).reshape([samples, outputs])?)?;
+    out.set_item("sensitivities", array(sensitivities).reshape([samples, outputs, directions])?)?;
+    out.set_item("ends", array(ends).reshape([segments, states])?)?;
+    out.set_item("end_sensitivities", array(end_sensitivities).reshape([segments, states, directions])?)?;
+    out.set_item("failures", failures)?;
+    out.set_item("start_names", start_names)?;
+    Ok(out)
 }

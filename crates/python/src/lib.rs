@@ -4,6 +4,7 @@ mod convert;
 mod drive;
 mod friction;
 mod rig;
+mod tank;
 
 use physics::IdealGas;
 use physics::flow::{Iso6358, LINEAR_ABOVE, choked_factor};
@@ -26,6 +27,7 @@ fn choked_flow_factor(heat_capacity_ratio: f64) -> f64 {
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<drive::PyDrive>()?;
     m.add_class::<rig::PyRig>()?;
+    m.add_class::<tank::PyTank>()?;
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;
     m.add_function(wrap_pyfunction!(friction::formula_law, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction, m)?)?;

@@ -23,8 +23,12 @@ if TYPE_CHECKING:
 CHANNEL_UNITS = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
 # Channels that a recording of a drive has beside them; a layout that names the command is one of a drive.
 DRIVE_UNITS = {"command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"}
+# Channels of a recording of a fixed volume: its command is the share of the line's opening.
+VOLUME_UNITS = {"time": "s", "pressure": "Pa", "command": ""}
+KINDS = ("rig", "drive", "fixed-volume")
 COLUMN_KEYS = {"column", "unit", "positive", "scale", "offset", "delay", "accuracy", "range", "calibration", "format"}
 TOP_KEYS: dict[str, tuple[type, str]] = {
+    "kind": (str, "a text in quotes"),
     "format": (str, "a text in quotes"),
     "delimiter": (str, "a text in quotes"),
     "header": (bool, "true or false"),
@@ -35,7 +39,7 @@ TOP_KEYS: dict[str, tuple[type, str]] = {
     "skip_samples": (int, "a whole number"),
 }
 TABLES: dict[str, set[str] | None] = {
-    "columns": {*CHANNEL_UNITS, *DRIVE_UNITS, "cycle"},
+    "columns": {*CHANNEL_UNITS, *DRIVE_UNITS, *VOLUME_UNITS, "cycle"},
     "geometry": {"kind", "bore", "rod_diameter", "area_a", "area_b", "bore_accuracy", "area_accuracy"},
     "chamber_a": {"open_to_ambient", "pressure"},
     "chamber_b": {"open_to_ambient", "pressure"},
@@ -93,8 +97,8 @@ class FileLayout:
 
 
 @dataclass(frozen=True)
-class DriveLayout:
-    """What a layout says of a file that recorded a drive: no geometry, which the drive has."""
+class SampledLayout:
+    """What a layout says of a file that recorded a drive or a fixed volume: no geometry, which these have."""
 
     format: str
     text: TextForm
@@ -160,7 +164,19 @@ class Layout(Shown):
         LayoutError
             A value that is wrong for this file.
         """
+        self._needs("rig", "friction needs time, position and force")
         return self._with_overrides(self._matching(path)).file_layout(path)
+
+    def for_volume_file(self, path: Path) -> SampledLayout:
+        """Apply the overrides that match the file's name, for a recording of a fixed volume.
+
+        Raises
+        ------
+        LayoutError
+            A value that is wrong for this file, or a layout of another kind.
+        """
+        self._needs("fixed-volume", 'kind = "fixed-volume", with the columns time and pressure')
+        return self._with_overrides(self._matching(path)).volume_layout(path)
 
     def _matching(self, path: Path) -> list[int]:
         names = (path.name, stem(path))
@@ -171,12 +187,24 @@ class Layout(Shown):
         ]
 
     @property
-    def is_of_drive(self) -> bool:
-        """Whether it reads recordings of a drive: it says where the command is."""
+    def kind(self) -> str:
+        """What was recorded: a ``rig``, a ``drive`` (a layout that names a command), or a ``fixed-volume``."""
         trees = [self.tree, *self.tree.get("for", [])]
-        return any(isinstance(tree.get("columns"), dict) and "command" in tree["columns"] for tree in trees)
+        names_command = any(isinstance(tree.get("columns"), dict) and "command" in tree["columns"] for tree in trees)
+        return self.tree.get("kind", "drive" if names_command else "rig")
 
-    def for_drive_file(self, path: Path) -> DriveLayout:
+    def _needs(self, kind: str, verb: str) -> None:
+        """Refuse to read another kind of recording than the layout is for."""
+        if self.kind != kind and "fixed-volume" in (self.kind, kind):
+            other = "a fixed volume" if kind == "fixed-volume" else f"a {kind}"
+            raise self.fail(
+                f"this layout is for recordings of a {self.kind.replace('-', ' ')}, and those of {other} are needed",
+                *(["kind"] if "kind" in self.tree else []),
+                rule=f"{verb}",
+                remedy='a fixed volume (kind = "fixed-volume") goes with `pneudrive identify TANK.toml RECORDING`',
+            )
+
+    def for_drive_file(self, path: Path) -> SampledLayout:
         """Apply the overrides that match the file's name, for a recording of a drive.
 
         Raises
@@ -184,6 +212,7 @@ class Layout(Shown):
         LayoutError
             A value that is wrong for this file, or no command.
         """
+        self._needs("drive", "a drive needs time, command, position and both pressures")
         return self._with_overrides(self._matching(path)).drive_layout(path)
 
     def fail(self, what: str, *keys: str, rule: str | None = None, remedy: str | None = None) -> LayoutError:
@@ -210,6 +239,8 @@ class Layout(Shown):
         if not isinstance(overrides, list):
             raise self.fail("[for] must be written [[for]], one for each group of files", "for")
         self._check_tree({k: v for k, v in self.tree.items() if k not in ("for", "schema")}, ())
+        if self.kind not in KINDS:
+            raise self.fail(f"kind = '{self.kind}' is not known", "kind", remedy=nearest(self.kind, KINDS))
         for index, override in enumerate(overrides):
             if not isinstance(override.get("match"), str):
                 raise self.fail(
@@ -219,10 +250,9 @@ class Layout(Shown):
         for chosen in ([], *([index] for index in range(len(overrides)))):
             # What is missing here, another [[for]] may give: only the layout of a file has to be whole.
             values = self._with_overrides(chosen, is_part=bool(overrides))
-            if self.is_of_drive:
-                values.drive_layout(None)
-            else:
-                values.file_layout(None)
+            {"drive": values.drive_layout, "fixed-volume": values.volume_layout}.get(self.kind, values.file_layout)(
+                None
+            )
         return self
 
     def _check_tree(self, tree: dict[str, Any], prefix: tuple[str, ...]) -> None:

@@ -12,10 +12,11 @@ from pneudrive.characterise.friction_map import COLUMNS
 from pneudrive.characterise.layout import (
     CHANNEL_UNITS,
     DRIVE_UNITS,
+    VOLUME_UNITS,
     Column,
-    DriveLayout,
     FileLayout,
     Layout,
+    SampledLayout,
     labels_from_name,
     stem,
     where_pattern_ends,
@@ -100,15 +101,23 @@ class LayoutValues:
             labels=self.labels(path),
         )
 
-    def drive_layout(self, path: Path | None) -> DriveLayout:
+    def drive_layout(self, path: Path | None) -> SampledLayout:
         """Put together what a recording of a drive needs."""
-        form, ambient = self.form(), self.ambient()
         needed = ("time", "command", "position", "pressure_a", "pressure_b")
-        return DriveLayout(
+        return self.sampled({**CHANNEL_UNITS, **DRIVE_UNITS}, needed, path)
+
+    def volume_layout(self, path: Path | None) -> SampledLayout:
+        """Put together what a recording of a fixed volume needs."""
+        return self.sampled(VOLUME_UNITS, ("time", "pressure"), path)
+
+    def sampled(self, units: dict[str, str], needed: tuple[str, ...], path: Path | None) -> SampledLayout:
+        """Put together what is read of a file whose geometry is described elsewhere."""
+        form, ambient = self.form(), self.ambient()
+        return SampledLayout(
             format=form,
             text=self.text_form(),
             skip_samples=self.tree.get("skip_samples", 0),
-            columns=self.columns({**CHANNEL_UNITS, **DRIVE_UNITS}, needed, ambient),
+            columns=self.columns(units, needed, ambient),
             ambient_pressure_pa=ambient,
             labels=self.labels(path),
         )
@@ -183,17 +192,18 @@ class LayoutValues:
     def column(self, name: str, ambient: float) -> Column:
         """One channel."""
         table, path = self.tree["columns"][name], ("columns", name)
-        si_unit = {**CHANNEL_UNITS, **DRIVE_UNITS}[name]
+        si_unit = {**CHANNEL_UNITS, **DRIVE_UNITS, **VOLUME_UNITS}[name]
         place = table.get("column")
         if isinstance(place, bool) or not isinstance(place, int | str):
             remedy = 'column = 0, or a name of the header in quotes: column = "Force"'
             raise self.fail(f"columns.{name} does not say its column", *path, remedy=remedy)
-        if name == "command" and "unit" in table:
-            rule = "a command is the share of full opening, -1 to 1: scale and offset bring it there"
-            raise self.fail("columns.command has a unit", *path, rule=rule)
+        if name == "command" and ("unit" in table) != ("range" in table):
+            rule = "a command is the share of full opening, -1 to 1: scale and offset bring it there, or unit and range"
+            remedy = 'command = { column = 0, unit = "V", range = "0 V .. 10 V" }: full opening to either side'
+            raise self.fail("columns.command has a unit or a range, not both", *path, rule=rule, remedy=remedy)
         if name != "command" and not isinstance(table.get("unit"), str):
             raise self.fail(f"columns.{name} has no unit", *path, remedy=f'unit = "{EXAMPLES[si_unit]}"')
-        limits: Callable[[Any], Any] = lambda text: parse_range(text, si_unit)  # noqa: E731
+        limits: Callable[[Any], Any] = lambda text: parse_range(text, si_unit or table["unit"])  # noqa: E731
         if si_unit == "Pa":
             limits = lambda text: pressure_range(text, ambient)  # noqa: E731
         direction = table.get("positive", "+x")
@@ -210,17 +220,28 @@ class LayoutValues:
         if not isinstance(form, str) or ("format" in table and not is_date):
             rule = f'a format is a text, for a time with unit = "{date_times.UNIT}" only'
             raise self.fail(f"columns.{name}.format = {form!r}", *path, "format", rule=rule)
+        scale, offset, ends = (
+            self.number(name, "scale", 1.0),
+            self.number(name, "offset", 0.0),
+            optional("range", limits),
+        )
+        if (
+            name == "command" and ends is not None
+        ):  # the ends of the signal are -1 and 1, of the line of a volume 0 and 1
+            lowest = 0.0 if self.layout.kind == "fixed-volume" else -1.0
+            scale = (1.0 - lowest) / (ends[1] - ends[0])
+            offset = lowest - ends[0] * scale
         return Column(
             column=place,
             unit=ColumnUnit(1.0)
             if is_plain
             else self.said(lambda text: column_unit(text, si_unit), table["unit"], *path, "unit"),
             sign=SIGNS[direction],
-            scale=self.number(name, "scale", 1.0),
-            offset=self.number(name, "offset", 0.0),
+            scale=scale,
+            offset=offset,
             delay_s=optional("delay", lambda text: parse(text, "s")) or 0.0,
             accuracy_si=optional("accuracy", lambda text: uncertainty(text, si_unit)),
-            range_si=optional("range", limits),
+            range_si=ends,
             calibration=str(table.get("calibration", "")),
             date_form=form if is_date else None,
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.formats import read_columns
-from pneudrive.characterise.layout import CHANNEL_UNITS, DriveLayout, FileLayout, Layout, stem
+from pneudrive.characterise.layout import CHANNEL_UNITS, FileLayout, Layout, SampledLayout, stem
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.text_table import read_bytes, read_text
 from pneudrive.characterise.trajectories import is_trajectory, read_trajectory
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+SIGNAL_NOISE = 0.02  # of full opening: by so much a measured signal may lie beyond its range (assumed)
 MISSING_LAYOUT = "say how the file is read with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
 
 
@@ -60,7 +61,7 @@ def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | N
             found.append(RecordingFile(file, None, name))
             continue
         if given is None and file.parent not in beside:
-            beside[file.parent] = _layout_beside(file)
+            beside[file.parent] = layout_beside(file)
         found.append(RecordingFile(file, given or beside[file.parent], name))
     return found
 
@@ -89,7 +90,8 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     return [file.read() for file in recording_files(paths, layout)]
 
 
-def _layout_beside(file: Path) -> Layout:
+def layout_beside(file: Path) -> Layout:
+    """Load ``layout.toml`` from the folder of a file, or from the one above."""
     for folder in (file.parent, file.parent.parent):
         if (folder / "layout.toml").is_file():
             return Layout.load(folder / "layout.toml")
@@ -105,7 +107,9 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
     return to_recording(name or stem(path), path, said, raw, flags, digest)
 
 
-def read_raw(path: Path, said: FileLayout | DriveLayout) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
+def read_raw(
+    path: Path, said: FileLayout | SampledLayout
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
     """Read the raw columns that a layout names, by channel; what reading found; the hash of the file.
 
     Raises
@@ -188,10 +192,12 @@ def to_recording(
     )
 
 
-def convert(said: FileLayout | DriveLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
     """Raw values of one channel in SI, pressures absolute."""
     column = said.columns[channel]
     value = column.sign * (raw * column.scale + column.offset) * column.unit.factor + column.unit.shift
+    if channel == "command" and column.range_si is not None:  # noise of the measured signal at full opening
+        value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
     return value + said.ambient_pressure_pa if column.unit.gauge else value
 
 

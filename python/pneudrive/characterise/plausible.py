@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import thinned
+from pneudrive.characterise.motion import NOISE_FACTOR, noise_level, thinned
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.characterise.extract import Level
@@ -87,6 +89,38 @@ def _within(
         )
 
 
+#: What a drive's recording tells where the piston stands.
+AT_REST = ("cylinder.leakage", "cylinder.heat_transfer", "cylinder.wall_temperature", "cylinder.dead_volume")
+
+
+def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:
+    """Refuse to look for what only motion shows where the piston does not move in any recording.
+
+    Raises
+    ------
+    RecordingError
+        It does not.
+    """
+    sought = [name for name in free if not name.startswith(AT_REST)]
+    seen = [r for r in recordings if "position_m" in r and np.isfinite(r["position_m"]).any()]
+    if not sought or not seen or any(_moves(r["position_m"]) for r in seen):
+        return
+    travel = max(float(np.nanmax(r["position_m"]) - np.nanmin(r["position_m"])) for r in seen)
+    raise RecordingError(
+        f"the piston does not move, and without motion nothing is known of {', '.join(sought)}",
+        where=", ".join(str(r.source or r.name) for r in seen),
+        value=f"its position changes by {travel * 1e3:.3g} mm",
+        rule="a drive is identified from recordings in which it moves",
+        remedy="look at the column of the position; a test of a fixed volume has a description and a layout of its "
+        'own: [volume], and kind = "fixed-volume"',
+    )
+
+
+def _moves(position_m: NDArray[np.float64]) -> bool:
+    known = position_m[np.isfinite(position_m)]
+    return known.size > 0 and float(np.ptp(known)) > NOISE_FACTOR * noise_level(known)
+
+
 def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
     """Say where samples are missing: what the valve was told there is not known."""
     out = []
@@ -104,6 +138,25 @@ def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
     return out
 
 
+def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> None:
+    """Refuse an absolute pressure that lies below vacuum or beyond any rig; single outliers do not count.
+
+    Raises
+    ------
+    RecordingError
+        It does.
+    """
+    low, high = np.quantile(thinned(pressure_pa), QUANTILES)
+    if low < LOWEST_PA or high > PRESSURES_PA[0]:
+        worst, why = (low, "lies below vacuum") if low < LOWEST_PA else (high, "no pneumatic rig has")
+        raise RecordingError(
+            f"{name} is {worst / 1e5:.4g} bar absolute, which {why}",
+            where=where,
+            rule=f"from 0 to {PRESSURES_PA[0] / 1e5:g} bar absolute",
+            remedy="look at the column, its unit, its decimal sign, and whether it is gauge or absolute, in the layout",
+        )
+
+
 def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
     """Refuse a recording of a rig that holds what no rig can do.
 
@@ -113,18 +166,8 @@ def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
         A pressure below vacuum, or pressures, speeds, travels or forces beyond any rig.
     """
     where = str(recording.source or recording.name)
-    look = "look at the column, its unit, its decimal sign, and whether it is gauge or absolute, in the layout"
     for channel in ("pressure_a_pa", "pressure_b_pa"):
-        low, high = np.quantile(thinned(getattr(recording, channel)), QUANTILES)
-        if low < LOWEST_PA or high > PRESSURES_PA[0]:
-            worst = low if low < LOWEST_PA else high
-            raise RecordingError(
-                f"{channel.removesuffix('_pa')} is {worst / 1e5:.4g} bar absolute, which "
-                f"{'lies below vacuum' if low < LOWEST_PA else 'no pneumatic rig has'}",
-                where=where,
-                rule=f"from 0 to {PRESSURES_PA[0] / 1e5:g} bar absolute",
-                remedy=look,
-            )
+        refuse_pressure(channel.removesuffix("_pa"), getattr(recording, channel), where)
     fastest = max(abs(stroke.speed_m_s) for stroke in strokes)
     longest = max(abs(stroke.to_m - stroke.from_m) for stroke in strokes)
     strongest = float(np.quantile(np.abs(thinned(recording.force_n)), QUANTILES[1]))

@@ -15,17 +15,23 @@ if TYPE_CHECKING:
 
 
 def identify(
-    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME: the start.", metavar="DRIVE")],
+    drive: Annotated[
+        str,
+        typer.Argument(help="Drive file (TOML), or catalogue:NAME; or the file of a tank: the start.", metavar="DRIVE"),
+    ],
     recordings: Annotated[
         list[Path],
-        typer.Argument(help="Recordings: time, command, position, pressures.", metavar="RECORDING..."),
+        typer.Argument(
+            help="Recordings: time, command, position, pressures; of a tank time and pressure.", metavar="RECORDING..."
+        ),
     ],
     free: Annotated[
         str,
         typer.Option(
-            help="Parameters to be found, with commas: friction.coulomb, valve.conductance, ...", metavar="NAMES"
+            help="Parameters to be found, with commas: friction.coulomb, ... Of a tank, where nothing is said, all.",
+            metavar="NAMES",
         ),
-    ],
+    ] = "",
     sensor: Annotated[
         list[str] | None,
         typer.Option(
@@ -42,15 +48,20 @@ def identify(
 ) -> None:
     """Identify numbers of a drive from recordings by output error, with intervals and what cannot be determined.
 
-    Ctrl-C ends the search with the best values so far.
+    Ctrl-C ends the search with the best values so far. A file with a table [volume] describes a tank: a fixed volume
+    whose line, heat transfer and leak are identified from its pressure.
     """
     from pneudrive.describe import Drive
+    from pneudrive.describe.tank import Tank
     from pneudrive.identify.dynamic import identify as identified
     from pneudrive.trajectory import check_target
 
     if out is not None:
         check_target(out, (".toml",))
     names = [name.strip() for name in free.split(",") if name.strip()]
+    if Tank.is_file(drive):
+        _tank(drive, recordings, names, layout, out, beside={"sensor": sensor, "robust": robust, "profile": profile})
+        return
     sensors = dict(sensor_option(text) for text in sensor or ())
     fit = identified(
         Drive.load(drive),
@@ -74,3 +85,27 @@ def identify(
 def _show(progress: Progress) -> None:
     rms = ", ".join(f"{name} {value:.3g}" for name, value in progress.rms.items())
     sys.stderr.write(f"step {progress.step} ({progress.phase}): cost {progress.cost:.5g}; rms {rms}\n")
+
+
+def _tank(
+    tank: str,
+    recordings: list[Path],
+    names: list[str],
+    layout: Path | None,
+    out: Path | None,
+    beside: dict[str, object],
+) -> None:
+    """Identify a fixed volume."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.describe.tank import Tank
+    from pneudrive.errors import CommandError
+    from pneudrive.identify.volume import identify_volume
+
+    for option, given in beside.items():
+        if given:
+            raise CommandError(f"--{option} is for drives", where=tank, rule="a tank takes --free, --layout and --out")
+    fit = identify_volume(Tank.load(tank), list(recordings), names or None, layout=layout, progress=on_terminal().tell)
+    typer.echo(str(fit))
+    if out is not None:
+        fit.to_toml(out)
+        typer.echo(str(out))

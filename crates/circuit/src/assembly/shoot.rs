@@ -1,4 +1,4 @@
-//! Several runs of a drive from starts of their own, with derivatives: what multiple shooting needs.
+//! Several runs of an assembly from starts of their own, with derivatives: what multiple shooting needs.
 
 use super::Drive;
 use super::drive::CHAMBER_STATES;
@@ -9,13 +9,14 @@ use crate::run::{Error, advance};
 use crate::specification;
 use math::{Dual, Lane};
 use ode::{Options, Output, Stepper, System};
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
 /// How many derivatives one pass carries.
 pub const DIRECTIONS: usize = 8;
-type Sensitive = Dual<f64, DIRECTIONS>;
+pub(super) type Sensitive = Dual<f64, DIRECTIONS>;
 
 /// Between two looks at whether the user wants to stop.
 const LOOK: Duration = Duration::from_millis(20);
@@ -111,22 +112,76 @@ impl Drive {
         asked: &Shooting,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Shot, Error> {
-        let states = self.start_names().len();
-        check(asked, &self.start_names())?;
-        let columns = asked.outputs.iter().map(|name| column(self.columns(), name));
-        let columns = columns.collect::<Result<Vec<_>, _>>()?;
-        let n_parameters = asked.parameters.len();
-        let by_start = asked.with_initial.places(states)?;
-        let directions = n_parameters + by_start.len();
-        let all = All { asked, columns: &columns, states, by_start: &by_start, n_parameters, directions };
-        if directions == 0 {
-            return all.run(std::slice::from_ref(self), interrupted);
-        }
-        let (spec, free) = tangents::<specification::Drive>(json, "", &asked.parameters)?;
-        let pass = |first| Drive::<Sensitive>::lifted(&Lifted::new(&spec, &free, first), false);
-        let drives = (0..directions).step_by(DIRECTIONS).map(pass).collect::<Result<Vec<_>, _>>()?;
-        all.run(&drives, interrupted)
+        let lift = || {
+            let (spec, free) = tangents::<specification::Drive>(json, "", &asked.parameters)?;
+            Ok(move |first| Drive::lifted(&Lifted::new(&spec, &free, first), false))
+        };
+        shoot_with(self, (&self.start_names(), 2..CHAMBER_STATES), lift, asked, interrupted)
     }
+}
+
+/// What can be run from a start of its own, under one command that is held from time to time.
+pub(super) trait Shootable<P: Lane>: Sync {
+    /// Names of the columns of a run.
+    fn columns(&self) -> &[String];
+
+    /// Gives the inputs their values at a command.
+    fn set_command(&self, circuit: &mut Circuit<P>, u: f64);
+
+    /// Equations and state from the numbers of a start.
+    fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>);
+
+    /// One row of the columns at a time and a command.
+    fn row(&self, circuit: &Circuit<P>, at: (f64, f64), y: &[P], net: &mut Net<P>, row: &mut [P]);
+
+    /// The state as `begin` takes it.
+    fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P>;
+}
+
+impl<P: Lane> Shootable<P> for Drive<P> {
+    fn columns(&self) -> &[String] {
+        Drive::columns(self)
+    }
+
+    fn set_command(&self, circuit: &mut Circuit<P>, u: f64) {
+        Drive::set_command(self, circuit, 0, u);
+    }
+
+    fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {
+        Drive::begin(self, start, u)
+    }
+
+    fn row(&self, circuit: &Circuit<P>, at: (f64, f64), y: &[P], net: &mut Net<P>, row: &mut [P]) {
+        Drive::row(self, circuit, at, y, net, row);
+    }
+
+    fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P> {
+        Drive::outside(self, circuit, y, net)
+    }
+}
+
+/// Runs `plain`, or, where derivatives are asked for, what `lift` makes for each pass of directions. Of a start
+/// its names are given, and which of its numbers are of gas: above zero.
+pub(super) fn shoot_with<M: Shootable<f64>, S: Shootable<Sensitive>, F: Fn(usize) -> Result<S, Error>>(
+    plain: &M,
+    (names, gas): (&[String], Range<usize>),
+    lift: impl FnOnce() -> Result<F, Error>,
+    asked: &Shooting,
+    interrupted: &mut dyn FnMut() -> bool,
+) -> Result<Shot, Error> {
+    let states = names.len();
+    check(asked, names, &gas)?;
+    let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
+    let columns = columns.collect::<Result<Vec<_>, _>>()?;
+    let n_parameters = asked.parameters.len();
+    let by_start = asked.with_initial.places(states)?;
+    let directions = n_parameters + by_start.len();
+    let all = All { asked, columns: &columns, states, by_start: &by_start, n_parameters, directions };
+    if directions == 0 {
+        return all.run(std::slice::from_ref(plain), interrupted);
+    }
+    let passes = (0..directions).step_by(DIRECTIONS).map(lift()?).collect::<Result<Vec<_>, _>>()?;
+    all.run(&passes, interrupted)
 }
 
 fn refuse<T>(message: String) -> Result<T, Error> {
@@ -140,7 +195,7 @@ fn column(names: &[String], name: &str) -> Result<usize, Error> {
     }
 }
 
-fn check(asked: &Shooting, names: &[String]) -> Result<(), Error> {
+fn check(asked: &Shooting, names: &[String], gas: &Range<usize>) -> Result<(), Error> {
     let increasing = |times: &[f64]| times.windows(2).all(|pair| pair[0] < pair[1]);
     let n = asked.sample_times.len();
     if n < 2 || !increasing(&asked.sample_times) {
@@ -167,9 +222,9 @@ fn check(asked: &Shooting, names: &[String]) -> Result<(), Error> {
     }
     for (j, row) in asked.initial.chunks_exact(width).enumerate() {
         for (i, (value, name)) in row.iter().zip(names).enumerate() {
-            let gas = (2..CHAMBER_STATES).contains(&i);
-            if !value.is_finite() || (gas && *value <= 0.0) {
-                let rule = if gas { "above zero" } else { "finite" };
+            let of_gas = gas.contains(&i);
+            if !value.is_finite() || (of_gas && *value <= 0.0) {
+                let rule = if of_gas { "above zero" } else { "finite" };
                 return refuse(format!("initial: {name} = {value} of segment {j} must be {rule}"));
             }
         }
@@ -195,10 +250,10 @@ struct Done<P> {
 }
 
 impl All<'_> {
-    /// Runs every segment with the drive of each pass.
-    fn run<P: Lane>(
+    /// Runs every segment with the assembly of each pass.
+    fn run<P: Lane, M: Shootable<P>>(
         &self,
-        drives: &[Drive<P>],
+        drives: &[M],
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Shot, Error> {
         let (segments, samples) = (self.asked.starts.len(), self.asked.sample_times.len());
@@ -258,9 +313,9 @@ impl All<'_> {
         starts[segment]..starts.get(segment + 1).copied().unwrap_or(self.asked.sample_times.len())
     }
 
-    fn segment<P: Lane>(
+    fn segment<P: Lane, M: Shootable<P>>(
         &self,
-        drive: &Drive<P>,
+        drive: &M,
         segment: usize,
         pass: usize,
         stop: &AtomicBool,
@@ -306,7 +361,7 @@ impl All<'_> {
             }
             at += 1;
             tracker.command = asked.commands[at];
-            drive.set_command(stepper.system_mut(), 0, asked.commands[at]);
+            drive.set_command(stepper.system_mut(), asked.commands[at]);
         };
         let mut end = Vec::new();
         if failure.is_none() {
@@ -338,8 +393,8 @@ impl All<'_> {
 }
 
 /// Keeps the outputs at the samples of one segment.
-struct Tracker<'a, P> {
-    drive: &'a Drive<P>,
+struct Tracker<'a, P, M> {
+    drive: &'a M,
     columns: &'a [usize],
     times: &'a [f64],
     next: usize,
@@ -349,7 +404,7 @@ struct Tracker<'a, P> {
     command: f64,
 }
 
-impl<P: Lane> Tracker<'_, P> {
+impl<P: Lane, M: Shootable<P>> Tracker<'_, P, M> {
     /// The samples still due are those at the end.
     fn finish(&mut self, stepper: &Stepper<P, Circuit<P>>) {
         while self.next < self.times.len() {
@@ -358,7 +413,7 @@ impl<P: Lane> Tracker<'_, P> {
     }
 }
 
-impl<P: Lane> Output<P, Circuit<P>> for Tracker<'_, P> {
+impl<P: Lane, M: Shootable<P>> Output<P, Circuit<P>> for Tracker<'_, P, M> {
     fn due(&self, _lane: usize) -> f64 {
         self.times.get(self.next).copied().unwrap_or(f64::INFINITY)
     }

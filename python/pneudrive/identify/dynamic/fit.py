@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.characterise.drive_recording import read_drive_recordings
-from pneudrive.characterise.plausible import check_plausible, time_gaps
+from pneudrive.characterise.plausible import check_plausible, refuse_standstill, time_gaps
 from pneudrive.characterise.spread import robust_deviation, student
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.assemble import assembled
@@ -205,6 +205,7 @@ def identify(
     options = _options(segment, robust, rtol, threads)
     for record in records:
         check_plausible(record, drive)
+    refuse_standstill(records, free)
     options.notes += time_gaps(records)
     names = [c for c in CHANNELS if any(c in p for p in present)]
     described = {c.name: c for c in channels_of(names, sensors)}

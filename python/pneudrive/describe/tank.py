@@ -1,0 +1,164 @@
+"""A tank: a volume without a piston, on a line and with a leak, as leak-down, discharge and charging tests have it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from pneudrive import units
+from pneudrive.describe import toml
+from pneudrive.describe.base import Bounds, Described, Fraction, Quantity, StatedPressure, wrong
+from pneudrive.describe.parts import NOT_NEGATIVE, Ambient, Gas
+from pneudrive.errors import DescriptionError
+
+_TEMPERATURE = Quantity("K", "K", Bounds(above=0.0))
+
+
+class FixedVolume(Described):
+    """The volume, and what passes its wall.
+
+    Heat passes the whole wall at `heat_transfer` times the difference of temperatures: 0 is adiabatic, much is
+    isothermal. `leakage` is the sonic conductance of the leak into the ambient air; its critical pressure ratio is
+    assumed to be 0.2. Wall, and gas at the start of a recording, have the ambient temperature where nothing is said.
+    """
+
+    table: ClassVar[str] = "volume"
+    volume_m3: Annotated[float, Quantity("m^3", "dm3", Bounds(above=0.0))] = Field(alias="value")
+    heat_transfer_w_k: Annotated[float, Quantity("W/K", "W/K", NOT_NEGATIVE)] = Field(
+        default=0.5, alias="heat_transfer"
+    )
+    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = Field(
+        default=0.0, alias="leakage"
+    )
+    wall_temperature_k: Annotated[float | None, _TEMPERATURE] = Field(default=None, alias="wall_temperature")
+    start_temperature_k: Annotated[float | None, _TEMPERATURE] = Field(default=None, alias="start_temperature")
+
+
+class Line(Described):
+    """What joins the volume to gas of constant pressure: a nozzle, a tube, a valve, by its conductance (ISO 6358).
+
+    `pressure` and `temperature` are those on its other side; ambient where nothing is said.
+    """
+
+    table: ClassVar[str] = "line"
+    conductance_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
+        alias="conductance"
+    )
+    critical_pressure_ratio: Fraction
+    subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
+    linear_above: Fraction = 0.999
+    pressure: Annotated[units.Pressure | None, StatedPressure()] = None
+    temperature_k: Annotated[float | None, _TEMPERATURE] = Field(default=None, alias="temperature")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Line:
+        if not self.critical_pressure_ratio < self.linear_above:
+            b = self.critical_pressure_ratio
+            key = "line.linear_above"
+            raise wrong(key, f"{key} = {self.linear_above:g} must exceed line.critical_pressure_ratio = {b:g}")
+        return self
+
+
+class Tank(Described):
+    """A fixed volume on a line, or shut where there is no line.
+
+    Examples
+    --------
+    >>> tank = Tank.model_validate({"volume": {"value": "2 dm3"}})
+    >>> tank.volume.volume_m3
+    0.002
+    """
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    name: str = "unnamed tank"
+    gas: Gas = Gas()
+    ambient: Ambient = Ambient()
+    volume: FixedVolume
+    line: Line | None = None
+    labels: dict[str, str] = Field(default_factory=dict)
+
+    @classmethod
+    def load(cls, source: str | Path) -> Tank:
+        """Read a tank from a TOML file.
+
+        Raises
+        ------
+        DescriptionError
+            Something is wrong; the message names file, line, value, rule and remedy.
+        """
+        tables, text = toml.read(source)
+        try:
+            return cls.model_validate(tables)
+        except DescriptionError as error:
+            raise toml.located(error, source, text) from None
+
+    @classmethod
+    def is_file(cls, source: str | Path) -> bool:
+        """Whether a file describes a tank rather than a drive: it has a table [volume]."""
+        if not Path(source).is_file():
+            return False  # a drive of the catalogue, or an error that the reader of drives tells
+        try:
+            return "volume" in toml.read(source)[0]
+        except DescriptionError:
+            return False
+
+    def replace(self, changes: dict[str, Any]) -> Tank:
+        """Return a tank with some values changed, checked anew: ``{"line.conductance": "2 dm3/(s bar)"}``."""
+        tables = self.to_dict()
+        for key, value in changes.items():
+            *path, last = key.split(".")
+            at = tables
+            for table in path:
+                at = at.setdefault(table, {})
+            at[last] = value
+        return type(self).model_validate(tables)
+
+    @property
+    def start_temperature_k(self) -> float:
+        """Temperature of the gas at the start of a recording, K."""
+        said = self.volume.start_temperature_k
+        return self.core_form()["volume"]["wall_temperature_k"] if said is None else said
+
+    def core_form(self) -> dict[str, Any]:
+        """Return the SI form of the description that the core takes."""
+        ambient = {"pressure_pa": self.ambient.pressure_pa, "temperature_k": self.ambient.temperature_k}
+        volume, line = self.volume, self.line
+        wall = volume.wall_temperature_k
+        return {
+            "gas": {
+                "heat_capacity_ratio": self.gas.heat_capacity_ratio,
+                "gas_constant_j_kg_k": self.gas.gas_constant_j_kg_k,
+            },
+            "ambient": ambient,
+            "volume": {
+                "volume_m3": volume.volume_m3,
+                "heat_transfer_w_k": volume.heat_transfer_w_k,
+                "wall_temperature_k": ambient["temperature_k"] if wall is None else wall,
+                "leakage_m3_s_pa": volume.leakage_m3_s_pa,
+            },
+            "line": None
+            if line is None
+            else {
+                "conductance_m3_s_pa": line.conductance_m3_s_pa,
+                "critical_pressure_ratio": line.critical_pressure_ratio,
+                "subsonic_index": line.subsonic_index,
+                "linear_above": line.linear_above,
+                "pressure_pa": self._other_side_pa(line),
+                "temperature_k": ambient["temperature_k"] if line.temperature_k is None else line.temperature_k,
+            },
+        }
+
+    def _other_side_pa(self, line: Line) -> float:
+        if line.pressure is None:
+            return self.ambient.pressure_pa
+        pressure = line.pressure.absolute_pa(self.ambient.pressure_pa)
+        if not pressure > 0.0:
+            raise wrong("line.pressure", "line.pressure is below vacuum", rule="gauge + ambient > 0")
+        return pressure
+
+    def core_json(self) -> str:
+        """Return `core_form` as JSON."""
+        return json.dumps(self.core_form(), sort_keys=True)

@@ -1,0 +1,152 @@
+"""A fixed volume is identified from its pressure: conductance, critical ratio, heat and leak of an independent model.
+
+What the pressure does not show is called not determined, with the limit that it gives and what to record.
+"""
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from oracle.tank import pressure
+from pneudrive.errors import DescriptionError, FitError, LayoutError, RecordingError
+
+C, B, VOLUME, HEAT, LEAK = 0.62e-8, 0.38, 2e-3, 0.8, 4e-12
+TANK = {
+    "volume": {"value": "2 dm3", "heat_transfer": "0.3 W/K"},
+    "line": {"conductance": "0.4 dm3/(s bar)", "critical_pressure_ratio": 0.25},
+}
+NOISE = 300.0
+
+
+def record(rate: float, duration: float, seed: int, **model) -> dict[str, np.ndarray]:
+    """Columns as a rig writes them: 3 mbar of noise on the independent model."""
+    time = np.arange(0.0, duration, 1.0 / rate)
+    values = pressure(time, model.pop("p_start", 7e5), volume=VOLUME, **{"c": C, "b": B, "heat": HEAT, **model})
+    opening = ((time >= model.get("opens", 0.0)) & (time < model.get("shuts", np.inf))).astype(float)
+    noisy = values + NOISE * np.random.default_rng(seed).standard_normal(time.size)
+    return {"time_s": time, "pressure_pa": noisy, "command": opening}
+
+
+def test_a_discharge_gives_conductance_ratio_and_heat_within_their_intervals():
+    truth = {"line.conductance": C, "line.critical_pressure_ratio": B, "volume.heat_transfer": HEAT}
+    inside = 0
+    for seed in range(6):
+        fit = pn.identify_volume(pn.Tank.model_validate(TANK), record(20.0, 12.0, seed))
+        assert fit.converged
+        for name, value in truth.items():
+            low, high = fit.intervals[name]
+            inside += low <= value <= high
+            assert high - low < 0.1 * value
+            assert fit.values[name] == pytest.approx(value, rel=0.03)
+        assert fit.statistics["rms_share.pressure"] < 0.005
+    assert inside >= 14, "18 intervals of 95 %: 0.9 outside are expected, more than 4 in one of 300"
+    assert [u.parameter for u in fit.undetermined] == ["volume.leakage"]
+    assert "leads to the ambient air, as the leak does" in fit.statements()[0]
+    assert fit.apply().line.conductance_m3_s_pa == pytest.approx(C, rel=0.01)
+
+
+def test_charging_shutting_and_leaking_at_one_hertz():
+    shape = {"other": 7e5, "p_start": 1.013e5, "leak": LEAK, "shuts": 40.0}
+    slow = record(1.0, 400.0, 3, **shape, c=0.05e-8)
+    tank = pn.Tank.model_validate({**TANK, "line": {**TANK["line"], "pressure": "7 bar abs"}})
+    fit = pn.identify_volume(tank.replace({"line.conductance": "0.1 dm3/(s bar)"}), slow)
+    for name, value in {"line.conductance": 0.05e-8, "volume.leakage": LEAK}.items():
+        low, high = fit.intervals[name]
+        assert low <= value <= high
+        assert fit.values[name] == pytest.approx(value, rel=0.02)
+    assert fit.statistics["rms_share.pressure"] < 0.05
+
+
+def test_a_shut_tank_has_a_leak_and_a_tight_one_a_limit():
+    shut = pn.Tank.model_validate({"volume": {"value": "2 dm3", "heat_transfer": "0.8 W/K"}})
+    fit = pn.identify_volume(shut, record(1.0, 300.0, 1, opens=1e9, leak=LEAK))
+    assert fit.intervals["volume.leakage"][0] <= LEAK <= fit.intervals["volume.leakage"][1]
+    assert "volume.leakage" in fit.determined
+    tight = pn.identify_volume(shut, record(1.0, 300.0, 1, opens=1e9), free=["volume.leakage"])
+    assert tight.intervals["volume.leakage"][0] == 0.0
+    assert tight.intervals["volume.leakage"][1] < 1e-13
+    assert "only an upper limit is known" in tight.statements()[0]
+    assert tight.determined == ()
+    assert tight.apply().volume.leakage_m3_s_pa == 0.0, "what is not determined stays as it was"
+
+
+def test_choked_flow_alone_does_not_tell_the_critical_ratio():
+    fit = pn.identify_volume(pn.Tank.model_validate(TANK), record(50.0, 1.5, 2, p_start=9e5))
+    (said,) = [u for u in fit.undetermined if u.parameter == "line.critical_pressure_ratio"]
+    assert "ratios up to 0." in said.reason
+    assert "nearly equal" in said.remedy
+    assert fit.intervals["line.conductance"][0] <= C <= fit.intervals["line.conductance"][1]
+
+
+def test_a_wrong_model_is_called_one():
+    other = record(20.0, 12.0, 0, other=2e5)
+    fit = pn.identify_volume(pn.Tank.model_validate(TANK), other)
+    assert any("does not fit" in note for note in fit.notes)
+
+
+LAYOUT = """
+kind = "fixed-volume"
+delimiter = "semicolon"
+decimal = ","
+[columns]
+time = { column = 0, unit = "s" }
+pressure = { column = 1, unit = "bar gauge" }
+command = { column = 2, unit = "V", range = "0 V .. 10 V" }
+[rig]
+ambient_pressure = "1.013 bar abs"
+"""
+
+
+def test_from_files_on_the_command_line(tmp_path, capsys):
+    from pneudrive.cli.main import run
+
+    columns = record(20.0, 12.0, 0, opens=1.0)
+    rows = zip(columns["time_s"], columns["pressure_pa"] / 1e5 - 1.013, 10 * columns["command"], strict=True)
+    (tmp_path / "fill.csv").write_text("\n".join(";".join(f"{v:.6f}" for v in row).replace(".", ",") for row in rows))
+    (tmp_path / "layout.toml").write_text(LAYOUT)
+    (tmp_path / "tank.toml").write_text(
+        'name = "bottle"\n[volume]\nvalue = "2 dm3"\n[line]\nconductance = "0.4 dm3/(s bar)"\n'
+        "critical_pressure_ratio = 0.25\n"
+    )
+    call = ["identify", str(tmp_path / "tank.toml"), str(tmp_path / "fill.csv")]
+    assert run([*call, "--out", str(tmp_path / "fit.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "line.conductance" in said
+    assert "dm3/(s bar)" in said
+    assert 'kind = "volume"' in (tmp_path / "fit.toml").read_text()
+    assert run([*call, "--free", "line.conductence"]) == 2
+    assert "Did you mean 'line.conductance'" in capsys.readouterr().err
+    assert run(["characterise", str(tmp_path / "fill.csv"), "--out", str(tmp_path / "out")]) == 2
+    assert "fixed volume" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"time_s": None}, "lacks time_s"),
+        ({"time_s": lambda t: -t}, "time runs backwards"),
+        ({"pressure_pa": lambda p: p - 9e5}, "below vacuum"),
+        ({"command": lambda u: u * 5}, "share of the line's full opening"),
+        ({"time_s": lambda t: t[:5], "pressure_pa": lambda p: p[:5], "command": lambda u: u[:5]}, "5 samples are left"),
+    ],
+)
+def test_what_is_no_recording_of_a_volume_is_refused(change, words):
+    columns = record(20.0, 2.0, 0)
+    for name, how in change.items():
+        columns[name] = None if how is None else how(columns[name])
+    columns = {name: values for name, values in columns.items() if values is not None}
+    with pytest.raises(RecordingError, match=f"(?s){words}"):
+        pn.identify_volume(pn.Tank.model_validate(TANK), columns)
+
+
+def test_mistakes_are_one_message(tmp_path):
+    with pytest.raises(DescriptionError, match=r"line\.linear_above"):
+        pn.Tank.model_validate({**TANK, "line": {**TANK["line"], "linear_above": 0.2}})
+    with pytest.raises(FitError, match="is no number of this tank"):
+        pn.identify_volume(
+            pn.Tank.model_validate({"volume": {"value": "1 l"}}), record(20.0, 2.0, 0), ["line.conductance"]
+        )
+    (tmp_path / "layout.toml").write_text('kind = "fixed volume"\n[columns]\n')
+    (tmp_path / "a.csv").write_text("0 1\n" * 20)
+    with pytest.raises(LayoutError, match="kind = 'fixed volume' is not known"):
+        pn.identify_volume(pn.Tank.model_validate(TANK), tmp_path / "a.csv")
