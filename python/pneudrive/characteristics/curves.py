@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95, robust_deviation
+from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.basics import BOTH
-from pneudrive.characteristics.plausible import implausible
+from pneudrive.characteristics.outliers import Chance, wild_cycles
+from pneudrive.characteristics.plausible import OUTLIER, implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint
 from pneudrive.characteristics.self_excited import reasons as self_excited
@@ -33,10 +34,6 @@ BETWEEN = 24  # speeds per curve at which it is also given between the measured 
 POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
 FEWEST = 4  # cycles
 MOST_CYCLES = 1500  # that are fitted one by one: memory grows with their square
-ENOUGH_FOR_OUTLIERS = 12
-OUTLIER = 8.0  # standard deviations of the other cycles beyond which a single one is no result
-OUTLIER_SHARE = 0.05  # of the friction: less is no failure of a sensor
-OUTLIERS_SHARE = 0.05  # of the cycles: more of them are no outliers but how the rig is
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +141,8 @@ class Fits:
         Groups of cycles whose deviation the friction's model contains; None where the design does not carry one.
     block_kind : str
         block, day, or "" where there is none.
+    doubtful : tuple of int
+        Cycles of the points that lie off what the others say, not beyond doubt: they are counted.
     """
 
     points: Points
@@ -152,6 +151,16 @@ class Fits:
     drift_share: float
     block_groups: NDArray[np.int64] | None
     block_kind: str
+    doubtful: tuple[int, ...] = ()
+
+    def rest(self) -> Array:
+        """Give what cycles in use are off their curves, drift taken out, in the response's unit, shape (used,)."""
+        fit = self.friction
+        rest = fit.data.y - fit.drift
+        for number in range(int(fit.data.curve.max()) + 1):
+            members = fit.data.curve == number
+            rest[members] -= fit.at(number, fit.data.speed_m_s[members]).mean
+        return rest
 
     @property
     def has_zero(self) -> bool:
@@ -170,11 +179,14 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
     fits = _fit_points(reading, points)
     if fits is None:
         return None
-    far = _outliers(fits)
-    if not far:
-        return fits
-    kept = tuple("outlier" if i in far else reason for i, reason in enumerate(points.reasons))
-    return _fit_points(reading, replace(points, reasons=kept))
+    fit = fits.friction
+    chance = Chance(fit.logarithmic, "drift" in fit.sources, fits.block_groups)
+    rows = np.flatnonzero(points.use)
+    wild, doubtful = (set(rows[found].tolist()) for found in wild_cycles(fit.data, chance))
+    if wild:
+        kept = tuple(OUTLIER if i in wild else reason for i, reason in enumerate(points.reasons))
+        fits = _fit_points(reading, replace(points, reasons=kept))
+    return replace(fits, doubtful=tuple(sorted(doubtful))) if fits is not None else None
 
 
 def condensed(points: Points, each: int) -> Points:
@@ -209,22 +221,6 @@ def condensed(points: Points, each: int) -> Points:
         reasons=("",) * len(groups),
         count=np.array([len(g) for g in groups], dtype=float),
     )
-
-
-def _outliers(fits: Fits) -> set[int]:
-    """Find single cycles whose friction lies far from their curve, by the spread of the others."""
-    points, fit = fits.points, fits.friction
-    rows = np.flatnonzero(points.use)
-    if rows.size < ENOUGH_FOR_OUTLIERS:
-        return set()
-    rest = fit.data.y - fit.drift
-    for number in range(int(fit.data.curve.max()) + 1):
-        members = fit.data.curve == number
-        rest[members] -= fit.at(number, fit.data.speed_m_s[members]).mean
-    usual = max(robust_deviation(rest), float(np.sqrt(np.median(fit.data.noise))))
-    level = 1.0 if fit.logarithmic else float(np.median(np.abs(fit.data.y)))
-    far = (np.abs(rest) > OUTLIER * usual) & (np.abs(rest) > OUTLIER_SHARE * level)
-    return set(rows[far].tolist()) if 0 < far.sum() <= max(1, int(OUTLIERS_SHARE * rows.size)) else set()
 
 
 def _fit_points(reading: Reading, points: Points) -> Fits | None:

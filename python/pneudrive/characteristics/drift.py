@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
+from pneudrive.characteristics.basics import Estimate
 from pneudrive.characteristics.curves import Fits
 from pneudrive.characteristics.effects import Drift, Repeatability
 from pneudrive.characteristics.mixed import MixedModel, independent
@@ -16,7 +17,6 @@ from pneudrive.characteristics.smooth import CARRIED
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.basics import Estimate
     from pneudrive.characteristics.reading import Reading
 
     Array = NDArray[np.float64]
@@ -27,6 +27,7 @@ LEAST_DECADES = 0.5  # of travel
 FIRST_TRAVEL_M = 1.0  # below which the logarithm of travel means nothing
 LONG_REST_S, LONG_REST_RATIO = 30.0, 5.0  # a rest is an interruption beyond both, the ratio to the usual rest
 FEWEST_INTERRUPTED = 3
+ENOUGH_FOR_LINE = 3  # degrees of freedom beyond which a line over the campaign is taken out of repeats
 TOGETHER = 0.95  # correlation of two causes beyond which they cannot be told apart
 
 
@@ -150,28 +151,82 @@ def _repeated(fits: Fits) -> bool:
 
 
 def repeatability(fits: Fits) -> Repeatability:
-    """Give the standard deviations of a cycle's friction, at the mean friction."""
+    """Give the standard deviations of a cycle's friction: of repeats and sentinels themselves, where there are any."""
     points, fit = fits.points, fits.friction
     level = float(points.reduced.friction_n[points.use].mean())
-    scale = level if fit.logarithmic else 1.0
-    noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
-    within = _scaled(fit.fit.deviation("cycle"), scale)
-    within = replace(
-        within,
-        value=float(np.hypot(within.value, noise)),
-        low=float(np.hypot(within.low, noise)),
-        high=float(np.hypot(within.high, noise)),
-    )
+    pure = pure_scatter(fits)
+    if pure is not None:
+        level = pure.level_n
+        within = _scaled(pure.estimate, level if fit.logarithmic else 1.0)
+    else:
+        scale = level if fit.logarithmic else 1.0
+        noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
+        within = _scaled(fit.fit.deviation("cycle"), scale)
+        ends = (float(np.hypot(v, noise)) for v in (within.value, within.low, within.high))
+        within = replace(within, **dict(zip(("value", "low", "high"), ends, strict=True)))
     between = total = None
     if fits.block_groups is not None:
-        between = _scaled(fit.fit.deviation("block"), scale)
+        between = _scaled(fit.fit.deviation("block"), level if fit.logarithmic else 1.0)
         value = float(np.hypot(within.value, between.value))
         stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
         reach = NORMAL_95 * stderr / max(value, 1e-12)
         total = replace(within, value=value, low=value * np.exp(-reach), high=value * np.exp(reach), stderr=stderr)
-    sentinels = any(d.head.cycle.kind == "sentinel" for d, u in zip(points.reduced.data, points.use, strict=True) if u)
-    basis = "sentinels" if sentinels else "repeats" if _repeated(fits) else "smooth curve"
-    return Repeatability(within, between, total, fit.logarithmic, basis)
+    return Repeatability(within, between, total, fit.logarithmic, pure.basis if pure is not None else "smooth curve")
+
+
+@dataclass(frozen=True)
+class Pure:
+    """Scatter of cycles that were run again at one condition and speed, in the unit of the curves' response.
+
+    ``level_n`` is their mean friction.
+    """
+
+    estimate: Estimate
+    level_n: float
+    basis: str
+
+
+def pure_scatter(fits: Fits) -> Pure | None:
+    """Estimate the standard deviation of a cycle from repeats and sentinels alone, whatever the curves make of them.
+
+    What is left of cycles at one condition and speed when their mean, a line over the campaign and the means of the
+    blocks are taken out. None where nothing was repeated.
+    """
+    from scipy.special import chdtri
+
+    points, fit = fits.points, fits.friction
+    use = np.flatnonzero(points.use)
+    places = np.column_stack([points.condition[use], points.level[use]])
+    _, cell, counts = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    again = counts[cell.ravel()] > 1
+    if not again.any():
+        return None
+    use, cell, y, order = use[again], cell.ravel()[again], fit.data.y[again], fit.data.order[again]
+    data = [points.reduced.data[i] for i in use]
+    block = np.unique([d.head.cycle.block for d in data], return_inverse=True)[1]
+    columns = np.column_stack([order, block[:, None] == np.arange(block.max())[None, :]])
+
+    def within(values: Array) -> Array:
+        total = np.zeros((int(cell.max()) + 1, values.shape[1]))
+        np.add.at(total, cell, values)
+        return values - total[cell] / np.bincount(cell)[cell, None]
+
+    groups = np.unique(cell).size
+    kept = within(columns) if y.size - groups > ENOUGH_FOR_LINE else np.zeros((y.size, 0))
+    kept = kept[:, independent(kept)] if kept.size else kept
+    rest = within(y[:, None])[:, 0]
+    rest = rest - kept @ np.linalg.lstsq(kept, rest, rcond=None)[0] if kept.size else rest
+    free = y.size - groups - kept.shape[1]
+    if free < 1:
+        return None
+    value = float(np.sqrt(rest @ rest / free))
+    low, high = (value * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
+    sentinel = np.array([d.head.cycle.kind == "sentinel" for d in data])
+    others = np.bincount(cell[~sentinel], minlength=int(cell.max()) + 1)  # one sweep more at the place of the sentinels
+    kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
+    basis = " and ".join(kinds)
+    estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)
+    return Pure(estimate, float(points.reduced.friction_n[use].mean()), basis)
 
 
 def _scaled(found: Estimate, scale: float) -> Estimate:

@@ -251,10 +251,11 @@ class Drift:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Standard deviations of the friction of one cycle, as ISO 5725 divides them, N at the mean friction.
+    """Standard deviations of the friction of one cycle, as ISO 5725 divides them, N.
 
-    ``within`` a block at equal conditions, ``between`` blocks and days, ``total`` of both; None where nothing was
-    repeated. ``relative`` says whether they scale with friction. ``basis``: repeats, sentinels, smooth curve.
+    ``within`` a block at equal conditions, ``between`` blocks and days, ``total`` of both, at the mean friction of the
+    cycles that were repeated. ``relative`` says whether they scale with friction. ``basis``: repeats, sentinels,
+    repeats and sentinels; smooth curve where nothing was repeated, and what cycles leave of their curves is told.
     """
 
     within: Estimate | None

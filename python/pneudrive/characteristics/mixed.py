@@ -46,11 +46,14 @@ class Component:
         Covariance between the observations at standard deviation 1; one-dimensional: diagonal.
     scale : float
         Standard deviation of which the prior says that it is not much larger: a half-Cauchy scale [gelman2006].
+    power : float
+        With which the prior's density falls towards a standard deviation of zero, which 0 leaves possible [chung2013].
     """
 
     name: str
     kernel: Array
     scale: float
+    power: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,19 +81,54 @@ class MixedModel:
         if not self.components:
             state = _State.of(self, scales)
             return MixedFit(self, scales, np.ones(1), (state,))
-        n = self.y.size
-        few = self if n <= MOST_FOR_SEARCH else self._part(np.arange(0, n, -(-n // MOST_FOR_SEARCH)))
-        start = np.log(scales) - 1.0
-        best = _search(few, start, scales)
+        few = self._few()
+        best = _search(few, np.log(scales) - 1.0, scales)
         points, weights = _points(few, best, scales)
         return MixedFit(self, np.exp(best), weights, tuple(_State.of(self, np.exp(p)) for p in points))
+
+    def most_probable(self, start: Array | None = None) -> tuple[Array, float]:
+        """Find the most probable standard deviations alone, from some near them; and how improbable the data are.
+
+        The second is the negative logarithm of the probability, less what it is for all models of as many data.
+        """
+        scales = np.array([c.scale for c in self.components])
+        few = self._few()
+        best = _search(few, np.log(scales) - 1.0 if start is None else np.log(start), scales)
+        return np.exp(best), _cost(few, best, scales)[0]
+
+    def left_out(self, sd: Array) -> tuple[Array, Array]:
+        """Hold each observation against what all others say of it, at these standard deviations.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Observation less its prediction from the others.
+        ndarray, shape (n,)
+            Standard deviation of that.
+        """
+        from scipy.linalg import cho_solve
+
+        state = _State.of(self, sd)
+        inverse = cho_solve((state.lower, True), np.eye(self.y.size), check_finite=False)
+        vx = inverse @ self.x
+        diagonal = np.diag(inverse) - np.einsum("ij,jk,ik->i", vx, state.beta_covariance, vx)
+        # Zero where a column of x belongs to one observation alone: nothing else says anything of it.
+        known = diagonal > JITTER * np.diag(inverse)
+        return np.where(known, state.solved, 0.0) / np.where(known, diagonal, 1.0), np.where(
+            known, 1.0 / np.sqrt(np.where(known, diagonal, 1.0)), np.inf
+        )
+
+    def _few(self) -> MixedModel:
+        """Take every k-th observation where there are very many."""
+        n = self.y.size
+        return self if n <= MOST_FOR_SEARCH else self._part(np.arange(0, n, -(-n // MOST_FOR_SEARCH)))
 
     def _part(self, rows: NDArray[np.intp]) -> MixedModel:
         """Take some observations; columns that these do not determine are left out."""
         x = self.x[rows]
         x = x[:, independent(x)]
         parts = tuple(
-            Component(c.name, c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)], c.scale)
+            Component(c.name, c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)], c.scale, c.power)
             for c in self.components
         )
         return MixedModel(self.y[rows], x, self.noise[rows], parts)
@@ -316,8 +354,9 @@ def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array
             trace, form = float(np.sum(p * k)), float(state.solved @ k @ state.solved)
         gradient[i] = s**2 * (trace - form)
     share = (sd / scales) ** 2
-    prior = float(np.sum(np.log1p(share) - log_sd))
-    return 0.5 * (log_det + quadratic) + prior, gradient + 2.0 * share / (1.0 + share) - 1.0
+    power = 1.0 + np.array([c.power for c in model.components])
+    prior = float(np.sum(0.5 * (1.0 + power) * np.log1p(share) - power * log_sd))
+    return 0.5 * (log_det + quadratic) + prior, gradient + (1.0 + power) * share / (1.0 + share) - power
 
 
 def _search(model: MixedModel, start: Array, scales: Array) -> Array:

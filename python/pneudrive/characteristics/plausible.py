@@ -27,6 +27,9 @@ ENOUGH = 4
 FAR = 10.0  # times more or less friction than at neighbouring speeds: a sensor, a unit or a range, no seal
 OTHER_SPEED = 1.5  # measured speed over that of the head, either way
 NAMED = 3
+#: A pressure that was measured further than this from the one that was set, or than this share of the gauge pressure,
+#: or so many standard uncertainties of the sensor, whichever is most, is no regulator's error (assumed).
+SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
 
 
 def implausible(condition: NDArray[np.int64], reduced: Reduced) -> tuple[str, ...]:
@@ -71,6 +74,7 @@ def suspicions(reading: Reading, points: Points | None) -> Iterator[Statement]:
         )
         remedy = "Check the units: position_m in m, time_s in s, speed_m_s in m/s."
         yield Statement("data", text, carried=False, remedy=remedy)
+    yield from _set_and_measured(reading)
     ambient = reading.identity.ambient_pressure_pa
     low = [
         (d.head.cycle.key, p)
@@ -85,6 +89,45 @@ def suspicions(reading: Reading, points: Points | None) -> Iterator[Statement]:
             "either a vacuum, or gauge pressures where absolute ones belong."
         )
         yield Statement("data", text, carried=False, remedy="State all pressures as absolute, in Pa.")
+
+
+def _set_and_measured(reading: Reading) -> Iterator[Statement]:
+    """Hold the pressures of the samples against those that the heads say were set.
+
+    Both directions together: what the air does in motion raises one of them and lowers the other.
+    """
+    ambient = reading.identity.ambient_pressure_pa
+    for side in ("a", "b"):
+        name = f"pressure_{side}_pa"
+        sure = PRESSURE_ACCURACIES * reading.identity.accuracy.get(name, 0.0)
+        off, low = [], []
+        for d in reading.sliding:
+            if not d.sides:
+                continue
+            planned = getattr(d.head.cycle, name)
+            measured = float(np.mean([getattr(s, name) for s in d.sides.values()]))
+            if abs(measured - planned) > max(SET_PA, SET_SHARE * abs(planned - ambient), sure):
+                off.append((d.head.cycle.key, measured - planned))
+            if measured < ambient - max(SET_PA, sure) and planned >= (1.0 - BELOW_AMBIENT) * ambient:
+                low.append((d.head.cycle.key, measured))
+        if off:
+            mean = float(np.median([change for _, change in off]))
+            text = (
+                f"The measured pressure of chamber {side} lies {mean / PA_PER_BAR:+.2g} bar from the set one in "
+                f"{len(off)} of {len(reading.sliding)} cycles ({_keys([key for key, _ in off])}): forces are taken "
+                "from the measured one, curves are named by the set one."
+            )
+            remedy = "Check the transducer's zero, the regulator, and which of them writes pressures above ambient"
+            unit = " (the difference is one ambient pressure: one of them is a gauge pressure)"
+            alike = abs(abs(mean) - ambient) < 0.1 * ambient
+            yield Statement("data", text, carried=False, remedy=f"{remedy}{unit if alike else ''}.")
+        if low:
+            text = (
+                f"Chamber {side} was measured below ambient pressure in {len(low)} cycle(s) "
+                f"({_keys([k for k, _ in low])}; {min(p for _, p in low) / PA_PER_BAR:.3g} bar abs, ambient "
+                f"{ambient / PA_PER_BAR:.3g} bar): a regulator makes no vacuum."
+            )
+            yield Statement("data", text, carried=False, remedy="State all pressures as absolute, in Pa.")
 
 
 def _keys(keys: list[str]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import Condition, Estimate, mean_estimate
 from pneudrive.characteristics.effects import Harmonic, PositionDependence
+from pneudrive.characteristics.mixed import Component, MixedModel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,14 +20,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Waves are looked for that fit once to eight times into the range; less than once is no wave but a trend.
+#: Waves are looked for that fit 0.9 to 8 times into the range, which is shorter than the stroke; less is a trend.
 MOST_WAVES = 4
-TIMES = np.arange(1.0, 8.01, 0.1)
+TIMES = np.arange(0.9, 8.01, 0.1)
 FINER = (0.02, 0.004, 0.001)
 #: Fall of chi-square by a wave (three parameters, some fifty places to look) that chance does not give (p = 0.001).
 CLEAR = 25.0
 FEWEST_BINS = 16
 FEWEST_CYCLES = 4
+APART = 2.0  # times the slowest over the fastest cycle's time and force, from which on a drift of the zero can be told
 COVERED = 0.9  # of the common bins: cycles that lack more do not tell of trend and harmonics
 
 
@@ -44,9 +46,12 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
     reduced = points.reduced
     rows = reduced.relative_n[members][:, reduced.common]
     position = reduced.position_m[reduced.common]
-    rows = rows[np.isfinite(rows).mean(axis=1) >= COVERED]
+    told = np.isfinite(rows).mean(axis=1) >= COVERED
+    rows = rows[told]
     if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
         return None
+    slowness = 1.0 / (reduced.speed_m_s[members] * np.abs(reduced.friction_n[members]))[told]
+    rows = rows - _trend(position, rows, slowness, (), 1.0)[1] * slowness[:, None] * (position - position.mean())
     known = np.isfinite(rows)
     count = known.sum(axis=0)
     mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(count, 1)
@@ -56,12 +61,32 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
     length = position.size * width
     waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
     coefficients = np.array([_fit(position, row, waves, length) for row in rows])
-    trend = mean_estimate(coefficients[:, 1], "1/m")
+    trend = _trend(position, rows, slowness, waves, length)[0]
     harmonics = tuple(
         _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
         for i, times in enumerate(waves)
     )
     return PositionDependence(condition, position, mean, mean - half, mean + half, trend, harmonics, rows.shape[0])
+
+
+def _trend(
+    position: Array, rows: Array, slowness: Array, waves: Sequence[float], length: float
+) -> tuple[Estimate, float]:
+    """Estimate the change along x that all cycles share, and the rate of the sensor's zero, N/s, taken out of it.
+
+    While a cycle lasts, the zero moves: over +x it has risen more the further the stroke is, over -x less, which half
+    their difference shows as rate / speed along x. Slow cycles show it most, and as the rate is not steady, they also
+    tell least of the trend.
+    """
+    slopes = np.array([_fit(position, row, waves, length)[1] for row in rows])
+    scale = max(float(np.std(slopes)), 1e-12)
+    usual = float(np.median(slowness))
+    x = np.column_stack([np.ones(slopes.size), slowness / usual])
+    if slowness.max() < APART * slowness.min() or slopes.size < FEWEST_CYCLES + 1:
+        return mean_estimate(slopes, "1/m"), 0.0
+    parts = (Component("cycle", np.ones(slopes.size), scale), Component("zero", (slowness / usual) ** 2, scale))
+    fit = MixedModel(slopes, x, np.full(slopes.size, (1e-3 * scale) ** 2), parts).fit()
+    return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
 
 
 def _columns(position: Array, waves: Sequence[float], length: float) -> Array:

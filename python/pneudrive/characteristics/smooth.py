@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 #: Speed from which on a stretched speed grows with speed itself; below, with its logarithm (assumed).
 PROPORTIONAL_FROM_M_S = 0.1
 CYCLE_SCALE = 0.02  # of the response: standard deviations that are usual from cycle to cycle, block to block, in drift
+#: Stretched speed over which a curve may leave the common shape by itself: a factor of 7 at low speed, about the width
+#: of a Stribeck fall (assumed).
+LOCAL_REACH = 2.0
+#: Power of a standard deviation with which its prior falls towards zero: a few sentinels that happen to agree do not
+#: make a rig that repeats perfectly, least of all where a curve may follow each of its points (assumed).
+FEW_AGREE = 2.5
 CARRIED = 0.98  # share of a drift that the curves could take for their own, beyond which the design does not carry it
 CURVE_DEGREE = 5  # polynomials in stretched speed that stand for all curves in that question
 
@@ -119,11 +125,11 @@ class CurveFit:
         number = np.full(speed_m_s.size, curve, dtype=np.int64)
         x = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept].mean(axis=0, keepdims=True)
         names = [c.name for c in self.fit.model.components]
-        kernels = {k: v.mean(axis=0, keepdims=True) for k, v in basis.kernels(speed_m_s, number)[0].items()}
-        own = basis.between(speed_m_s)
-        prior = {k: np.array([v.mean()]) for k, v in own.items()}
+        kernels, own = basis.kernels(speed_m_s, number)[0], basis.between(speed_m_s)
         found = self.fit.predict(
-            x, {k: v for k, v in kernels.items() if k in names}, {k: v for k, v in prior.items() if k in names}
+            x,
+            {k: v.mean(axis=0, keepdims=True) for k, v in kernels.items() if k in names},
+            {k: np.array([v.mean()]) for k, v in own.items() if k in names},
         )
         return as_estimate(found, unit)
 
@@ -175,13 +181,22 @@ class _Basis:
         if self.curves > 1:
             common["own shape"] = (bend + tilt) * same
             prior["own shape"] = own**3 + 3.0 * (own - 0.5) ** 2
+            common["local"] = _local(own * self.width, seen * self.width) * same
+            prior["local"] = np.ones(own.size)
         return common, prior
 
     def between(self, speed_m_s: Array) -> dict[str, Array]:
         """Covariance of the smooth deviations of one curve between these speeds, shape (m, m)."""
         own = self.place(speed_m_s)
         bend = _integrated_wiener(own, own)
-        return {"shape": bend, "own shape": bend + 3.0 * np.outer(own - 0.5, own - 0.5)}
+        local = _local(own * self.width, own * self.width)
+        return {"shape": bend, "own shape": bend + 3.0 * np.outer(own - 0.5, own - 0.5), "local": local}
+
+
+def _local(s: Array, t: Array) -> Array:
+    """Covariance of a deviation that is smooth over `LOCAL_REACH` and forgets itself beyond (Matern 3/2)."""
+    away = np.sqrt(3.0) * np.abs(s[:, None] - t[None, :]) / LOCAL_REACH
+    return (1.0 + away) * np.exp(-away)
 
 
 def _integrated_wiener(s: Array, t: Array) -> Array:
@@ -222,6 +237,21 @@ def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArr
     blocks : ndarray of int, optional
         Groups that share a deviation of their own (blocks or days), where the design carries it.
     """
+    model = curve_model(data, logarithmic=logarithmic, drift=drift, blocks=blocks)
+    fit, components, x = model.fit(), model.components, model.x
+    estimate, half = np.zeros(len(data)), np.zeros(len(data))
+    if drift:
+        kernel = components[[c.name for c in components].index("drift")].kernel
+        found = fit.predict(np.zeros((len(data), x.shape[1])), {"drift": kernel}, {"drift": np.diag(kernel)})
+        estimate, half = found.mean, found.half_width()
+    names = tuple(c.name for c in components if c.name in {"cycle", "drift", "block"})
+    return CurveFit(data, fit, logarithmic, names, estimate, half)
+
+
+def curve_model(
+    data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArray[np.int64] | None = None
+) -> MixedModel:
+    """Give the model that `fit_curves` fits."""
     basis = _Basis.of(data)
     on = data.curve >= 0
     spread = max(float(np.std(data.y[on])), 1e-9 * float(np.abs(data.y[on]).max() + 1e-12), 1e-12)
@@ -230,20 +260,14 @@ def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArr
     components = [Component("shape", kernels["shape"], 5.0 * spread)]
     if "own shape" in kernels:
         components.append(Component("own shape", kernels["own shape"], spread))
-    components.append(Component("cycle", on / data.count, usual))
+        components.append(Component("local", kernels["local"], usual))
+    components.append(Component("cycle", on / data.count, usual, power=FEW_AGREE))
     if drift:
         components.append(Component("drift", centred_walk(data.order), usual))
     if blocks is not None:
         components.append(Component("block", (blocks[:, None] == blocks[None, :]).astype(float), usual))
     x = basis.fixed(data.speed_m_s, data.curve, observed=True)[:, basis.kept]
-    fit = MixedModel(data.y, x, data.noise, tuple(components)).fit()
-    estimate, half = np.zeros(len(data)), np.zeros(len(data))
-    if drift:
-        kernel = components[[c.name for c in components].index("drift")].kernel
-        found = fit.predict(np.zeros((len(data), x.shape[1])), {"drift": kernel}, {"drift": np.diag(kernel)})
-        estimate, half = found.mean, found.half_width()
-    names = tuple(c.name for c in components if c.name in {"cycle", "drift", "block"})
-    return CurveFit(data, fit, logarithmic, names, estimate, half)
+    return MixedModel(data.y, x, data.noise, tuple(components))
 
 
 def centred_walk(order: Array) -> Array:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import straight_line
+from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.characteristics.drift import pure_scatter
 from pneudrive.characteristics.plausible import NEGATIVE, suspicions
 from pneudrive.characteristics.result import Statement
 from pneudrive.characteristics.smooth import CARRIED
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from pneudrive.characteristics.basics import Estimate
     from pneudrive.characteristics.curves import Fits, Points
     from pneudrive.characteristics.drift import Causes
-    from pneudrive.characteristics.effects import Drift
+    from pneudrive.characteristics.effects import Drift, Repeatability
     from pneudrive.characteristics.reading import Reading
     from pneudrive.characteristics.result import CampaignCharacteristics
 
@@ -26,6 +28,7 @@ SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assu
 CHANCE = 0.05
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
 LAST_SHARE = 0.25  # of the campaign's time, over which a change is still going on
+LEAVES = 2.0  # quantiles of 95 % beyond which a cycle is named that its curve leaves
 NAMED = 3  # cycles that are named where several share a fate
 
 
@@ -131,17 +134,16 @@ def _curves(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Ite
 def _scatter(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Iterator[Statement]:
     repeat = found.repeatability
     if repeat is not None and repeat.within is not None:
-        text = f"A cycle repeats within {repeat.within.value:.2g} N (standard deviation, from {repeat.basis})"
+        within = repeat.within
+        text = (
+            f"A cycle repeats within {within.value:.2g} N (standard deviation, from {repeat.basis}; 95 %: "
+            f"{within.low:.2g} .. {within.high:.2g})"
+        )
         if repeat.between is not None:
             text += f"; between {fits.block_kind}s {repeat.between.value:.2g} N"
         yield Statement("repeatability", text + ".")
-        if repeat.basis == "smooth curve":
-            yield Statement(
-                "repeatability",
-                "Nothing was repeated: how much cycles scatter is taken from how smooth the curves are.",
-                carried=False,
-                remedy="Repeat each point at least twice, or add sentinels.",
-            )
+        yield from _once(repeat, fits)
+    yield from _left(fits)
     if fits.block_groups is None:
         several = len(set(reading.days().values())) > 1 or len({head.cycle.block for head in reading.heads}) > 1
         text = (
@@ -152,6 +154,44 @@ def _scatter(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> It
         )
         remedy = "Repeat part of the campaign in another block, on another day."
         yield Statement("repeatability", f"{text}; it is not in the band.", carried=False, remedy=remedy)
+
+
+def _once(repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
+    """Say where the points themselves were not repeated."""
+    remedy = "Repeat each point at least twice"
+    if repeat.basis == "smooth curve":
+        text = "Nothing was repeated: how much cycles scatter is taken from how smooth the curves are."
+        yield Statement("repeatability", text, carried=False, remedy=f"{remedy}, or add sentinels.")
+    elif repeat.basis == "sentinels":
+        count = sum(d.head.cycle.kind == "sentinel" for d in fits.points.reduced.data)
+        text = (
+            f"Each speed and pressure was measured once, and {count} sentinels at one of them tell how cycles scatter. "
+            "A curve that bends between neighbouring speeds, or moves with pressure, is told from scatter by that "
+            "alone: bands may be too narrow there."
+        )
+        yield Statement("repeatability", text, carried=False, remedy=f"{remedy}, above all where the curve falls.")
+
+
+def _left(fits: Fits) -> Iterator[Statement]:
+    """Say where a curve leaves good cycles by more than cycles scatter, and which cycles are in doubt."""
+    pure, points = pure_scatter(fits), fits.points
+    if pure is not None:
+        off = np.abs(fits.rest()) / np.hypot(pure.estimate.value, np.sqrt(fits.friction.data.noise))
+        far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
+        if far.size:
+            data = [d for d, use in zip(points.reduced.data, points.use, strict=True) if use]
+            named = ", ".join(
+                f"{data[i].head.cycle.key} by {off[i]:.2g} times" for i in far[np.argsort(-off[far])][:NAMED].tolist()
+            )
+            text = (
+                f"The curves leave {far.size} cycle(s) by more than repeated cycles scatter ({named} the standard "
+                "deviation): either these cycles are off, or the curve bends more sharply than its points show."
+            )
+            yield Statement("curve", text, carried=False, remedy="Repeat these cycles, and add speeds beside them.")
+    if fits.doubtful:
+        keys = ", ".join(points.reduced.data[i].head.cycle.key for i in fits.doubtful[:NAMED])
+        text = f"{len(fits.doubtful)} cycle(s) lie off what the others say, not beyond doubt ({keys}): they count."
+        yield Statement("curve", text, carried=False, remedy="Repeat these cycles.")
 
 
 def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) -> Iterator[Statement]:

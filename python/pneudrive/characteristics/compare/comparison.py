@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.campaign.folder import Campaign
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.basics import Estimate
 from pneudrive.characteristics.compare.checks import Check, checks_of
 from pneudrive.characteristics.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
@@ -276,19 +275,24 @@ def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics)
 
 
 def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Test | None:
-    """Ratio of the standard deviations of a cycle, by the intervals of their logarithms."""
-    from scipy.special import ndtr
+    """Compare the scatter of repeated cycles by an F test; None where a campaign repeats nothing.
 
-    both = [found.repeatability.within if found.repeatability is not None else None for found in (first, second)]
-    if any(e is None or not (e.value > 0 and e.low > 0 and np.isfinite(e.high)) for e in both):
+    What cycles leave of a smooth curve is no scatter alone: no test is made of that.
+    """
+    from scipy.special import fdtr, fdtrc, fdtri
+
+    both = [found.repeatability for found in (first, second)]
+    a, b = (r.within if r is not None and r.basis != "smooth curve" else None for r in both)
+    if a is None or b is None or not (a.value > 0 and b.value > 0):
         return None
-    logs = [np.log(e.value) for e in both if e is not None]
-    errors = [np.log(e.high / e.low) / (2.0 * NORMAL_95) for e in both if e is not None]
-    value, stderr = float(logs[1] - logs[0]), float(np.hypot(*errors))
-    p = 2.0 * float(ndtr(-abs(value) / stderr)) if stderr > 0 else 1.0
-    middle, low, high = (float(np.exp(value + side * NORMAL_95 * stderr)) for side in (0.0, -1.0, 1.0))
-    ratio = Estimate(middle, low, high, middle * stderr, "", float("inf"), p)
-    return Test("repeatability of a cycle", ratio, p, note="ratio of the standard deviations, second over first")
+    free = b.degrees_of_freedom, a.degrees_of_freedom
+    ratio = (b.value / a.value) ** 2
+    p = min(1.0, 2.0 * min(float(fdtr(*free, ratio)), float(fdtrc(*free, ratio))))
+    low, high = (float(np.sqrt(ratio / fdtri(*free, share))) for share in (0.975, 0.025))
+    value = float(np.sqrt(ratio))
+    error = value * float(np.sqrt(0.5 / free[0] + 0.5 / free[1]))
+    estimate = Estimate(value, low, high, error, "", min(free), p)
+    return Test("repeatability of a cycle", estimate, p, note="ratio of the standard deviations, second over first")
 
 
 def _adjusted(tests: list[Test]) -> list[Test]:

@@ -1,0 +1,112 @@
+"""Single cycles that no curve can follow, found one at a time, each held against all others without it.
+
+Two wild cycles inflate the scatter that either is judged by, and a wild cycle makes its good twin look wild. So each
+cycle is held against its prediction from all others [cook1982]: neighbours in speed, other pressures, repeats. The one
+that is furthest off by the robust scatter of all is taken out, the model is fitted again, and so on; then each that
+was taken out is held against what the good ones say, and comes back where that does not exclude it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise.spread import robust_deviation
+from pneudrive.characteristics.mixed import MOST_FOR_SEARCH
+from pneudrive.characteristics.smooth import curve_model
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.characteristics.mixed import MixedModel
+    from pneudrive.characteristics.smooth import CurveData
+
+    Array = NDArray[np.float64]
+
+ENOUGH = 9  # cycles; fewer do not tell which of them is wild
+SUSPECT = 3.0  # robust deviations of what cycles are off by, beyond which one is looked at
+SURE = 5.0  # standard deviations of the prediction from the others, beyond which a cycle is none of them
+TRIED = 3  # suspects of which the one is looked for without which all others fit best
+LEAST_SHARE = 0.1  # of the friction: less is no failure of a sensor
+MOST_SHARE = 0.1  # of the cycles (and at least two): more of them are no outliers but how the rig is
+
+
+@dataclass(frozen=True)
+class Chance:
+    """What the model of the curves has beside them, see `fit_curves`."""
+
+    logarithmic: bool
+    drift: bool
+    blocks: NDArray[np.int64] | None
+
+
+def wild_cycles(data: CurveData, chance: Chance) -> tuple[list[int], list[int]]:
+    """Find the cycles that are none of the others, and those of which that is in doubt, as rows of the data."""
+    size = len(data)
+    most = max(2, int(MOST_SHARE * size))
+    taken: list[int] = []
+    if size < ENOUGH:
+        return [], []
+    sd, _ = _deviations(data, chance, taken, None)
+    while len(taken) < most:
+        rows, off, far = _off(data, chance, taken, sd)
+        z = np.abs(off) / far
+        usual = max(robust_deviation(off / far), 1e-12)
+        suspect = (z > SUSPECT * usual) & (np.abs(off) > _least(data, chance)) & _spare(data, rows)
+        if not suspect.any():
+            break
+        order = rows[np.flatnonzero(suspect)[np.argsort(-z[suspect])]].tolist()
+        # Among very many cycles a few wild ones change nothing: all at once. Among few, one that bends the curve makes
+        # its neighbours look wild: it is the one without which the others are likeliest.
+        tries = [order[: most - len(taken)]] if size > MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
+        found = [(_deviations(data, chance, [*taken, *some], sd), some) for some in tries]
+        (sd, _), some = min(found, key=lambda one: one[0][1])
+        taken += some
+    doubtful: list[int] = []
+    while taken:
+        own = [_against(data, chance, taken, i, sd) for i in taken]
+        least = int(np.argmin(own))
+        if own[least] > SURE:
+            break
+        doubtful.append(taken.pop(least))
+        sd, _ = _deviations(data, chance, taken, sd)
+    return sorted(taken), sorted(doubtful)
+
+
+def _least(data: CurveData, chance: Chance) -> float:
+    return LEAST_SHARE * (1.0 if chance.logarithmic else float(np.median(np.abs(data.y))))
+
+
+def _part(data: CurveData, chance: Chance, rows: NDArray[np.intp]) -> MixedModel:
+    part = replace(data, **{name: values[rows] for name, values in vars(data).items()})
+    blocks = chance.blocks[rows] if chance.blocks is not None else None
+    return curve_model(part, logarithmic=chance.logarithmic, drift=chance.drift, blocks=blocks)
+
+
+def _rows(data: CurveData, taken: list[int]) -> NDArray[np.intp]:
+    return np.setdiff1d(np.arange(len(data)), taken)
+
+
+def _deviations(data: CurveData, chance: Chance, taken: list[int], start: Array | None) -> tuple[Array, float]:
+    return _part(data, chance, _rows(data, taken)).most_probable(start)
+
+
+def _off(data: CurveData, chance: Chance, taken: list[int], sd: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    """Cycles that are left, what each is off by from the others, and the standard deviation of that."""
+    rows = _rows(data, taken)
+    return rows, *_part(data, chance, rows).left_out(sd)
+
+
+def _against(data: CurveData, chance: Chance, taken: list[int], one: int, sd: Array) -> float:
+    """Give the standard deviations that a cycle taken out is off by from those that are left."""
+    rows, off, far = _off(data, chance, [i for i in taken if i != one], sd)
+    at = int(np.searchsorted(rows, one))
+    return abs(float(off[at])) / float(far[at]) if abs(off[at]) > _least(data, chance) else 0.0
+
+
+def _spare(data: CurveData, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Mark cycles whose curve has others too."""
+    curve = data.curve[rows]
+    return np.bincount(curve[curve >= 0], minlength=int(curve.max()) + 1)[curve] > 1

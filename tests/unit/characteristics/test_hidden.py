@@ -1,0 +1,77 @@
+"""What a campaign hides: wild cycles, a Stribeck speed that moves with pressure, zeros that wander, wrong pressures.
+
+Nothing is repeated but sentinels, as hurried plans are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from oracle.campaigns import BAR, hits
+from oracle.hidden_truths import Hidden
+
+MOVING = Hidden("tanh", 20.0, 14.0, 0.012, 30.0, 1.0, 1.0, moves_per_bar=0.25)
+PLAN = {
+    "friction": MOVING,
+    "speeds_m_s": tuple(np.geomspace(1e-3, 0.3, 11)),
+    "gauges_pa": ((0.0, 0.0), (BAR, BAR), (2.0 * BAR, 2.0 * BAR)),
+    "repeats": 1,
+    "sentinel_every": 6,
+    "cycle_share": 0.008,
+    "zero_drift_n": 1.0,
+}
+
+
+def outliers(found) -> set[str]:
+    return {c.key for c in found.cycles if "outlier" in c.flags}
+
+
+def sweeps(found) -> list:
+    return [c for c in found.cycles if c.kind == "sweep"]
+
+
+@pytest.mark.parametrize("repeats", [1, 2])
+def test_two_wild_cycles_are_found_and_no_good_one(measured, quick, repeats):
+    """The scatter that one is judged by must not hold the other, nor the good twin pay for it."""
+    found = measured(quick(**PLAN | {"repeats": repeats, "wild": ((7, 1.53), (19, 1.63))}))
+    assert outliers(found) == {sweeps(found)[7].key, sweeps(found)[19].key}
+    assert np.mean([h for c in found.curves if c.direction == 0 for h in hits(quick(**PLAN), c)]) >= 0.9
+
+
+def test_a_stribeck_speed_that_moves_is_in_the_band_and_doubt_is_told(measured, quick):
+    world = quick(**PLAN)
+    share = [
+        np.concatenate([hits(world, c) for c in measured(world, seed).curves if c.direction == 0]) for seed in range(4)
+    ]
+    assert np.mean(np.concatenate(share)) >= 0.9
+    assert min(s.mean() for s in share) >= 0.8
+    said = " ".join(str(s) for s in measured(world).statements if not s.carried)
+    assert "was measured once" in said
+
+
+def test_scatter_is_that_of_the_sentinels_themselves(measured, quick):
+    """Scatter of sentinels in newton, whatever misfit or smoothness the curves have."""
+    found = measured(quick(**PLAN | {"cycle_share": 0.0, "cycle_n": 0.5, "sentinel_every": 3, "zero_drift_n": 0.0}))
+    sentinels = np.array([c.friction_n for c in found.cycles if c.kind == "sentinel"])
+    within = found.repeatability.within
+    assert found.repeatability.basis == "sentinels"
+    assert within.low < 0.5 < within.high
+    assert 0.5 < within.value / np.std(sentinels, ddof=1) < 1.5
+
+
+def test_a_zero_that_drifts_in_slow_cycles_is_no_trend_over_position(measured, quick):
+    found = measured(quick(**PLAN | {"zero_drift_n": 4.0, "cycle_share": 0.002}))
+    trend = next(p.trend_per_m for p in found.position if p.condition is None)
+    assert trend.p > 0.01
+    real = measured(quick(**PLAN | {"zero_drift_n": 4.0, "cycle_share": 0.002, "slope_share": 0.03}))
+    trend = next(p.trend_per_m for p in real.position if p.condition is None)
+    assert trend.low < 0.03 / 0.2 < trend.high
+    assert trend.p < 1e-3
+
+
+@pytest.mark.parametrize(("off", "word"), [(0.5 * BAR, "+0.5 bar"), (1.013 * BAR, "is a gauge pressure"), (0.0, None)])
+def test_pressures_that_were_not_the_set_ones_are_told(measured, quick, off, word):
+    world = quick(**PLAN | {"written_too_high_pa": off, "gauges_pa": PLAN["gauges_pa"][1:]})
+    said = " ".join(str(s) for s in measured(world).statements if "from the set one" in s.text)
+    assert (word in said) if word else not said
