@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.characterise.spread import changed, student
+from pneudrive.numbers import with_u
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -232,9 +233,8 @@ def _statement(
     spread: RunSpread | None,
 ) -> str:
     half_n, half_n_pa = student(freedom) * np.sqrt(np.diag(covariance))
-    text = (
-        f"{seal}: {intercept:.2f} N + {slope * 1e5:.2f} N/bar (95 %: +-{half_n:.2f} N, +-{half_n_pa * 1e5:.2f} N/bar); "
-    )
+    rise = with_u(slope * 1e5, half_n_pa * 1e5, "N/bar")
+    text = f"{seal}: {with_u(intercept, half_n)} at no pressure and {rise} (95 %); "
     if basis == "unknown" or spread is None:
         text += "nothing was run twice: the interval lacks the spread between runs and is too narrow"
     else:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: Digits of the bounds of an interval, which are rounded outwards, and of a value without an interval.
 DIGITS = 5
 #: A value is rounded to a share of its interval below this.
-ROUNDED_SHARE = 1e-3
+ROUNDED_SHARE = 1e-2
 #: Digits of a floor for model error.
 MODEL_DIGITS = 2
 MOST_SOURCES = 6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from pneudrive.numbers import with_u
+from pneudrive.numbers import fixed, with_u
 from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Text
 from pneudrive.report.words import MOST_SHOWN, by_seal, gauge_bar, speed_mm_s, spread_evenly
@@ -60,7 +60,7 @@ def draw(pairs: list[tuple[RecordingResult, Level]]) -> Figure:
     for axis, (result, level) in zip(axes, pairs, strict=True):
         handles = _panel(axis, level)
         pressure, speed = gauge_bar(level, result.recording), speed_mm_s(level)
-        axis.set_title(f"{level.recording}\n{pressure:.1f} bar, {speed:.3g} mm/s", fontsize=7.5)
+        axis.set_title(f"{level.recording}\n{fixed(pressure, 1)} bar, {speed:.3g} mm/s", fontsize=7.5)
     style.outer_labels(figure, "position / mm", "balance, friction, offset / N")
     style.legend_above(figure, handles)
     return figure

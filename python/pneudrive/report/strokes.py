@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.reversal import NEEDED_RISE_SAMPLES, offset_line
+from pneudrive.numbers import fixed
 from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Table, Text
 from pneudrive.report.words import by_seal, gauge_bar, plural, spread_evenly
@@ -109,7 +110,7 @@ def _course(level: Level) -> np.ndarray:
 
 def _short(result: RecordingResult, level: Level) -> str:
     run = result.recording.labels.get("run")
-    name = f"{gauge_bar(level, result.recording):.1f} bar"
+    name = f"{fixed(gauge_bar(level, result.recording), 1)} bar"
     return f"{name}, run {run}" if run else name
 
 

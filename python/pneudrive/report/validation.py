@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.describe.base import Quantity
+from pneudrive.describe.provenance import values
 from pneudrive.report import style
 from pneudrive.report import validation_figures as figures
 from pneudrive.report.page import Items, Picture, Report, Section, Table, Text
@@ -14,6 +16,7 @@ from pneudrive.report.words import plural, sentence, spread_evenly
 from pneudrive.validate.validation import CHANNELS
 
 if TYPE_CHECKING:
+    from pneudrive.describe import Drive
     from pneudrive.validate import RecordResult, Validation
 
 MOST_RECORDS = 6
@@ -198,6 +201,19 @@ def _whiteness(found: Validation) -> Section:
     )
 
 
+def _identified(drive: Drive) -> tuple[Table, ...]:
+    """List what was identified, with what noise and what a model that is not exact leave of it."""
+    known, rows = values(drive), []
+    for name, origin in drive.provenance.items():
+        mark, si = known[name]
+        shown = mark.show(si) if isinstance(mark, Quantity) else f"{si / 1e5:g} bar"
+        low, high = origin.interval
+        model = f"± {origin.model_error}" if origin.model_error else "-"
+        rows.append((name, str(shown), f"{low} … {high}", model, origin.source))
+    head = ("identified", "value", "95 % interval: noise", "each held number off by 1 %", "recordings")
+    return (Table(head, tuple(rows), "Identified values of the drive", numbers_from=9),) if rows else ()
+
+
 def _provenance(found: Validation) -> Section:
     rows = [
         (r.recording.name, str(r.recording.source or "-"), str(len(r.recording)), r.recording.sha256[:16])
@@ -211,6 +227,7 @@ def _provenance(found: Validation) -> Section:
     blocks = (
         Text(said),
         Table(("recording", "file", "samples", "SHA-256"), tuple(rows), numbers_from=2),
+        *_identified(found.drive),
         Text(found.drive.to_toml().strip(), "code"),
     )
     return Section("provenance", "Provenance", blocks)

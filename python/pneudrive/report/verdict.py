@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.pressure_line import CONFOUNDED
-from pneudrive.numbers import with_u
+from pneudrive.numbers import fixed, with_u
 from pneudrive.report.paper import count_verdicts
 from pneudrive.report.recovered import recovered
 from pneudrive.report.speed import richest
@@ -53,9 +53,8 @@ def _friction(found: Characterisation) -> str:
     head = f"Sliding friction, {plural(len(found.results), kind)}, {plural(len(by_seal(found)), 'seal')}: "
     shown = []
     for level in levels[:1] if len(levels) == 1 else (levels[0], levels[-1]):
-        conditions = (
-            f"{level.recording}, {gauge_bar(level, recordings[level.recording]):.1f} bar, {speed_mm_s(level):.3g} mm/s"
-        )
+        bar = fixed(gauge_bar(level, recordings[level.recording]), 1)
+        conditions = f"{level.recording}, {bar} bar, {speed_mm_s(level):.3g} mm/s"
         shown.append(f"{with_u(level.friction_n, level.expanded_n)} ({conditions})")
     return head + " to ".join(shown) + ", U with k = 2."
 

@@ -29,7 +29,7 @@ def good(make_map, friction_of):
 def test_determined_parameters_go_over_with_the_digits_that_their_intervals_carry(drive, good):
     changed = good.apply(drive)
     for name, (low, high) in good.intervals.items():
-        assert abs(changed.friction.parameters[name] - good.parameters[name]) <= 1e-3 * (high - low), name
+        assert abs(changed.friction.parameters[name] - good.parameters[name]) <= 1e-2 * (high - low), name
     text = changed.to_toml()
     for name in good.intervals:
         (number,) = re.findall(rf'\n{name} = "([0-9.]+) ', text)
