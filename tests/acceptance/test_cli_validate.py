@@ -97,7 +97,7 @@ def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys):
         (["export", "DRIVE", "--to", "fmu"], "no export of a drive as an FMU yet"),
         (["export", "DRIVE", "--to", "amesim", "--speeds", "1 mm/s .. 2 mm/s"], "no export to 'amesim'"),
         (["export", "DRIVE", "--to", "csv", "--pressure-a", "3 bar abs"], "is an absolute pressure"),
-        (["export", "RUN", "--to", "csv"], "binary file"),
+        (["export", "RUN", "--to", "csv"], "the file is binary"),
     ],
 )
 def test_wrong_wishes_end_with_one_message_and_status_2(bench, capsys, words, message):

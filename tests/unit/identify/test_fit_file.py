@@ -57,9 +57,9 @@ def test_file_is_plain_toml_with_units(make_map, friction_of, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no complete friction fit"),
+        ("", "is empty"),
         ("schema = 9", "another schema"),
-        ("[", "cannot be read"),
+        ("[", "is not TOML"),
         ("schema = 1", "no complete"),
     ],
 )
@@ -67,7 +67,7 @@ def test_files_that_are_no_fit(tmp_path, text, message):
     (tmp_path / "fit.toml").write_text(text)
     with pytest.raises(FitError, match=message):
         FrictionFit.from_toml(tmp_path / "fit.toml")
-    with pytest.raises(FitError, match="cannot be read"):
+    with pytest.raises(FitError, match="there is no file"):
         FrictionFit.from_toml(tmp_path / "none.toml")
 
 
