@@ -11,7 +11,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields
 from html import escape
 from itertools import islice, zip_longest
-from pathlib import Path
 from typing import NamedTuple
 
 #: What a glance takes in.
@@ -44,8 +43,9 @@ class Shown:
         """Return what is shown: by default the lines of ``str``, the first one as the title, or else the fields."""
         if type(self).__str__ is not object.__str__:
             return card_of(str(self))
-        named = [(field.name, getattr(self, field.name)) for field in fields(self) if field.repr]  # type: ignore[arg-type]
-        return Card(type(self).__name__, rows=[(name, brief(value)) for name, value in named if value is not None])
+        values = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
+        rows = [(name, brief(value)) for name, value in values.items() if value is not None]
+        return Card(type(self).__name__, rows=[row for row in rows if row[1]])
 
     def __repr__(self) -> str:
         return text_of(self._card())
@@ -92,7 +92,8 @@ def brief(value: object) -> str:
             return ", ".join(map(brief, value))
         kinds = {type(one).__name__ for one in islice(value, MOST_ENTRIES)}
         return f"{len(value)} {' or '.join(sorted(kinds))}"
-    return str(value) if isinstance(value, int | Path) else f"{type(value).__name__}"
+    named = type(value).__str__ is object.__str__ and not isinstance(value, int)  # an int has no ``str`` of its own
+    return type(value).__name__ if named else str(value)
 
 
 def text_of(card: Card) -> str:
@@ -121,7 +122,7 @@ def _short(card: Card) -> Card:
         rows.append([f"... {len(card.rows) - MOST_ROWS} more"])
     notes = [_cut(note) for note in card.notes[:MOST_NOTES]]
     if len(card.notes) > MOST_NOTES:
-        notes.append(f"... {len(card.notes) - MOST_NOTES} more lines: print() shows them all")
+        notes.append(f"... {len(card.notes) - MOST_NOTES} more lines")
     return Card(_cut(card.title), [_cut(text) for text in card.head], rows, notes)
 
 

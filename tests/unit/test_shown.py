@@ -116,4 +116,5 @@ def test_arrays_are_shown_by_their_shape():
     made = show.brief(np.zeros((1000, 2)))
     assert made == "array (1000, 2)"
     assert len(show.brief({str(k): np.zeros(3) for k in range(999)})) < 100
+    assert (show.brief(17), show.brief(True)) == ("17", "True")
     assert show.brief(units.UnitFloat(0.025, "m", "mm")) == "25 mm"

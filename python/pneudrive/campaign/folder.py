@@ -30,7 +30,7 @@ from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.files.tables import Table, open_table
 from pneudrive.rig.interface import CHANNELS, Identity, Samples
-from pneudrive.show import Shown
+from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -264,6 +264,12 @@ class Campaign(Shown):
             )
         identity, notes = read_identity(rig, str(folder / RIG))
         return cls(folder, identity, about, tuple(notes))
+
+    def _card(self) -> Card:
+        """Show which rig, and how far it is."""
+        title = f"{self.about.get('name', self.path.name)} ({'simulated' if self.synthetic else 'measured'})"
+        rows = [("folder", str(self.path)), ("rig", self.identity.name), ("cycles on disk", str(len(self.files())))]
+        return Card(title, rows=rows, notes=self.notes)
 
     @property
     def protocol(self) -> str:
