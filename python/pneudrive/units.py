@@ -160,9 +160,8 @@ class UnitFloat(float):
 
     Attributes
     ----------
-    si : float
-        The plain number in `si_unit`.
     si_unit : str
+        Of the plain number, which ``si`` gives.
     unit : str
         In which it is shown.
 
