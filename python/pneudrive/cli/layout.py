@@ -20,10 +20,11 @@ def layout(
     """Propose how to read a foreign recording, with a picture of what was understood."""
     from pneudrive.characterise.layout import stem
     from pneudrive.characterise.propose import propose_layout
-    from pneudrive.errors import CommandError
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.errors import CommandError, RecordingError
     from pneudrive.report.layout_figure import write_layout_figure
 
-    proposal = propose_layout(file)
+    proposal = propose_layout(file, on_terminal())
     if out is None:
         typer.echo(proposal.text)
     else:
@@ -34,10 +35,16 @@ def layout(
     if picture is None:
         picture = out.with_suffix(".png") if out is not None else Path(f"{stem(file)}.layout.png")
     write_layout_figure(proposal, picture)
-    if proposal.problem:
-        sys.stderr.write(f"Note: this proposal does not read the file yet: {proposal.problem}.\n")
-    else:
-        sys.stderr.write(f"{len(proposal.strokes)} strokes understood; check the lines that say guess.\n")
+    if not proposal.problem:
+        what = "a fixed volume" if proposal.kind == "fixed-volume" else f"a {proposal.kind}"
+        strokes = f": {len(proposal.strokes)} strokes" if proposal.strokes else ""
+        sys.stderr.write(f"A recording of {what}{strokes}; check the lines that say guess.\n")
     for path in (out, picture):
         if path is not None:
             sys.stderr.write(f"{path}\n")
+    if proposal.problem:
+        raise RecordingError(
+            f"the proposed layout does not read the file yet: {proposal.problem}",
+            where=str(file),
+            remedy="mend the lines that say guess or not found, and look at the picture",
+        )

@@ -63,7 +63,8 @@ def _draw_columns(figure, proposal: Proposal) -> None:  # noqa: ANN001 - matplot
         name = proposal.reading.names[index] if proposal.reading.names else f"column {index}"
         axis.set_ylabel(name if guess is None else f"{name}\n{guess.role}\n({guess.unit})", fontsize=8)
     axes[-1].set_xlabel("row")
-    figure.suptitle(f"{proposal.path.name}: {proposal.problem}", fontsize=9)
+    said = proposal.problem or f"as understood, {len(proposal.strokes)} strokes found"
+    figure.suptitle(f"{proposal.path.name}: {said}", fontsize=9)
 
 
 def _draw_recording(figure, proposal: Proposal) -> None:  # noqa: ANN001

@@ -82,12 +82,15 @@ def test_a_campaign_file(make, tmp_path):
 
 
 def test_dots_that_separate_thousands(tmp_path):
-    rows = [f"{i // 10}.{100 * (i % 10):03d}.000;3.6;7.3" if i >= 10 else f"{100 * i}.000;3.6;7.3" for i in range(400)]
+    rows = [
+        f"{f'{i // 10}.{100 * (i % 10):03d}' if i >= 10 else 100 * i}.000;{3.6 - 1e-4 * i:.4f};{7.2 - 2e-4 * i:.4f}"
+        for i in range(400)
+    ]
     (tmp_path / "leak.csv").write_text("\n".join(rows))
     proposal = propose_layout(tmp_path / "leak.csv")
     assert 'thousands = "."' in proposal.text
     assert proposal.columns[0][-1] == 39900.0
-    assert "position" in proposal.problem, "a pressure alone is no recording of a moving piston, and it says so"
+    assert proposal.kind == "fixed-volume"
 
 
 @pytest.mark.parametrize(
@@ -112,5 +115,72 @@ def test_a_picture_shows_what_was_understood(make, tmp_path):
     write(tmp_path / "a.csv", ["time_s,position_mm,p_b_bar,force_N"], [t, x, p, f], ",")
     picture = write_layout_figure(propose_layout(tmp_path / "a.csv"), tmp_path / "a.png")
     assert picture.read_bytes().startswith(b"\x89PNG")
-    (tmp_path / "b.csv").write_text("\n".join(f"{i};3.6;7.3" for i in range(400)))
+    (tmp_path / "b.csv").write_text("\n".join(f"{i};{7.3 - 1e-4 * i:.4f}" for i in range(400)))
     assert write_layout_figure(propose_layout(tmp_path / "b.csv"), tmp_path / "b.svg").stat().st_size > 1000
+
+
+@pytest.fixture(scope="module")
+def driven():
+    from oracle.drive_records import drive, record
+
+    return record(drive(), 1, duration_s=1.0).columns
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_the_voltage_of_a_drive_s_valve_is_its_command_and_no_force(driven, tmp_path, named):
+    from pneudrive.characterise.drive_recording import read_drive_recordings
+
+    volts = 5 + 5 * driven["command"]
+    table = [
+        driven["time_s"],
+        volts,
+        driven["position_m"] * 1e3,
+        driven["pressure_a_pa"] / 1e5,
+        driven["pressure_b_pa"] / 1e5,
+    ]
+    head = ["t [s],Ventil [V],Weg [mm],p_A [bar abs],p_B [bar abs]"] if named else []
+    write(tmp_path / "a.csv", head, table, ",")
+    proposal = propose_layout(tmp_path / "a.csv")
+    assert (proposal.kind, proposal.problem) == ("drive", "")
+    assert 'unit = "V", range = "0 V .. 10 V"' in proposal.text
+    assert "force" not in {g.role for g in proposal.guesses}
+    assert {g.role: g.index for g in proposal.guesses}["command"] == 1
+    if not named:  # which of three smooth curves is the position, numbers alone do not tell
+        return
+    layout = Layout.loads(proposal.text.replace('"bar gauge"', '"bar abs"'))
+    read = read_drive_recordings([tmp_path / "a.csv"], layout)[0]
+    assert read["command"] == pytest.approx(driven["command"], abs=1e-4)
+    assert read["pressure_a_pa"] == pytest.approx(driven["pressure_a_pa"], abs=20)
+
+
+def test_a_pressure_alone_is_a_fixed_volume(tmp_path):
+    from pneudrive.report.layout_figure import write_layout_figure
+
+    rows = [f"{100 * i}.000;{3.6 - 1e-4 * i:.4f};{7.2 - 2e-4 * i:.4f}" for i in range(400)]
+    (tmp_path / "leak.csv").write_text("\n".join(rows))
+    proposal = propose_layout(tmp_path / "leak.csv")
+    assert (proposal.kind, proposal.problem) == ("fixed-volume", "")
+    assert 'pressure = { column = 2, unit = "bar gauge" }' in proposal.text
+    assert write_layout_figure(proposal, tmp_path / "a.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("head", ["id,price,amount", ""])
+def test_a_table_that_is_no_recording_gets_no_layout(tmp_path, capsys, head):
+    from pneudrive.cli.main import run
+
+    rng = np.random.default_rng(0)
+    rows = [f"{i},{rng.uniform(1, 90):.2f},{rng.integers(1, 9)}" for i in range(400)]
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows] if head else rows))
+    assert run(["layout", str(tmp_path / "a.csv"), "--out", str(tmp_path / "layout.toml")]) == 2
+    assert "no recording" in capsys.readouterr().err
+    assert not (tmp_path / "layout.toml").exists()
+
+
+def test_a_layout_that_does_not_read_its_file_says_so_with_a_status(make, tmp_path, capsys):
+    from pneudrive.cli.main import run
+
+    _, t, x, p, f = columns(make)
+    write(tmp_path / "a.csv", ["time_s,position_mm,p_b_bar,signal"], [t, x, p, f * 0], ",")
+    assert run(["layout", str(tmp_path / "a.csv"), "--out", str(tmp_path / "layout.toml")]) == 2
+    assert "# not found: force" in (tmp_path / "layout.toml").read_text()
+    assert "does not read the file yet" in capsys.readouterr().err
