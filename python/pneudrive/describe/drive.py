@@ -132,7 +132,7 @@ class Drive(Described):
         Examples
         --------
         >>> Drive.load("catalogue:reference").replace({"supply.pressure": "5 bar gauge"}).supply_pressure_pa
-        601325.0
+        601300.0
         """
         nested: dict[str, Any] = {}
         origins = changes.get("provenance", {})
