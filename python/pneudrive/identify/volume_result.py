@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
+from pneudrive.show import Shown
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
 _WRITTEN = {"m^3/(s Pa)": "dm3/(s bar)", "m^3": "dm3", "Pa": "bar", "W/K": "W/K", "1": ""}
 
 
-@dataclass(frozen=True, eq=False)
-class VolumeFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class VolumeFit(Shown):
     """Values of a tank with their uncertainty.
 
     Attributes
