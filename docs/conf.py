@@ -9,6 +9,7 @@ html_title = "pneudrive"
 bibtex_bibfiles = ["../references.bib"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 nb_execution_mode = "cache"
+nb_execution_timeout = 300  # s; on a busy machine a cell takes ten times as long
 nb_render_markdown_format = "myst"
 nb_execution_raise_on_error = True
 autodoc_typehints = "description"

@@ -37,6 +37,13 @@ def shell(line):
     return out.getvalue(), aside.getvalue()
 
 
+def test_the_guide_lists_every_page_once_and_begins_with_the_first_hour():
+    folder = PAGE.parent
+    listed = re.findall(r"^[a-z][a-z-]*$", (folder / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert listed[0] == "first-hour"
+    assert sorted(listed) == sorted(path.stem for path in folder.glob("*.md") if path.stem != "index")
+
+
 def test_the_names_of_the_guide_show_what_it_says():
     text = (ROOT / "docs/guide/describe.md").read_text(encoding="utf-8")
     test = doctest.DocTestParser().get_doctest(text, {"pn": pn}, "describe", None, 0)
