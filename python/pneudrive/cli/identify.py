@@ -74,12 +74,12 @@ def identify(
         progress=_show,
     )
     typer.echo(str(fit))
-    if profile:
-        for name, (lower, upper) in fit.profile().items():
-            typer.echo(f"  profile of {name}: {lower:.5g} .. {upper:.5g} {fit.units[name]}")
     if out is not None:
         fit.to_toml(out)
         typer.echo(str(out))
+    if profile:
+        for name, (lower, upper) in fit.profile().items():
+            typer.echo(f"  profile of {name}: {lower:.5g} .. {upper:.5g} {fit.units[name]}")
 
 
 def _show(progress: Progress) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
+from pneudrive.identify.intervals import Intervals
 from pneudrive.identify.levels import SAME_SPEED
 from pneudrive.identify.robust import estimate
 from pneudrive.identify.survey import pressure_levels
@@ -99,7 +100,8 @@ def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "hu
             sign = rng.choice([-1.0, 1.0], len(blocks))[np.unique(data.group, return_inverse=True)[1]]
             again = replace(data, friction_n=fitted + sign * residual)
         found[i] = model.natural(estimate(model, again, loss=loss, start=start).q)
-    return Bootstrap(fit.free, found, intervals_of_draws(fit.free, found), len(blocks), kind)
+    intervals = Intervals(intervals_of_draws(fit.free, found), fit.undetermined)
+    return Bootstrap(fit.free, found, intervals, len(blocks), kind)
 
 
 def _strata(data: Observations, blocks: list[NDArray[np.int64]]) -> list[list[int]]:

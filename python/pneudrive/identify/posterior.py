@@ -14,6 +14,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
+from pneudrive.identify.intervals import Intervals
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def posterior(fit: FrictionFit, steps: int = 3000, seed: int = 1) -> Posterior:
             f"the chain is {steps / time:.0f} autocorrelation times long, fewer than {LENGTHS:.0f}: its quantiles are "
             f"not to be relied on; steps={int(2 * LENGTHS * time)} would do, or the data do not bound a parameter"
         )
-    intervals = intervals_of_draws(fit.free, samples)
+    intervals = Intervals(intervals_of_draws(fit.free, samples), fit.undetermined)
     return Posterior(
         fit.free, samples, intervals, time, float(np.mean(sampler.acceptance_fraction)), PRIORS, tuple(said)
     )

@@ -15,7 +15,7 @@ import pytest
 import pneudrive as pn
 from oracle.drive_records import record
 from pneudrive import _core
-from pneudrive.errors import Cancelled, PneudriveWarning
+from pneudrive.errors import Cancelled, FitError, PneudriveWarning
 from pneudrive.identify.dynamic.parameters import Candidates, chosen
 from pneudrive.identify.dynamic.result import DriveFit
 
@@ -102,6 +102,12 @@ def test_a_search_that_did_not_converge_says_so_instead_of_intervals(stopped, tm
         assert "95 %" not in str(fit)
         with pytest.warns(PneudriveWarning, match="did not converge"):
             assert not fit.apply().provenance
+
+
+def test_no_other_way_gives_it_an_interval(stopped) -> None:
+    for ask in (stopped.profile, stopped.bootstrap):
+        with pytest.raises(FitError, match="did not converge"):
+            ask()
 
 
 def test_what_people_read_is_in_their_units(stopped) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError, nearest, warn
-from pneudrive.identify.intervals import WithIntervals
+from pneudrive.identify.intervals import Intervals, WithIntervals
 from pneudrive.numbers import places, plain
 from pneudrive.show import Shown
 from pneudrive.units import readable
@@ -202,7 +202,8 @@ class DriveFit(WithIntervals, Shown):
         from pneudrive.identify.dynamic.fit import bootstrap_of
 
         found = intervals_of_draws(self.free, bootstrap_of(self._search(), count, seed))
-        return {name: found[name] for name in self._asked(names)}
+        kept = Intervals(found, self.undetermined)
+        return {name: kept[name] for name in self._asked(names) if name in kept}
 
     def apply(self, drive: Drive | None = None) -> Drive:
         """Return a drive with the determined values of this fit, each with its interval and its recordings.
@@ -289,6 +290,10 @@ class DriveFit(WithIntervals, Shown):
     def _search(self) -> Solved:
         if self.solved is None:
             raise FitError("this fit was read from a file, without the problem that it solved", remedy="Fit again.")
+        if not self.converged:
+            raise FitError(
+                "the search did not converge: nothing has an interval", remedy="Fit again from these values."
+            )
         return self.solved
 
     def _asked(self, names: Sequence[str] | None) -> list[str]:
