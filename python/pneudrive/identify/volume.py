@@ -22,6 +22,8 @@ from pneudrive.characterise.volume_recording import VolumeRecording, read_volume
 from pneudrive.errors import FitError, nearest
 from pneudrive.identify.diagnose import Undetermined
 from pneudrive.identify.volume_result import VolumeFit
+from pneudrive.numbers import plain
+from pneudrive.units import readable
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -418,18 +420,19 @@ def _lost(problem: _Problem, name: str, value: float, low: float, high: float) -
     is_ratio = name == "line.critical_pressure_ratio"
     if max(value - low, high - value) <= LARGEST_REACH * (1.0 if is_ratio else value):
         return None
-    unit = NUMBERS[name][1]
+    factor, unit = readable(NUMBERS[name][1])
+    below, above = plain(low / factor), plain(high / factor)
     open_below, open_above = low == 0.0, high == upper
     if open_below and open_above:
         reason = "the recordings do not depend on it"
     elif open_above:
-        reason = f"only a lower limit is known, {low:.3g} {unit}"
+        reason = f"only a lower limit is known, {below} {unit}"
         reason += ": the gas keeps the temperature of the wall" if name == "volume.heat_transfer" else ""
     elif open_below:
-        reason = f"only an upper limit is known, {high:.3g} {unit}"
+        reason = f"only an upper limit is known, {above} {unit}"
         reason += ": none can be told from little" if name in ("volume.leakage", "volume.heat_transfer") else ""
     else:
-        reason = f"its 95 % interval reaches from {low:.3g} to {high:.3g} {unit}"
+        reason = f"anything from {below} to {above} {unit} fits"
     if is_ratio and problem.form["line"] is not None:
         other = problem.form["line"]["pressure_pa"]
         ratios = [np.minimum(r.pressure_pa / other, other / r.pressure_pa) for r in problem.records]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
+from pneudrive.identify.intervals import WithIntervals
 from pneudrive.show import Shown
 from pneudrive.trajectory import whole
 
@@ -25,7 +26,7 @@ _WRITTEN = {"m^3/(s Pa)": "dm3/(s bar)", "m^3": "dm3", "Pa": "bar", "W/K": "W/K"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class VolumeFit(Shown):
+class VolumeFit(WithIntervals, Shown):
     """Values of a tank with their uncertainty.
 
     Attributes
@@ -35,8 +36,8 @@ class VolumeFit(Shown):
     units : dict
         Name -> SI unit.
     intervals : dict
-        Name -> (lower, upper), 95 %, by profile; 0 or infinite (of the critical pressure ratio its bound) where the
-        recordings give no limit. Empty where the search has not converged.
+        Name -> (lower, upper), 95 %, by profile, of what the recordings determine. Empty where the search has not
+        converged.
     undetermined : tuple of Undetermined
         What the recordings do not determine, why, and what to record.
     notes : tuple of str

@@ -75,7 +75,7 @@ def assembled(
     )
     fit.units.update({c.name: c.unit for e in problem.experiments for c in e.channels})
     sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
-    lost = statements(names, values, sizes, intervals, fit.correlation, found.weak)
+    lost = statements(names, values, sizes, intervals, fit.units, fit.correlation, found.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
     return replace(fit, undetermined=(*options.lost, *lost))
 

@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.identify.diagnose import Undetermined
+from pneudrive.numbers import plain
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -72,6 +76,7 @@ def statements(
     values: Array,
     sizes: Array,
     intervals: dict[str, tuple[float, float]],
+    units: Mapping[str, str],
     correlation: Array,
     weak: Array,
 ) -> list[Undetermined]:
@@ -85,6 +90,8 @@ def statements(
         Against which an interval is wide: the value, or for what may be zero a usual change.
     intervals : dict
         95 % intervals.
+    units : mapping
+        SI units.
     correlation : ndarray, shape (P, P)
     weak : ndarray, shape (w, P)
         Directions of the scaled coordinates that vanish.
@@ -104,7 +111,8 @@ def statements(
         lower, upper = intervals[n]
         if n in out or _is_sensor(n) or not max(values[i] - lower, upper - values[i]) > LARGEST_REACH * sizes[i]:
             continue
-        reason = f"its 95 % interval reaches from {lower:.3g} to {upper:.3g}"
+        factor, unit = readable(units[n])
+        reason = f"anything from {plain(lower / factor)} to {plain(upper / factor)} {unit}".rstrip() + " fits"
         partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
         if partners:
             reason += f", since it is known only together with {', '.join(partners)}"
