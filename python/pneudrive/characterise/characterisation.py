@@ -15,7 +15,8 @@ from pneudrive.characterise.closure import MINIMUM_RANGE_PA, ClosureFit, fit_clo
 from pneudrive.characterise.extract import Level, RecordingResult, extract
 from pneudrive.characterise.friction_map import MapRow, to_dataset
 from pneudrive.characterise.layout import Layout
-from pneudrive.characterise.load import recording_files
+from pneudrive.characterise.load import RecordingFile, recording_files
+from pneudrive.characterise.long_recording import extract_long, is_long
 from pneudrive.characterise.pressure_line import (
     CONFOUNDED,
     FrictionPoint,
@@ -30,11 +31,14 @@ from pneudrive.characterise.spread import changed
 from pneudrive.characterise.trajectories import from_run, is_run
 from pneudrive.errors import RecordingError
 from pneudrive.show import Shown
+from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import xarray as xr
+
+    from pneudrive.watch import Flag
 
 KEPT_IN_FULL = 300  # recordings; of a larger campaign the samples are not kept
 SHOWN = 24  # recordings of a larger campaign whose curves are kept
@@ -114,6 +118,9 @@ def characterise_recordings(
     recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
     layout: Layout | str | Path | None = None,
     protocol: SampleChoice | None = None,
+    *,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
 ) -> Characterisation:
     """Characterise recordings: strokes, friction, offset, uncertainty, closure, lines over pressure.
 
@@ -125,6 +132,8 @@ def characterise_recordings(
         How files are read; None takes ``layout.toml`` beside each file. Trajectories need none.
     protocol
         Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+    progress, cancel
+        As of `pneudrive.watch.Watch`.
 
     Returns
     -------
@@ -137,12 +146,16 @@ def characterise_recordings(
         A file or recording that cannot be used.
     """
     choice = protocol if protocol is not None else Settled()
+    watch = Watch(progress, cancel)
     loaded, sources = _sources(recordings, layout)
     number = len(loaded) + sum(len(s) if isinstance(s, Cycles) else 1 for s in sources)
     if number <= KEPT_IN_FULL:
-        loaded += _read(sources)
+        long = [source for source in sources if isinstance(source, RecordingFile) and is_long(source)]
+        loaded += _read([source for source in sources if source not in long], watch)
         unique, skipped, notes = _count_once(loaded)
-        results = tuple(extract(recording, choice) for recording in unique)
+        results = tuple(extract(recording, choice) for recording in watch.each(unique, "recordings characterised"))
+        results += tuple(extract_long(file, choice, watch) for file in long)
+        notes += [f"{file.name} was read part by part; its curves over time are those of one part." for file in long]
         return _assemble(results, [summary_of(result) for result in results], skipped, notes, choice)
     summaries = [summary_of(extract(recording, choice)) for recording in loaded] + summarise(sources, choice)
     kept, skipped, notes = _summaries_once(summaries)
@@ -179,9 +192,9 @@ def _sources(
     return loaded, sources
 
 
-def _read(sources: list[Source]) -> list[Recording]:
+def _read(sources: list[Source], watch: Watch = UNWATCHED) -> list[Recording]:
     recordings: list[Recording] = []
-    for source in sources:
+    for source in watch.each(sources, "files read"):
         if isinstance(source, Cycles):
             recordings += read_cycles(source)
         else:

@@ -32,6 +32,8 @@ from pneudrive.errors import RecordingError
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 DEFAULT_WINDOW = (0.2, 0.8)  # of the stroke
@@ -107,6 +109,16 @@ class RecordingResult(Shown):
     closure_points: tuple[ClosurePoint, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """A recording after its samples were judged: what its speed levels are put together from."""
+
+    recording: Recording
+    strokes: tuple[Stroke, ...]
+    settled: NDArray[np.bool_]
+    balance_n: NDArray[np.float64]
+
+
 def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     """Extract friction from one recording.
 
@@ -114,6 +126,20 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     ------
     RecordingError
         No motion, too few samples, or no stroke with settled samples in the window.
+    """
+    moved = judged(recording, choice)
+    window = window_of(moved.recording, moved.strokes, choice)
+    groups = (pieces_of(moved, members, window, choice) for members in speed_levels(list(moved.strokes)))
+    return result_of(moved, [group for group in groups if group is not None], window, choice)
+
+
+def judged(recording: Recording, choice: SampleChoice) -> Moved:
+    """Clean a recording, find its strokes, and choose the samples that count.
+
+    Raises
+    ------
+    RecordingError
+        No motion, too few samples, or what no rig can have measured.
     """
     recording = clean(recording)
     strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
@@ -123,24 +149,41 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
         acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
     motion = Motion(recording.time_s, recording.position_m, recording.balance_n(acceleration), strokes)
     settled, balance = choice.choose(motion)
-    window = _window(recording, strokes, choice)
-    levels = []
-    for members in speed_levels(strokes):
-        level = _level(recording, len(levels), members, balance, settled, window, choice)
+    return Moved(recording, tuple(strokes), settled, balance)
+
+
+def result_of(moved: Moved, groups: list[Pieces], window: tuple[float, float], choice: SampleChoice) -> RecordingResult:
+    """Put the speed levels together.
+
+    Raises
+    ------
+    RecordingError
+        No level has settled samples in the window.
+    """
+    levels: list[Level] = []
+    for pieces in groups:
+        level = _level(moved.recording, len(levels), pieces, window, choice)
         if level is not None:
             levels.append(level)
     if not levels:
         raise RecordingError(
             "no stroke has settled samples in the window",
-            where=recording.name,
-            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {len(strokes)} strokes",
+            where=moved.recording.name,
+            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {len(moved.strokes)} strokes",
             remedy="widen window.position in the layout, or record longer strokes",
         )
-    points = [p for p in (_closure_point(recording, level) for level in levels) if p is not None]
-    return RecordingResult(recording, tuple(strokes), settled, balance, tuple(levels), tuple(points))
+    points = [p for p in (_closure_point(moved.recording, level) for level in levels) if p is not None]
+    return RecordingResult(moved.recording, moved.strokes, moved.settled, moved.balance_n, tuple(levels), tuple(points))
 
 
-def _window(recording: Recording, strokes: list[Stroke], choice: SampleChoice) -> tuple[float, float]:
+def window_of(recording: Recording, strokes: Sequence[Stroke], choice: SampleChoice) -> tuple[float, float]:
+    """Positions between which friction is averaged: those of the layout, or the middle of the strokes.
+
+    Raises
+    ------
+    RecordingError
+        The layout's lie outside the motion.
+    """
     low = float(np.median([min(s.from_m, s.to_m) for s in strokes]))
     high = float(np.median([max(s.from_m, s.to_m) for s in strokes]))
     if not choice.uses_window:
@@ -159,40 +202,76 @@ def _window(recording: Recording, strokes: list[Stroke], choice: SampleChoice) -
     return low + DEFAULT_WINDOW[0] * travel, low + DEFAULT_WINDOW[1] * travel
 
 
-def _level(
-    recording: Recording,
-    index: int,
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """What the strokes of one speed level leave: it grows with their number, and not with the samples.
+
+    ``used`` are the strokes that cover the window, ``rows`` their bins, shape (strokes, bins), ``times_s`` their
+    beginnings, ``sample_means_n`` the means of all their samples that count, each by direction.
+    """
+
+    strokes: tuple[Stroke, ...]
+    profile: Profile
+    used: dict[int, list[Stroke]]
+    rows: dict[int, NDArray[np.float64]]
+    times_s: dict[int, NDArray[np.float64]]
+    sample_means_n: dict[int, NDArray[np.float64]]
+    conditions: dict[int, Conditions]
+    peaks: tuple[ReversalPeak, ...]
+    stick_slip: tuple[StickSlip, ...]
+
+
+def pieces_of(
+    moved: Moved,
     strokes: list[Stroke],
-    balance: NDArray[np.float64],
-    settled: NDArray[np.bool_],
     window: tuple[float, float],
     choice: SampleChoice,
-) -> Level | None:
-    """Put one speed level together; None where no stroke covers the window."""
-    profile = build_profile(recording.name, index, strokes, recording.position_m, balance, settled, window)
+    bins: int | None = None,
+) -> Pieces | None:
+    """Take from the samples what a level of these strokes needs; None where no stroke covers the window."""
+    recording, balance, settled = moved.recording, moved.balance_n, moved.settled
+    profile = build_profile(recording.name, 0, strokes, recording.position_m, balance, settled, window, bins)
     used, rows = _covering(strokes, profile)
     if not used:
         return None
+    means = {}
+    if not choice.uses_window:
+        means = {d: np.array([balance[s.samples][settled[s.samples]].mean() for s in used[d]]) for d in used}
+    slips = [_stick_slip(recording, s) for members in used.values() for s in members]
+    return Pieces(
+        strokes=tuple(strokes),
+        profile=profile,
+        used=used,
+        rows=rows,
+        times_s={d: recording.time_s[[s.start for s in members]] for d, members in used.items()},
+        sample_means_n=means,
+        conditions={d: _conditions(recording, members, settled, window) for d, members in used.items()},
+        peaks=tuple(find_reversal_peaks(recording, strokes, balance, profile)) if len(used) == 2 else (),
+        stick_slip=tuple(s for s in slips if s is not None),
+    )
+
+
+def _level(
+    recording: Recording, index: int, pieces: Pieces, window: tuple[float, float], choice: SampleChoice
+) -> Level | None:
+    """Put one speed level together; None where the directions share no bin of the window."""
+    profile, used, rows, conditions = replace(pieces.profile, level=index), pieces.used, pieces.rows, pieces.conditions
     # Equal positions: only bins that every present direction has.
     bins = profile.in_window.copy()
     for matrix in rows.values():
         bins &= np.isfinite(matrix).any(axis=0)
     if not bins.any():
         return None
-    if choice.uses_window:
-        means = {d: stroke_means(matrix, bins) for d, matrix in rows.items()}
-    else:
-        means = {d: np.array([balance[s.samples][settled[s.samples]].mean() for s in used[d]]) for d in used}
+    means = (
+        {d: stroke_means(matrix, bins) for d, matrix in rows.items()} if choice.uses_window else pieces.sample_means_n
+    )
     spreads = {d: spread_of(means.get(d, np.zeros(0))) for d in (1, -1)}
-    conditions = {d: _conditions(recording, members, settled, window) for d, members in used.items()}
     found = _estimate(recording, profile, bins, spreads, rows, conditions)
     paired = len(used) == 2
-    peaks = find_reversal_peaks(recording, strokes, balance, profile) if paired else []
-    slips = [_stick_slip(recording, s) for members in used.values() for s in members]
     level = Level(
         recording=recording.name,
         index=index,
-        strokes=tuple(strokes),
+        strokes=pieces.strokes,
         profile=profile,
         window_m=window,
         friction_n=found.friction_n,
@@ -202,10 +281,10 @@ def _level(
         u_offset_n=found.u_offset_n,
         spreads=spreads,
         stroke_friction_n={d: d * (m - (found.offset_n if paired else 0.0)) for d, m in means.items()},
-        stroke_times_s={d: recording.time_s[[s.start for s in members]] for d, members in used.items()},
+        stroke_times_s=pieces.times_s,
         budget=tuple(found.budget),
-        peaks=tuple(peaks),
-        stick_slip=tuple(s for s in slips if s is not None),
+        peaks=tuple(replace(peak, level=index) for peak in pieces.peaks),
+        stick_slip=pieces.stick_slip,
         flags=(),
         rows=(),
     )
@@ -249,7 +328,7 @@ def _estimate(
     bins: NDArray[np.bool_],
     spreads: dict[int, Spread],
     rows: dict[int, NDArray[np.float64]],
-    conditions: dict[int, _Conditions],
+    conditions: dict[int, Conditions],
 ) -> _Estimate:
     """Pair the directions, or take the one that is there, and state the uncertainty."""
     only = next(iter(conditions))
@@ -277,7 +356,7 @@ def _estimate(
 
 
 @dataclass(frozen=True)
-class _Conditions:
+class Conditions:
     """Means over the settled samples of the window in one direction."""
 
     means: DirectionMeans
@@ -287,7 +366,7 @@ class _Conditions:
 
 def _conditions(
     recording: Recording, strokes: list[Stroke], settled: NDArray[np.bool_], window: tuple[float, float]
-) -> _Conditions:
+) -> Conditions:
     position = recording.position_m
     inside = (position >= window[0]) & (position <= window[1]) & settled
     force, pressure_a, pressure_b, speed, moves = [], [], [], [], []
@@ -305,7 +384,7 @@ def _conditions(
             + _usual_range(recording.pressure_b_pa[index]) * recording.area_b_m2
         )
     means = DirectionMeans(*(float(np.mean(v)) for v in (force, pressure_a, pressure_b, speed)))
-    return _Conditions(means, samples, float(np.median(moves)))
+    return Conditions(means, samples, float(np.median(moves)))
 
 
 def _usual_range(values: NDArray[np.float64]) -> float:
@@ -328,7 +407,7 @@ def _level_flags(
     recording: Recording,
     level: Level,
     used: dict[int, list[Stroke]],
-    conditions: dict[int, _Conditions],
+    conditions: dict[int, Conditions],
     bins: NDArray[np.bool_],
 ) -> tuple[str, ...]:
     """Names of what the reader of the map should know."""
@@ -352,7 +431,7 @@ def _level_flags(
 
 
 def _rows(
-    recording: Recording, level: Level, conditions: dict[int, _Conditions], used: dict[int, list[Stroke]]
+    recording: Recording, level: Level, conditions: dict[int, Conditions], used: dict[int, list[Stroke]]
 ) -> tuple[MapRow, ...]:
     """Write the map's rows, one per direction that is there."""
     rows = []

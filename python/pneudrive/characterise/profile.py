@@ -106,6 +106,7 @@ def build_profile(
     balance_n: NDArray[np.float64],
     settled: NDArray[np.bool_],
     window_m: tuple[float, float],
+    bins_in_window: int | None = None,
 ) -> Profile:
     """Bin every stroke over the whole travel and pair the directions.
 
@@ -119,10 +120,14 @@ def build_profile(
         Shape (n,) of the recording; only settled samples count.
     window_m
         Bins whose centres lie inside are marked ``in_window``; the window's ends are bin edges.
+    bins_in_window
+        Their number; None: as many as the samples fill.
     """
     low, high = window_m
     inside = [int(((position_m[s.samples] >= low) & (position_m[s.samples] <= high)).sum()) for s in strokes]
     core = bin_edges(low, high, int(np.median(inside)) if inside else 0)
+    if bins_in_window is not None:
+        core = np.linspace(low, high, bins_in_window + 1)
     width = core[1] - core[0]
     ends = [value for s in strokes for value in (s.from_m, s.to_m)]
     below = max(int(np.ceil((low - min(ends)) / width)), 0)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.output import console, writable_folder
+from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -60,7 +61,8 @@ def characterise(
         _campaign(recordings, layout, out, SAMPLE_CHOICES[protocol](), law)
         return
     with _output(out) as folder:
-        found = characterise_recordings(list(recordings), layout, SAMPLE_CHOICES[protocol]())
+        watch = on_terminal()
+        found = characterise_recordings(list(recordings), layout, SAMPLE_CHOICES[protocol](), progress=watch.tell)
         written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
         fits, problems = fit_characterisation(found)
         written += _write_fits(fits, law, folder, whole=ALL_RECORDINGS)

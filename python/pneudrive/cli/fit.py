@@ -107,7 +107,7 @@ def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
         with suppress(PneudriveError):
             return read_map(source[0])
-    return characterise_recordings(list(source), layout).friction_map
+    return characterise_recordings(list(source), layout, progress=on_terminal().tell).friction_map
 
 
 def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
