@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from pneudrive import units
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.files.content import exists, read_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -107,14 +108,9 @@ def _is_file(text: str) -> bool:
 
 
 def _from_file(path: Path) -> Steps:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise CommandError(f"there is no command file {path}") from None
-    except UnicodeDecodeError:
-        raise CommandError(f"{path} is not a text file", rule="a command file is CSV: time_s,command") from None
-    except OSError as error:
-        raise CommandError(f"{path} cannot be read: {error.strerror}") from None
+    if not exists(path):
+        raise CommandError(f"there is no command file {path}")
+    text = read_text(path, CommandError)
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if not lines:
         raise CommandError(f"{path} is empty", rule="a command file is CSV: time_s,command")

@@ -2,16 +2,40 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
 
 _NOT_THE_CALLER = ("pneudrive", "pydantic")
+
+Wrong = TypeVar("Wrong", bound="PneudriveError")
+MOST_TOLD = 30  # errors of one file that are shown after the first one
+LONGEST_QUOTE, LONGEST_PART = 300, 800  # characters: what a file holds, and what we say about it
+#: Control signs but the end of a line, and signs that turn the direction of text: with them a text says another thing.
+_HIDDEN = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
+
+
+def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
+    r"""Return a text of a file or a user as messages and reports show it: hidden signs as escapes, cut in the middle.
+
+    Examples
+    --------
+    >>> print(shown(f"seal {chr(0x202E)}5"))
+    seal \u202e5
+    >>> shown("x" * 1000, 20)
+    'xxxxxxxxxxxxx ... xxxxx'
+    """
+    text = str(given)
+    if len(text) > longest:
+        head = longest * 2 // 3
+        text = f"{text[:head]} ... {text[head - longest + 2 :]}"
+    return _HIDDEN.sub(lambda sign: ascii(sign[0])[1:-1], text)
 
 
 class PneudriveError(Exception):
@@ -49,28 +73,55 @@ class PneudriveError(Exception):
     ) -> None:
         super().__init__(what)
         self.what, self.where, self.value, self.rule, self.remedy = what, where, value, rule, remedy
+        self.others: tuple[PneudriveError, ...] = ()  # what is wrong beside this
 
     def __str__(self) -> str:
-        """Return the one message: first line what and where, then value, rule and remedy."""
-        first = f"{self.what.rstrip('.')}."
-        lines = [f"{first}   {self.where}" if self.where else first]
+        """Return the one message: first line what and where, then value, rule and remedy; then what else is wrong."""
+        first = f"{shown(self.what.rstrip('.'), LONGEST_PART)}."
+        lines = [f"{first}   {shown(self.where, LONGEST_PART)}" if self.where else first]
         if self.value is not None:
-            lines.append(f"    {self.value}")
+            lines.append(f"    {shown(self.value, LONGEST_QUOTE)}")
         if self.rule:
-            lines.append(f"    Rule: {self.rule}")
+            lines.append(f"    Rule: {shown(self.rule, LONGEST_PART)}")
         if self.remedy:
-            lines.append(f"    Hint: {self.remedy}")
+            lines.append(f"    Hint: {shown(self.remedy, LONGEST_PART)}")
+        lines += map(str, self.others[:MOST_TOLD])
+        if len(self.others) > MOST_TOLD:
+            lines.append(f"... and {len(self.others) - MOST_TOLD} more.")
         return "\n".join(lines)
+
+    def each(self) -> list[PneudriveError]:
+        """Give this error and the others that it carries, each alone."""
+        return [self, *self.others]
+
+    def turned(self, kind: type[Wrong]) -> Wrong:
+        """Give the same message as an error of another kind."""
+        return together([kind(e.what, where=e.where, value=e.value, rule=e.rule, remedy=e.remedy) for e in self.each()])
 
     def __reduce__(self) -> tuple[object, ...]:
         """Keep all fields when the error crosses a process boundary."""
-        return _rebuild, (type(self), self.what, self.where, self.value, self.rule, self.remedy)
+        return _rebuild, (type(self), self.what, self.where, self.value, self.rule, self.remedy, self.others)
 
 
 def _rebuild(
-    kind: type[PneudriveError], what: str, where: str | None, value: object, rule: str | None, remedy: str | None
+    kind: type[PneudriveError],
+    what: str,
+    where: str | None,
+    value: object,
+    rule: str | None,
+    remedy: str | None,
+    others: tuple[PneudriveError, ...],
 ) -> PneudriveError:
-    return kind(what, where=where, value=value, rule=rule, remedy=remedy)
+    error = kind(what, where=where, value=value, rule=rule, remedy=remedy)
+    error.others = others
+    return error
+
+
+def together(errors: Sequence[Wrong]) -> Wrong:
+    """Give several errors as one that shows them all, the first one first."""
+    first = errors[0]
+    first.others = tuple(errors[1:])
+    return first
 
 
 class DescriptionError(PneudriveError):

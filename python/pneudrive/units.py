@@ -107,6 +107,8 @@ _KINDS: dict[str, tuple[str, str]] = {
 _NUMBER = re.compile(
     r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:infinity|inf|nan)\b)(?![\d.,])\s*(.*?)\s*$", re.IGNORECASE
 )
+LARGEST = 1e30  # in SI: squares and products of what a drive or a rig has stay finite
+LONGEST_UNIT = 40
 _ZERO_CELSIUS_LITRE = re.compile(r"\b(Nl|NL|Nm3|sl|slm|slpm|scfm|SCFM|NLPM|nl)\b")
 
 
@@ -279,7 +281,10 @@ def parse(text: str, si_unit: str) -> float:
     293.15
     """
     number, unit = _split(text, si_unit)
-    return _apply(number, *converter(unit, si_unit))
+    value = _apply(number, *converter(unit, si_unit))
+    if not abs(value) <= LARGEST:
+        raise DescriptionError(f'"{text}" is out of bounds', rule=f"no quantity is beyond {LARGEST:g} {si_unit}")
+    return value
 
 
 def parse_pressure(text: str) -> Pressure:
@@ -476,6 +481,8 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
             rule=f"{needed('m^3/s ANR')} (ISO 8778: 100 kPa, 20 degC)",
             remedy='Write "l/min ANR" for ISO 8778; multiply litres at 0 degC and 1.01325 bar by 1.0874 first.',
         )
+    if len(unit) > LONGEST_UNIT or re.search(r"\d\s*(\*\*|\^)", unit):  # pint would compute 9**9**9**9
+        raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit))
     registry = _registry()
     wanted = si_unit.removesuffix(" ANR")
     target = registry.Unit(_pint_form(wanted))

@@ -69,7 +69,7 @@ def test_a_number_holds_throughout_and_a_function_is_held_between_samples():
         (b"time_s,command\n0,1\n1\n", "1 values instead of 2", 3),
         (b"time_s,command\n0,1\n1,\n", "command '' is not a number", 3),
         (b"time_s,command\n0,1\n2,0\n1,0\n", "1 s follows 2 s", 4),
-        (b"\xff\xfe\x00", "is not a text file", None),
+        (b"\xff\xfe\x00", "is binary, not text", None),
     ],
 )
 def test_wrong_files_name_the_line(tmp_path, content, what, line):

@@ -190,6 +190,36 @@ def test_an_upright_drive_sinks_towards_chamber_a_and_the_load_says_where_to_wri
         assert sign * float(run.acceleration[1]) == pytest.approx(9.8 - 1.0 / 5.0, rel=0.01)
 
 
+def test_a_file_shows_all_its_problems_at_once(tmp_path, drive_file):
+    """Eight mistakes in five tables: eight messages in the order of the lines, each with its own line."""
+    mistakes = {
+        '"7 bar abs"': '"7 bar"',
+        'kind = "rodless"': 'kind = "rodles"',
+        'bore = "25 mm"': 'boer = "25 mm"',
+        'stroke = "500 mm"': 'stroke = "500"',
+        'moving_mass = "2 kg"': 'moving_mass = "-2 kg"',
+        'b = "10 cm3"': 'b = "10 mm"',
+        "critical_pressure_ratio = 0.3": "critical_pressure_ratio = 3",
+        'viscous = "40 N s/m"': 'viscous = "40 N"',
+    }
+    text = drive_file
+    for good, bad in mistakes.items():
+        assert text.count(good) == 1
+        text = text.replace(good, bad)
+    path = tmp_path / "drive.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DescriptionError) as caught:
+        pn.Drive.load(path)
+    lines = text.splitlines()
+    wanted = sorted(next(i for i, line in enumerate(lines, start=1) if bad in line) for bad in mistakes.values())
+    assert [error.where for error in caught.value.each()] == [f"{path}:{line}" for line in wanted]
+    shown = str(caught.value)
+    assert all(f"{path}:{line}" in shown for line in wanted)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == shown
+    with pytest.raises(DescriptionError, match=r"(?s)valve.kind.*valve.conductance"):
+        pn.Valve(kind="proportional", conductance="2 dm3", critical_pressure_ratio=0.3)
+
+
 def test_wrong_python_gets_the_same_message():
     with pytest.raises(DescriptionError, match=r"valve.conductanc is not a known key[\s\S]*Did you mean 'conductance'"):
         pn.Valve(kind="proportional-5/3", conductanc="2 dm3/(s bar)", critical_pressure_ratio=0.3)

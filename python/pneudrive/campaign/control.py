@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 from pneudrive.campaign.lock import Holder, holder, now
 from pneudrive.campaign.storage import PART, make_folder, no_links, write_whole
 from pneudrive.errors import CampaignError
+from pneudrive.files.content import read_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -127,9 +128,9 @@ class Requests:
         taken = path.with_name(path.name + ".taken")
         try:
             path.rename(taken)
-            data = json.loads(taken.read_bytes())
+            data = read_json(taken, CampaignError)
             request = Request(str(data["word"]), str(data["by"]))
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, CampaignError, KeyError, TypeError):
             request = None
         with contextlib.suppress(OSError):
             taken.unlink()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -11,6 +10,7 @@ from pneudrive.campaign.cycle import KINDS, Cycle
 from pneudrive.errors import CampaignError, nearest
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Identity, Move, Sampling
+from pneudrive.units import LARGEST
 
 SCHEMA = 1
 
@@ -130,7 +130,7 @@ _IDENTITY_TYPES = {
     "synthetic": _FLAG,
 }
 _IS = {
-    _NUMBER: lambda v: isinstance(v, int | float) and not isinstance(v, bool) and not math.isnan(v),
+    _NUMBER: lambda v: isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= LARGEST,
     _WHOLE: lambda v: isinstance(v, int) and not isinstance(v, bool),
     _TEXT: lambda v: isinstance(v, str),
     _FLAG: lambda v: isinstance(v, bool),
@@ -163,11 +163,11 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
     """
     data = _parse(text, where)
     notes = _check_types(data, _HEAD_TYPES, where, "")
-    if data.get("schema", SCHEMA) > SCHEMA:
+    if (data.get("schema") or SCHEMA) > SCHEMA:
         raise CampaignError(
             f"schema = {data['schema']} is newer than this version reads", where=where, remedy="Update pneudrive."
         )
-    inner = {k: v for k, v in data.get("cycle", {}).items() if v is not None}
+    inner = {k: v for k, v in (data.get("cycle") or {}).items() if v is not None}
     notes += _check_types(inner, _CYCLE_TYPES, where, "cycle.")
     inner.setdefault("key", key)
     data.setdefault("index", index)
@@ -194,8 +194,8 @@ def read_identity(text: str, where: str) -> tuple[Identity, list[str]]:
     for name in ("area_a_m2", "area_b_m2"):
         if data.get(name) is None:
             raise CampaignError(f"{name} is missing", where=where, rule="the pistons' areas must be known")
-        if data[name] < 0.0:
-            raise CampaignError(f"{name} = {data[name]:g}", where=where, rule="an area is not negative")
+        if not data[name] > 0.0:
+            raise CampaignError(f"{name} = {data[name]:g}", where=where, rule="an area is positive")
     known = {k: v for k, v in data.items() if k in _IDENTITY_TYPES and v is not None}
     ranges = known.get("limits", {})
     for channel, pair in ranges.items():
@@ -234,7 +234,7 @@ def _cycle(data: dict[str, Any], where: str) -> Cycle:
         if data.get(name) is None:
             raise CampaignError(f"cycle.{name} is missing", where=where, rule=f"a cycle of kind {kind} must say it")
     for name in POSITIVE:
-        if name in data and not 0.0 < data[name] < math.inf:
+        if name in data and not data[name] > 0.0:
             raise CampaignError(
                 f"cycle.{name} = {data[name]:g}", where=where, rule="it is positive; pressures absolute"
             )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.storage import clear_errors, no_links
 from pneudrive.errors import CampaignError
+from pneudrive.files.content import read_json
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -170,9 +171,9 @@ def holder(folder: Path) -> Holder | None:
 
 def _read(path: Path) -> Holder | None:
     try:
-        given: dict[str, Any] = json.loads(path.read_bytes())
+        given: dict[str, Any] = read_json(path, CampaignError)
         return Holder(**given)
-    except (OSError, ValueError, TypeError):
+    except (CampaignError, TypeError):
         return None
 
 

@@ -7,10 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.order import ordered_blocks, ordered_cells
-from pneudrive.campaign.points import Builder, Cell, Pair, Way, cycle_samples, cycle_time_s, pairs
+from pneudrive.campaign.points import Builder, Cell, Pair, Way, cycle_count, cycle_samples, cycle_time_s, pairs
 from pneudrive.campaign.protocol_values import AMBIENT
 from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
+from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Hold, Move
 from pneudrive.show import Shown
 
@@ -148,6 +149,8 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     from pneudrive.campaign.preflight import check_range
 
     check_range(protocol, envelope)
+    count = cycle_count(protocol)
+    within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
     layout = _Layout(protocol, Builder(protocol, identity, envelope))
     planned = layout.run()
     seen: set[str] = set()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.rig.interface import Hold, Move, Sampling
 from pneudrive.rig.motion import Limits, move
-from pneudrive.rig.sampling import step_times
+from pneudrive.rig.sampling import step_samples
 
 if TYPE_CHECKING:
     from pneudrive.campaign.protocol import Protocol
@@ -134,6 +134,18 @@ def stop_cells(protocol: Protocol) -> list[Cell]:
         for direction in directions
         for duration in stop.durations_s
     ]
+
+
+def cycle_count(protocol: Protocol) -> int:
+    """Count the points of all blocks, without making them."""
+    stop, speed = protocol.stop, protocol.speed
+    turns = 0 if speed is None else len(speed.levels_m_s) * (2 if speed.order == "up-and-down" else 1)
+    if stop is not None:
+        ways = 2 if protocol.directions == "both" else 1
+        levels = (stop.position, stop.released, stop.restart_speed_m_s, stop.durations_s)
+        turns += ways * math.prod(map(len, levels))
+    blocks = math.prod(len(factor.levels) for factor in protocol.hard.values()) * protocol.order.replicates
+    return turns * len(protocol.pressure.levels) * protocol.repeats * blocks
 
 
 @dataclass(frozen=True)
@@ -350,7 +362,7 @@ def cycle_samples(cycle: Cycle, limits: Limits) -> int:
 
 @lru_cache(maxsize=4096)
 def _samples(duration_s: float, moving: bool, sampling: Sampling) -> int:
-    return step_times(duration_s, moving, sampling).size
+    return step_samples(duration_s, moving, sampling)
 
 
 def _bar(pressure: Pressure) -> str:

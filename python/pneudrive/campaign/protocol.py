@@ -58,7 +58,9 @@ class Protocol(Described):
     name: str = Field(default="unnamed protocol", description="of the campaign")
     about: str = Field(default="", description="free text")
     operator: str = Field(default="", description="who is at the rig")
-    seed: Annotated[int, Whole(at_least=0)] = Field(default=0, description="of the order, and of a simulated rig")
+    seed: Annotated[int, Whole(at_least=0, bound=None)] = Field(
+        default=0, description="of the order, and of a simulated rig"
+    )
     repeats: Count = Field(default=1, description="of every point, within each block")
     directions: Literal["both", "+x", "-x"] = Field(
         default="both", description="of sweeps and stops; x grows as chamber a grows"
@@ -134,7 +136,7 @@ class Protocol(Described):
 
     def fail(self, key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> ProtocolError:
         """Build an error that points at a key's line."""
-        return _as_protocol_error(toml.located(wrong(key, what, rule=rule, remedy=remedy), self._origin, self._text))
+        return toml.located(wrong(key, what, rule=rule, remedy=remedy), self._origin, self._text).turned(ProtocolError)
 
 
 def read_protocol(source: str | Path) -> Protocol:
@@ -187,13 +189,9 @@ def _from_tables(tables: Mapping[str, Any], text: str, origin: str) -> Protocol:
     try:
         protocol = Protocol.model_validate(tables)
     except DescriptionError as error:
-        raise _as_protocol_error(toml.located(error, origin, text)) from None
+        raise toml.located(error, origin, text).turned(ProtocolError) from None
     protocol._text, protocol._origin = text, origin
     return protocol
-
-
-def _as_protocol_error(error: DescriptionError) -> ProtocolError:
-    return ProtocolError(error.what, where=error.where, value=error.value, rule=error.rule, remedy=error.remedy)
 
 
 __all__ = ["FACTORS", "Adaptive", "Protocol", "parse_protocol", "protocol_schema", "read_protocol", "ready_protocols"]

@@ -22,19 +22,22 @@ from pneudrive.campaign.protocol_values import (
     spaced,
 )
 from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.errors import DescriptionError
+from pneudrive.files.bounds import within
 
 POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
+LASTS, MAY_LAST = Bounds(above=0.0, bound="seconds"), Bounds(at_least=0.0, bound="seconds")
 SPEED, TIME, LENGTH, FORCE, RATE = ("m/s", "mm/s"), ("s", "s"), ("m", "mm"), ("N", "N"), ("1/s", "Hz")
 SPEED_MARK = Quantity(*SPEED, POSITIVE)
 
 Speed = Annotated[float, SPEED_MARK]
-Time = Annotated[float, Quantity(*TIME, POSITIVE)]
+Time = Annotated[float, Quantity(*TIME, LASTS)]
 Distance = Annotated[float, Quantity(*LENGTH, POSITIVE)]
 Rate = Annotated[float, Quantity(*RATE, NOT_NEGATIVE)]
 Count = Annotated[int, Whole()]
 CountOrNone = Annotated[int, Whole(at_least=0)]
 MaybeSpeed = Annotated[float | None, SPEED_MARK]
-MaybeTime = Annotated[float | None, Quantity(*TIME, POSITIVE)]
+MaybeTime = Annotated[float | None, Quantity(*TIME, LASTS)]
 MaybeDistance = Annotated[float | None, Quantity(*LENGTH, POSITIVE)]
 MaybeForce = Annotated[float | None, Quantity(*FORCE, POSITIVE)]
 MaybePressure = Annotated[units.Pressure | None, StatedPressure()]
@@ -61,7 +64,7 @@ class Speeds(Described):
     order: Literal["ascending", "descending", "up-and-down"] = Field(
         default="ascending", description="order of the speeds; up-and-down measures each one twice"
     )
-    settled_time_s: Annotated[float, Quantity(*TIME, NOT_NEGATIVE)] = Field(
+    settled_time_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
         default=1.0,
         alias="settled_time",
         description="out and back again until constant speed has lasted this long in each direction; 0 s: once",
@@ -119,7 +122,7 @@ class Pressures(Described):
     pairs: Annotated[tuple[Pair, ...] | None, PressurePairs()] = Field(
         default=None, description="`[{ a = ..., b = ... }, ...]`"
     )
-    settling_s: Annotated[float, Quantity(*TIME, NOT_NEGATIVE)] = Field(
+    settling_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
         default=5.0,
         alias="settling",
         description="waited after each change of pressure, beyond what the rig needs to set it",
@@ -161,7 +164,7 @@ class Stops(Described):
     """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, the interrupted one."""
 
     table_name: ClassVar[str] = "stop"
-    durations_s: Annotated[tuple[float, ...], Levels(*TIME, NOT_NEGATIVE)] = Field(
+    durations_s: Annotated[tuple[float, ...], Levels(*TIME, MAY_LAST)] = Field(
         alias="durations", description="one, a list or { from, to, count, spacing }; 0 s: not interrupted"
     )
     axis: Literal["held", "released", "both"] = Field(
@@ -201,12 +204,13 @@ class HardFactor(Described):
 
     levels: Annotated[list[str], Field(min_length=1)] = Field(description="names of the levels")
     ask: str = Field(default="", description="what the operator is asked to do; {level} stands for the level")
-    time_s: Annotated[float, Quantity("s", "min", POSITIVE)] = Field(
+    time_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(
         default=1200.0, alias="time", description="what a change takes"
     )
 
     @model_validator(mode="after")
     def _distinct(self) -> HardFactor:
+        within("count", len(self.levels), f"{self.table_name}.levels has {len(self.levels)} entries", DescriptionError)
         for index, level in enumerate(self.levels):
             if not level.strip() or level in self.levels[:index]:
                 raise wrong(
@@ -265,16 +269,16 @@ class SamplingTable(Described):
     """How samples are spaced; all are kept, none is filtered."""
 
     table_name: ClassVar[str] = "sampling"
-    samples_per_stroke: Annotated[int, Whole(at_least=2)] = Field(
+    samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = Field(
         default=5000, description="even in time over each move; the paper has about 5000 a cycle [bracha]"
     )
     burst_rate_hz: Rate = Field(
         default=5000.0, alias="burst_rate", description="least rate around each reversal and restart; 0 Hz: no bursts"
     )
-    burst_before_s: Annotated[float, Quantity(*TIME, NOT_NEGATIVE)] = Field(
+    burst_before_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
         default=0.05, alias="burst_before", description="how long before a move ends"
     )
-    burst_after_s: Annotated[float, Quantity(*TIME, NOT_NEGATIVE)] = Field(
+    burst_after_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
         default=0.2, alias="burst_after", description="how long after a move begins"
     )
     hold_rate_hz: Annotated[float, Quantity(*RATE, POSITIVE)] = Field(
@@ -290,7 +294,7 @@ class KnownWeight(Described):
         alias="mass", description="its mass; the force is m g"
     )
     time_s: Time = Field(default=10.0, alias="time", description="how long it is recorded")
-    change_s: Annotated[float, Quantity("s", "min", POSITIVE)] = Field(
+    change_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(
         default=120.0, alias="change", description="what hanging it on takes, and taking it off"
     )
 

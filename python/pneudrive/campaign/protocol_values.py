@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from pneudrive import units
-from pneudrive.describe.base import Quantity, StatedPressure, WrongValueError
+from pneudrive.describe.base import Bounds, Quantity, StatedPressure, WrongValueError
 from pneudrive.errors import DescriptionError, nearest
 
 #: Significant digits of the levels between the ends of a range, so that a level is what its name says.
@@ -23,6 +23,7 @@ class Whole(Quantity):
 
     si_unit: str = ""
     at_least: int = 1
+    bound: str | None = "count"
 
     def read(self, given: object) -> int:
         """Check."""
@@ -30,6 +31,7 @@ class Whole(Quantity):
             raise WrongValueError(f"{given!r} is not a whole number")
         if given < self.at_least:
             raise WrongValueError(f"{given} is out of bounds", rule=f"at least {self.at_least}")
+        Bounds(bound=self.bound).beyond(given, given)
         return given
 
     def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
@@ -74,6 +76,7 @@ class MovingAverage(Quantity):
             return 1
         if isinstance(given, bool) or not isinstance(given, int) or given < 1:
             raise WrongValueError(f"{given!r} is no number of samples", remedy='Write 5, or "none".')
+        Bounds(bound="samples").beyond(given, given)
         return given
 
     def show(self, value: float) -> str | float:
@@ -156,7 +159,7 @@ class PressurePairs(StatedPressure):
         """Convert and check; the order is kept."""
         if not isinstance(given, list) or not given:
             raise WrongValueError(f"{given!r} is no list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
-        pairs = [self._pair(one) for one in given]
+        pairs = [self._pair(one) for one in listed(given)]
         return distinct(pairs, [str(self.show((pair,))[0]) for pair in pairs])
 
     def _pair(self, given: object) -> tuple[units.Pressure, units.Pressure]:
@@ -271,15 +274,18 @@ def listed(given: object) -> list[object]:
     if isinstance(given, list):
         if not given:
             raise WrongValueError("the list is empty")
+        Bounds(bound="count").beyond(f"{len(given)} entries", len(given))
         return given
     return [given]
 
 
 def distinct(values: Any, shown: list[str]) -> Any:  # noqa: ANN401 - any sequence
     """Return the values as a tuple, or say which one comes twice."""
+    seen = set()
     for index, one in enumerate(values):
-        if one in values[:index]:
+        if one in seen:
             raise WrongValueError(f"{shown[index]} comes twice", remedy="Repetitions are asked for by `repeats`.")
+        seen.add(one)
     return tuple(values)
 
 

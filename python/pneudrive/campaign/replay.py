@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from dataclasses import dataclass, field, replace
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import RigError
+from pneudrive.files.content import read_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ class ReplayRig:
         """Give what was true of the recording that was played last, where that is kept."""
         if self._last is None or self._last.truth is None or not self._last.truth.is_file():
             return {}
-        return json.loads(self._last.truth.read_text(encoding="utf-8"))
+        return read_json(self._last.truth, RigError)
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Give what was mounted in the recordings."""

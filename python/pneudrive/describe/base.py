@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import core_schema
 
 from pneudrive import units
-from pneudrive.errors import DescriptionError, nearest
+from pneudrive.errors import DescriptionError, nearest, together
+from pneudrive.files.bounds import beyond
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from pydantic.fields import FieldInfo
+
+    from pneudrive.errors import PneudriveError
 
 
 class WrongValueError(ValueError):
@@ -25,6 +29,14 @@ class WrongValueError(ValueError):
     def __init__(self, what: str, rule: str | None = None, remedy: str | None = None, sub: str = "") -> None:
         super().__init__(what)
         self.what, self.rule, self.remedy, self.sub = what, rule, remedy, sub
+
+
+class _Problems(ValueError):  # noqa: N818 - never leaves this module
+    """What is wrong with one table: pydantic collects them where an error of ours would end its work."""
+
+    def __init__(self, errors: Sequence[PneudriveError]) -> None:
+        super().__init__("; ".join(error.what for error in errors))
+        self.errors = errors
 
 
 def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
@@ -42,6 +54,7 @@ class Bounds:
     at_least: float | None = None
     below: float | None = None
     at_most: float | None = None
+    bound: str | None = None  # of `pneudrive.files.bounds`, which users can raise
 
     def broken(self, value: float) -> str | None:
         """Return the rule that `value` breaks, in words, or None."""
@@ -53,7 +66,15 @@ class Bounds:
             return f"less than {self.below:g}"
         if self.at_most is not None and not value <= self.at_most:
             return f"not more than {self.at_most:g}"
+        if not math.isfinite(value):
+            return "finite"
         return None
+
+    def beyond(self, given: object, value: float) -> None:
+        """Refuse a value beyond the named bound, with `WrongValueError`."""
+        broken = beyond(self.bound, value) if self.bound else None
+        if broken:
+            raise WrongValueError(f'"{given}" is out of bounds', *broken)
 
 
 class PerChamber(NamedTuple):
@@ -74,6 +95,7 @@ def quantity(given: object, si_unit: str, bounds: Bounds) -> float:
     rule = bounds.broken(value)
     if rule:
         raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} {si_unit}")
+    bounds.beyond(given, value)
     return value
 
 
@@ -245,7 +267,32 @@ class Described(Shown, BaseModel):
         try:
             return handler(data)
         except ValidationError as error:
-            raise cls.explain(error) from None
+            raise _Problems(cls.explain(error)) from None
+        except DescriptionError as error:
+            raise _Problems(error.each()) from None
+
+    if not TYPE_CHECKING:  # type checkers take the fields for what may be given
+
+        def __init__(self, /, **given: object) -> None:
+            """Check all that is given, then raise one error that tells of everything wrong."""
+            try:
+                super().__init__(**given)
+            except ValidationError as error:
+                raise type(self)._error(error) from None
+
+        __init__.__pydantic_base_init__ = True  # tables inside tables are not made by calls
+
+        @classmethod
+        def model_validate(cls, *given: object, **options: object) -> Described:
+            """Check, as `__init__` does."""
+            try:
+                return super().model_validate(*given, **options)
+            except ValidationError as error:
+                raise cls._error(error) from None
+
+    @classmethod
+    def _error(cls, error: ValidationError) -> PneudriveError:
+        return together(cls.explain(error))
 
     @classmethod
     def keys(cls) -> list[str]:
@@ -253,13 +300,30 @@ class Described(Shown, BaseModel):
         return [field.alias or name for name, field in cls.model_fields.items()]
 
     @classmethod
-    def explain(cls, error: ValidationError) -> DescriptionError:
-        """Turn pydantic's first complaint into our one message.
+    def explain(cls, error: ValidationError) -> list[PneudriveError]:
+        """Turn pydantic's complaints into our messages, one for each field.
 
-        Unknown keys come first, as they explain missing ones.
+        Unknown keys come first: one that was meant for a missing key stands for both.
         """
         complaints = error.errors(include_url=False)
-        first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
+        complaints.sort(key=lambda c: c["type"] != "extra_forbidden")
+        unknown = [str(c["loc"][-1]) for c in complaints if c["type"] == "extra_forbidden"]
+        out: list[PneudriveError] = []
+        seen: set[object] = set()
+        for complaint in complaints:
+            field = complaint["loc"][:1]
+            cause = complaint.get("ctx", {}).get("error")
+            if field in seen or (
+                complaint["type"] == "missing" and get_close_matches(str(field[0]), unknown, cutoff=0.5)
+            ):
+                continue
+            seen.add(field)
+            out += cause.errors if isinstance(cause, _Problems) else [cls._explained(complaint)]
+        return out
+
+    @classmethod
+    def _explained(cls, first: Any) -> DescriptionError:  # noqa: ANN401 - pydantic's dictionary
+        """Turn one complaint into our message."""
         key = ".".join([*([cls.table_name] if cls.table_name else []), *map(str, first["loc"])])
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])

@@ -8,7 +8,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, together
 from pneudrive.files.content import check_depth, check_nesting, exists, read_text
 
 if sys.version_info >= (3, 11):
@@ -80,13 +80,21 @@ def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError)
 
 
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
-    """Add file, line and, where no value is shown yet, the line's text to an error that knows its key."""
+    """Add file, line and, where no value is shown yet, the line's text to an error that knows its key.
+
+    Other errors that it carries are located too; all are put in the order of their lines.
+    """
+    found = [_located(one, path, text) for one in error.each() if isinstance(one, DescriptionError)]
+    return together([one for _, one in sorted(found, key=lambda pair: pair[0])])
+
+
+def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int, DescriptionError]:
     line = line_of(text, error.key) if error.key else None
     value = _line(text, line) if line and error.value is None else error.value
     where = f"{path}:{line}" if line else str(path)
     out = type(error)(error.what, where=where, value=value, rule=error.rule, remedy=error.remedy)
     out.key = error.key
-    return out
+    return line or 0, out
 
 
 def line_of(text: str, key: str) -> int | None:

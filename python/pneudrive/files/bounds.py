@@ -42,6 +42,10 @@ BOUNDS: dict[str, Bound] = {
     "unpacked_ratio": Bound(200, "times the packed size", "measured columns shrink to a third or a twentieth"),
     "unpacked_bytes": Bound(1e10, "bytes", "1e8 rows of 100 characters"),
     "line_bytes": Bound(1e6, "bytes", "a row of 50,000 columns"),
+    "count": Bound(1e4, "", "10,000 levels, repeats or strokes take a rig months"),
+    "cycles": Bound(1e6, "cycles", "a rig runs 1,000 cycles a day"),
+    "samples": Bound(2e8, "samples", "a recording of 1e8 samples is a long one"),
+    "seconds": Bound(3.2e7, "s", "one year"),
     "reader_seconds": Bound(60, "s and 1 s for every 10 MB", "libraries read 30 to 1000 MB in a second"),
 }
 
@@ -97,13 +101,19 @@ def within(name: str, value: float, what: str, kind: type[PneudriveError], where
     PneudriveError
         Of `kind`, with the bound, its reason and how it is raised.
     """
+    broken = beyond(name, value)
+    if broken:
+        raise kind(what, where=where, rule=broken[0], remedy=broken[1])
+
+
+def beyond(name: str, value: float) -> tuple[str, str | None] | None:
+    """Return rule and remedy where a value is beyond a bound, None where it is not."""
     most, entry = bound(name), BOUNDS[name]
     if value <= most:
-        return
+        return None
     raised = f'{VARIABLE}="{name}={_more(value, most):.3g}"'
     remedy = f"Where it is right, raise the bound: {raised}." if entry.raised else None
-    rule = f"at most {most:,.15g} {entry.unit} ({name}: {entry.reason})"
-    raise kind(what, where=where, rule=rule, remedy=remedy)
+    return f"at most {most:,.15g} {entry.unit} ({name}: {entry.reason})".replace("  ", " "), remedy
 
 
 def _more(value: float, most: float) -> float:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.folder import TRUTH, Campaign
+from pneudrive.errors import CampaignError
+from pneudrive.files.content import read_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,7 +50,7 @@ class Experiment:
     def truth(self) -> list[dict[str, Any]]:
         """Give what was true of each cycle, in the order in which they were run."""
         files = sorted((self.campaign.path / TRUTH).glob("*.json"))
-        return [json.loads(path.read_text(encoding="utf-8")) for path in files]
+        return [read_json(path, CampaignError) for path in files]
 
 
 def run_experiments(

@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from pneudrive.errors import ConnectionLostError, RigError
+from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
 from pneudrive.rig.opcua_access import ACCESS_KEYS, Access, read_access
 from pneudrive.rig.opcua_link import COUNTER, Link, LinkError
@@ -268,7 +269,7 @@ class OpcUaRig:
             raise RigError(what, where=self._link.url, remedy=f"write a table [{table}] in the rig file")
         (text,) = self._link.read(name)
         try:
-            return read(json.loads(text))
+            return read(parse_json(text, self._link.url, RigError))
         except (ValueError, TypeError, AttributeError) as error:
             raise RigError(f"the server's {table} cannot be read: {error}", where=self._link.url) from None
 
@@ -389,7 +390,7 @@ class SimulatedOpcUaRig(OpcUaRig):
             self._await(self._start(verb, {"simulation.text": json.dumps(question)}), 0.0, verb)
             (answer,) = self._link.read("simulation.answer")
             same()
-            return json.loads(answer or "null")
+            return parse_json(answer or "null", self._link.url, RigError)
 
 
 def open_rig(

@@ -13,6 +13,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import PneudriveError, RigError
+from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Changeable, Hold, Move, Reproducible, Samples, Sampling
 from pneudrive.rig.opcua_access import Protection, opcua, protect
 from pneudrive.rig.opcua_link import COUNTER, Loop, quieten
@@ -341,7 +342,9 @@ class RigServer:
     def _simulate(self, verb: Verb, arguments: dict[str, Any]) -> None:
         asks_nothing = verb in (Verb.MEMORY, Verb.TRUTH, Verb.LEVELS)
         method = getattr(self.rig, verb.name.lower())
-        answer = method() if asks_nothing else method(json.loads(arguments["simulation.text"]))
+        answer = (
+            method() if asks_nothing else method(parse_json(arguments["simulation.text"], "simulation.text", RigError))
+        )
         self._loop.run(self._write({"simulation.answer": json.dumps(answer)}))
 
     def _acquire(self, arguments: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import CommandError
+from pneudrive.files.bounds import within
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,8 +42,19 @@ def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
     >>> step_times(1.0, True, Sampling(samples_per_stroke=4, burst_rate_hz=0.0)).tolist()
     [0.0, 0.25, 0.5, 0.75]
     """
+    parts = [begin + (end - begin) * np.arange(n) / max(n, 1) for begin, end, n in _spans(duration_s, moving, sampling)]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def step_samples(duration_s: float, moving: bool, sampling: Sampling) -> int:
+    """Count the samples of `step_times` without making them."""
+    return sum(n for _, _, n in _spans(duration_s, moving, sampling))
+
+
+def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[float, float, int]]:
+    """Divide a step into spans of one rate each: begin, end, number of samples."""
     if duration_s <= 0.0:
-        return np.zeros(0)
+        return []
     rate = sampling.samples_per_stroke / duration_s if moving else sampling.hold_rate_hz
     if not (math.isfinite(rate) and rate > 0.0):
         raise CommandError(
@@ -55,11 +67,10 @@ def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
         before = max(duration_s - sampling.burst_before_s, after)
         dense = sampling.burst_rate_hz
         spans = [(0.0, after, dense), (after, before, rate), (before, duration_s, dense)]
-    parts = []
-    for begin, end, wanted in spans:
-        n = math.ceil((end - begin) * wanted * (1.0 - 1e-12))
-        parts.append(begin + (end - begin) * np.arange(n) / max(n, 1))
-    return np.concatenate(parts)
+    counts = [(end - begin) * wanted * (1.0 - 1e-12) for begin, end, wanted in spans]
+    total = sum(counts)
+    within("samples", total, f"a step of {duration_s:g} s would have {total:.3g} samples", CommandError)
+    return [(begin, end, math.ceil(count)) for (begin, end, _), count in zip(spans, counts, strict=True)]
 
 
 def schedule(
@@ -82,6 +93,8 @@ def schedule(
     ndarray of int64, shape (n,)
         Index of the step.
     """
+    total = sum(step_samples(duration, move, sampling) for duration, move in zip(durations_s, moving, strict=True))
+    within("samples", total, f"a cycle would have {total:.3g} samples", CommandError)
     each = [step_times(duration, move, sampling) for duration, move in zip(durations_s, moving, strict=True)]
     borders = np.concatenate([[0.0], np.cumsum(durations_s)])
     last = max((i for i, part in enumerate(each) if part.size), default=-1)
