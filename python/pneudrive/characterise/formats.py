@@ -9,6 +9,7 @@ import numpy as np
 from pneudrive.characterise.date_times import ISO, UNIT, guess_form, seconds
 from pneudrive.characterise.text_table import Table, column_number, measurable
 from pneudrive.errors import RecordingError
+from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
 
 if TYPE_CHECKING:
@@ -54,13 +55,14 @@ def read_columns(form: str, path: Path, wanted: list[int | str], dates: dict[int
     return Table(names=[str(w) for w in wanted], columns=columns)
 
 
-def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]], dict[int, str]]:
+def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]], dict[int, str], list[str]]:
     """Read every column that holds numbers, or dates and times, and is as long as most of them are.
 
     Returns
     -------
-    list of str, list of ndarray, dict
-        Names, columns, and those of the columns (by place) that hold dates, with their form.
+    list of str, list of ndarray, dict, list of str
+        Names, columns, those of the columns (by place) that hold dates, with their form, and the units that the file
+        says (TDMS: ``unit_string``), empty where it says none.
     """
     opened = open_table(path, form)
     found: dict[str, tuple[NDArray[np.float64], str | None]] = {}
@@ -77,7 +79,8 @@ def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]
     usual = max(sizes, key=sizes.count, default=0)
     kept = {name: pair for name, pair in found.items() if pair[0].size == usual}
     dates = {place: written for place, (_, written) in enumerate(kept.values()) if written is not None}
-    return list(kept), [column for column, _ in kept.values()], dates
+    units = [opened.metadata.get(UNIT_OF + name, "") for name in kept]
+    return list(kept), [column for column, _ in kept.values()], dates, units
 
 
 def as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None = None) -> NDArray[np.float64]:

@@ -35,6 +35,7 @@ KNOWN_UNITS = {
     "pressure": {"bar", "mbar", "Pa", "kPa", "MPa", "psi"},
     "command": {"V", "mV", "mA"},
 }
+GROUPED = ("tdms", "mf4")  # formats whose names begin with that of a group: group/channel
 HELD_SHARE = 0.9  # of its samples equal the one before: a command that is held, no measured force
 SAME_SIGNAL = 0.98  # columns that correlate at least like this may be one signal in two units
 SIDE_IN_NAME = re.compile(r"(?:^|[\W_]|p)(a|b|1|2)(?=$|[\W_])")
@@ -51,12 +52,13 @@ class Guess:
     reason: str
 
 
-def _roles_by_name(names: list[str]) -> dict[str, tuple[int, str]]:
+def _roles_by_name(reading: Reading) -> dict[str, tuple[int, str]]:
     """Role -> column and reason, where a name says what its column is; of several the first."""
     roles: dict[str, tuple[int, str]] = {}
-    for index, name in enumerate(names):
+    for index, name in enumerate(reading.names):
+        bare = name.rpartition("/")[2] if reading.format in GROUPED else name
         for role, pattern in WORDS.items():
-            if re.search(pattern, name.strip().lower()):
+            if re.search(pattern, bare.strip().lower()):
                 key = role if role != "pressure" else f"pressure {sum(r.startswith('pressure') for r in roles)}"
                 roles.setdefault(key, (index, f"named '{name}'"))
                 break
@@ -65,7 +67,7 @@ def _roles_by_name(names: list[str]) -> dict[str, tuple[int, str]]:
 
 def guess_columns(path: Path, reading: Reading, columns: list[NDArray[np.float64]]) -> list[Guess]:
     """Guess the role and unit of each column that matters, by name where there is one, else by its course."""
-    roles = _roles_by_name(reading.names)
+    roles = _roles_by_name(reading)
     taken = {index for index, _ in roles.values()}
     if "time" not in roles and (found := _time_column(columns, taken)) is not None:
         roles["time"] = (found, "grows in even steps")

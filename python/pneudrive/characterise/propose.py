@@ -81,8 +81,8 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
         wanted: list[int | str] = list(range(reading.columns))
         columns = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns
     else:
-        names, columns, dates = read_all(form, path)
-        reading = Reading(form, TextForm(), names, [], len(names), dates)
+        names, columns, dates, units = read_all(form, path)
+        reading = Reading(form, TextForm(), names, units, len(names), dates)
     watch.tell(1, STAGES, "looking at the columns")
     guesses = guess_columns(path, reading, columns)
     kind = _kind(path, reading, guesses)

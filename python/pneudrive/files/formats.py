@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+UNIT_OF = "unit of "  # before a column's name: the text of the file's metadata that says the column's unit
 CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
 
 Rows = tuple[int, int]
@@ -112,7 +113,9 @@ def open_tdms(path: Path) -> Opened:
             found["time"] = (start + np.arange(len(channel)) * step)[part]
         return found
 
-    return Opened([*(["time"] if timed else []), *channels], get, _no_tables, {}, data.close)
+    said = {name: str(channel.properties.get("unit_string", "")).strip() for name, channel in channels.items()}
+    units = {UNIT_OF + name: unit for name, unit in said.items() if unit}
+    return Opened([*(["time"] if timed else []), *channels], get, _no_tables, units, data.close)
 
 
 def open_mf4(path: Path) -> Opened:

@@ -79,7 +79,7 @@ def _draw_recording(figure, proposal: Proposal) -> None:  # noqa: ANN001
     for side in ("a", "b"):
         if f"pressure_{side}" in names:
             gauge = (getattr(recording, f"pressure_{side}_pa") - ambient) / 1e5
-            channels.append((f"pressure_{side}", gauge, f"pressure {side} / bar gauge"))
+            channels.append((f"pressure_{side}", gauge, f"pressure {side} /\nbar gauge"))
     channels.append(("force", recording.force_n, "force, +x / N"))
     left, right = figure.subfigures(1, 2, width_ratios=(2, 1))
     axes = left.subplots(len(channels), 1, sharex=True)

@@ -258,3 +258,20 @@ def test_a_format_whose_library_is_missing_names_the_extra(tmp_path, monkeypatch
     monkeypatch.setattr(formats, "import_module", absent)
     with pytest.raises(RecordingError, match=rf"(?s)needs the optional library {library}.*pneudrive\[formats\]"):
         formats.OPENERS[form][1](tmp_path / f"a.{form}")
+
+
+def test_the_units_that_a_tdms_file_says_are_proposed(make, tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    r = make(friction=20.0, strokes=4, travel=0.1, speed=0.05, rate=200.0)
+    table = {"t": (r.time_s, "s"), "x": (r.position_m * 100, "cm"), "p_b": ((r.pressure_b_pa - 101325) / 1e3, "kPa")}
+    table["f"] = (r.force_n / 1e3, "kN")
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(
+            [nptdms.ChannelObject("rig", n, v, properties={"unit_string": unit}) for n, (v, unit) in table.items()]
+        )
+    proposal = propose_layout(tmp_path / "a.tdms")
+    assert {g.role: g.unit for g in proposal.guesses} == {
+        "time": "s", "position": "cm", "pressure_b": "kPa", "force": "kN"
+    }  # fmt: skip
+    curves = characterise(tmp_path / "a.tdms", Layout.loads(proposal.text))
+    assert curves.friction_n.to_numpy() == pytest.approx(20.0, abs=0.2)
