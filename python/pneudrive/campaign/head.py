@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -129,8 +130,9 @@ _IDENTITY_TYPES = {
     "pressure_measured_at": _TEXT,
     "synthetic": _FLAG,
 }
+_ENDLESS = (math.inf, -math.inf)  # a rigid rig, a sensor without limits
 _IS = {
-    _NUMBER: lambda v: isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= LARGEST,
+    _NUMBER: lambda v: isinstance(v, int | float) and not isinstance(v, bool) and (abs(v) <= LARGEST or v in _ENDLESS),
     _WHOLE: lambda v: isinstance(v, int) and not isinstance(v, bool),
     _TEXT: lambda v: isinstance(v, str),
     _FLAG: lambda v: isinstance(v, bool),
@@ -194,7 +196,7 @@ def read_identity(text: str, where: str) -> tuple[Identity, list[str]]:
     for name in ("area_a_m2", "area_b_m2"):
         if data.get(name) is None:
             raise CampaignError(f"{name} is missing", where=where, rule="the pistons' areas must be known")
-        if not data[name] > 0.0:
+        if not 0.0 < data[name] < math.inf:
             raise CampaignError(f"{name} = {data[name]:g}", where=where, rule="an area is positive")
     known = {k: v for k, v in data.items() if k in _IDENTITY_TYPES and v is not None}
     ranges = known.get("limits", {})
@@ -234,7 +236,7 @@ def _cycle(data: dict[str, Any], where: str) -> Cycle:
         if data.get(name) is None:
             raise CampaignError(f"cycle.{name} is missing", where=where, rule=f"a cycle of kind {kind} must say it")
     for name in POSITIVE:
-        if name in data and not data[name] > 0.0:
+        if name in data and not 0.0 < data[name] < math.inf:
             raise CampaignError(
                 f"cycle.{name} = {data[name]:g}", where=where, rule="it is positive; pressures absolute"
             )
