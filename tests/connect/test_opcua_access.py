@@ -88,7 +88,7 @@ def test_a_user_may_be_a_certificate(served, files):
         ({"user": "bert"}, "refuses us: BadUserAccessDenied"),
         ({"user": None, "password_file": None}, "refuses us: BadIdentityTokenRejected"),
         ({"server": "stranger"}, "server_certificate is not its own"),
-        (None, "refuses us: .*No matching endpoints"),
+        (None, "refuses us: BadSecurityModeInsufficient"),
     ],
     ids=["certificate", "user", "password", "no user", "server", "nothing"],
 )

@@ -182,6 +182,12 @@ class Machine:
         past.shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
         return columns
 
+    def copy(self) -> Machine:
+        """Return a machine with a past of its own."""
+        other = Machine(self.d, self.seed)
+        other.past = self.snapshot()
+        return other
+
     def snapshot(self) -> Past:
         """Return a copy of the past."""
         return deepcopy(self.past)

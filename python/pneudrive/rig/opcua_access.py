@@ -23,6 +23,7 @@ ACCESS_KEYS = {
 }  # fmt: skip
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and some 50 ms a try
 SALT_BYTES = 16
+MOST_CHECKED = 100
 OTHERS_MAY_READ = 0o077
 
 
@@ -158,6 +159,7 @@ class Protection:
     trusted: tuple[bytes, ...] = ()
     users: dict[str, str] = field(default_factory=dict)
     user_certificates: tuple[bytes, ...] = ()
+    _checked: dict[tuple[str | None, str | None], bool] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -192,6 +194,12 @@ class Protection:
             tuple(map(der, user_certificates or [])),
         )
 
+    def hash_ahead(self, username: str, password: str) -> None:
+        """Check a password, which takes its time, before `get_user` asks for it."""
+        if len(self._checked) > MOST_CHECKED:  # of logins that failed for another reason
+            self._checked.clear()
+        self._checked[(username, password)] = _is_password(self.users.get(username, ""), password)
+
     def get_user(
         self,
         iserver: Any,  # noqa: ANN401 - the form that asyncua asks for
@@ -207,7 +215,7 @@ class Protection:
             return None
         if username is None and self.user_certificates:
             return None
-        if self.users and not _is_password(self.users.get(username or "", ""), password or ""):
+        if self.users and not self._checked.pop((username, password), False):
             return None
         return rules.User(role=rules.UserRole.User, name=username)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import secrets
 import threading
 import time
 import weakref
@@ -74,7 +75,7 @@ class OpcUaRig:
         self._identity = identity or self._described("rig.identity", identity_of)
         link.ambient_pa = self._identity.ambient_pressure_pa
         self._limits = limits or self._described("rig.limits", envelope_of)
-        self._id = int(link.read("command.id")[0])
+        self._id = secrets.randbelow(COUNTER)  # no other client's, where a server has one place for all
 
     def close(self) -> None:
         """End the connection; the server finds the heartbeat silent and brings the axis to rest."""
@@ -174,7 +175,8 @@ class OpcUaRig:
     def _start(self, verb: Verb, arguments: dict[str, Any]) -> int:
         """Write arguments, then the id that starts the command; not before a stop that is on its way is answered."""
         with self._starting:
-            self._link.beat()
+            if verb not in (Verb.HALT, Verb.STOP):  # anybody may
+                self._link.beat()
             self._id = self._id % COUNTER + 1
             self._link.write({**arguments, "command.verb": int(verb)})
             self._link.write({"command.id": self._id})
@@ -340,7 +342,6 @@ class OpcUaRig:
             if self._link.lost is None:
                 return
             self._link.connect()
-            self._id = int(self._link.read("command.id")[0])
             self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
             if (name := self._told_name()) != self._told:
                 raise RigError(f"another rig answers: {name!r} instead of {self._told!r}", where=self._link.url)

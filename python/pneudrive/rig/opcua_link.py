@@ -128,7 +128,7 @@ class Link:
 
     def check_stops(self, stops: int) -> None:
         """Take the connection as lost where the server has stopped the axis since it began."""
-        if stops != self._stops:
+        if self._heart is not None and stops != self._stops:
             self.lost = self.lost or "the server heard nothing of us for a while and has stopped the axis"
             raise LinkError(self.lost)
 
@@ -170,8 +170,9 @@ class Link:
             raise LinkError(_reason(error)) from None
         except (OSError, TimeoutError, asyncio.TimeoutError) as error:
             await _hang_up(client)
-            silent = isinstance(error, TimeoutError) and self.access.certificate is not None
-            hint = " (a server is silent where server_certificate is not its own)" if silent else ""
+            silent = isinstance(error, TimeoutError) or not getattr(error, "errno", None)  # it was there, and hung up
+            says = " (a server is silent, or hangs up, where server_certificate is not its own)"
+            hint = says if silent and self.access.certificate is not None else ""
             raise LinkError(f"{_reason(error)}{hint}") from None
         self._client = client
         self.number += 1

@@ -3,8 +3,8 @@
 The handshake needs nothing but variables, so that every PLC can do it:
 
 - A command is its verb and arguments, then a new ``command.id``. The server sets ``answer.fault`` and then
-  ``answer.done`` to that id. Halt and stop are taken at any time and end what runs; any other verb while one runs is a
-  fault.
+  ``answer.done`` to that id. Halt and stop are taken at any time, of anybody, and end what runs; any other verb while
+  one runs is a fault, and so is one of a client while another one commands.
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
   ``samples.written``; the client reads it and raises ``samples.acknowledged``; a slot is not written again before that.
   ``answer.done`` comes after the last chunk.

@@ -9,20 +9,23 @@ import logging
 import queue
 import threading
 import time
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Changeable, Hold, Move, Reproducible, Samples, Sampling
+from pneudrive.rig.interface import Hold, Move, Samples
 from pneudrive.rig.opcua_access import Protection, opcua, protect
 from pneudrive.rig.opcua_link import COUNTER, Loop, quieten
-from pneudrive.rig.opcua_nodes import HOLD, IN_RING, RELEASED, SHUT, Node, NodeMap, Verb
+from pneudrive.rig.opcua_nodes import NodeMap, Verb
+from pneudrive.rig.opcua_program import check_size, first_step, program_of, sampling_of
+from pneudrive.rig.opcua_space import FAULT, SIMULATED, STOPS, Space
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pneudrive.rig.interface import Rig, Step
+    from pneudrive.rig.interface import Rig
+    from pneudrive.rig.opcua_front import Client, Front
 
 log = logging.getLogger(__name__)
 SILENT_SHARE = 0.75  # of the heartbeat time: the axis is stopped then, so that it is at rest when the time is over
@@ -30,7 +33,10 @@ WATCH_SHARE = 0.02
 STATE_S = 0.05  # how often the state is shown while something may change
 STOPPING_S = 10.0  # how long a rig that runs on is told to stop again
 AGAIN_S = 0.1
-CLOSING_S = 5.0
+GENTLE_S = 0.2  # how long an acquisition that is halted has to end by itself
+STATE_PATIENCE_S = 0.2
+CLOSING_S = 2.0
+LEAST_REQUEST, BYTES_A_STEP = 1 << 16, 64
 STATE_FIELDS = {
     "position": "position_m",
     "force": "force_n",
@@ -50,14 +56,16 @@ SAMPLE_FIELDS = {
     "temperature": "temperature_k",
     "step": "step",
 }
-SIMULATED = {
-    Verb.BEGIN_CYCLE: Reproducible,
-    Verb.MEMORY: Reproducible,
-    Verb.RESTORE: Reproducible,
-    Verb.TRUTH: Reproducible,
-    Verb.LEVELS: Changeable,
-    Verb.CHANGE: Changeable,
-}
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a client asks for."""
+
+    client: Client
+    identity: int
+    verb: int
+    arguments: dict[str, Any]
 
 
 class Interrupted(Exception):  # noqa: N818 - no error: halt, stop or a silent client
@@ -66,6 +74,9 @@ class Interrupted(Exception):  # noqa: N818 - no error: halt, stop or a silent c
 
 class RigServer:
     """Serves a rig in a thread of its own; a context manager.
+
+    Who begins a command while nobody commands, with a heartbeat that counts, is the one who commands: until its
+    heartbeat is silent, its session ends, or another client stops the axis. Any client may read, halt and stop.
 
     Parameters
     ----------
@@ -100,25 +111,30 @@ class RigServer:
         self.protection = protection or Protection()
         self.heartbeat_s = heartbeat_s or nodes.heartbeat_s
         self.url = ""
-        self.ambient_pa = rig.identity().ambient_pressure_pa
+        low, high = rig.limits().position_m
+        self._longest_m = high - low
         self._loop = Loop()
-        self._server: Any = None
-        self._places: dict[str, list[Any]] = {}
-        self._commands: queue.Queue[tuple[int, dict[str, Any]] | None] = queue.Queue()
+        self._front: Front | None = None
+        self._space: Any = None
+        self._queue: queue.Queue[Command | None] = queue.Queue()
         self._worker = threading.Thread(target=self._work, name="rig", daemon=True)
-        self._busy = False
-        self._running = 0  # verb
+        # On the loop's thread:
+        self._commander: Client | None = None
+        self._since = ""
+        self._open: Command | None = None  # taken, and its verb has not ended
+        self._held: Command | None = None  # taken while the axis is stopped
+        self._stops_asked: list[Command] | None = None  # they wait for the axis to be at rest; None: no stop is on
+        self._stops = 0
+        self._fault, self._fault_at = "", 0.0
+        self._rig_fault: Any = None
+        self._shown: asyncio.Task[Any] | None = None
+        # On several, guarded by the condition, which tells that the ring has room, or that what runs is to end:
+        self._taken = threading.Condition()
+        self._interrupted = ""  # why what was taken is to end
+        self._turn = 0  # of the verb that runs
         self._idle = threading.Event()  # no verb of the rig runs
         self._idle.set()
-        self._stopper: threading.Thread | None = None
-        self._interrupt = threading.Event()
-        self._beat_at: float | None = None  # None: no client, or a silent one, so no command is taken
-        self._silent = ""
-        self._stops = 0
-        self._written = 0
-        self._acknowledged = 0
-        self._taken = threading.Condition()  # guards what is above, and tells that the ring has room
-        self._showing = asyncio.Lock()
+        self._written = self._acknowledged = 0
 
     def __enter__(self) -> RigServer:
         """Start to serve."""
@@ -136,136 +152,231 @@ class RigServer:
 
     def __exit__(self, *_: object) -> None:
         """Bring the axis to rest, release the pressure and end."""
-        self._end_what_runs()
-        self._commands.put(None)
+        self._interrupt("the server ends")
+        stopper = threading.Thread(target=self._bring_to_rest, args=(False,), name="stop", daemon=True)
+        stopper.start()
+        self._queue.put(None)
+        stopper.join(CLOSING_S)
         self._worker.join(CLOSING_S)
-        with contextlib.suppress(Exception):  # of the library, while connections break
-            self._loop.run(self._server.stop(), CLOSING_S)
+        if self._front is not None:
+            with contextlib.suppress(Exception):  # of the library, while connections break
+                self._loop.run(self._front.stop(), CLOSING_S)
         self._loop.close()
 
     async def _start(self) -> None:
-        asyncua, ua = opcua(), opcua("asyncua.ua")
-        server = self._server = asyncua.Server()
+        from pneudrive.rig.opcua_front import Front
+
+        asyncua = opcua()
+        server = asyncua.Server()
         with _without_collector():  # half of the start otherwise: the standard nodes are many small objects
             await server.init()
         server.set_server_name("pneudrive rig")
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}")
         server.set_match_discovery_client_ip(False)
         await protect(server, self.protection)
-        await self._add_nodes()
+        self._space = Space(server, self.rig, self.nodes)
+        await self._space.fill()
         await self._show_state()
-        await server.start()
-        self.port = server.bserver._server.sockets[0].getsockname()[1]
+        self._front = Front(server, self, self.protection, LEAST_REQUEST + BYTES_A_STEP * self.nodes.steps)
+        self.port = await self._front.start(self.host, self.port)
         self.url = f"opc.tcp://{self.host}:{self.port}"
-        for name, seen in (
-            ("command.id", self._on_command),
-            ("heartbeat.client", self._on_beat),
-            ("samples.acknowledged", self._on_acknowledged),
-        ):
-            place = self._places[name][0]
-            server.iserver.aspace.add_datachange_callback(place, ua.AttributeIds.Value, seen)
-        self._tasks = [asyncio.create_task(task()) for task in (self._beat, self._watch, self._keep_state)]
+        for task in (self._beat(), self._watch(), self._keep_state()):
+            self._front.background(task)
 
-    async def _add_nodes(self) -> None:
-        """Add every node of the map, those that the client writes writable."""
-        ua, server = opcua("asyncua.ua"), self._server
-        space = await server.register_namespace(self.nodes.namespace) if self.nodes.namespace else 0
-        folder = await server.nodes.objects.add_object(max(space, 1), "Rig")
-        for name, node in self.nodes.nodes.items():
-            self._places[name] = []
-            for text in self.nodes.node_ids(name):
-                node_id = ua.NodeId.from_string(text if text.startswith("ns=") else f"ns={space};{text}")
-                while len(await server.get_namespace_array()) <= node_id.NamespaceIndex:
-                    await server.register_namespace(f"urn:pneudrive:rig:{len(await server.get_namespace_array())}")
-                kind, first = ua.VariantType[node.type], self._first(name, node)
-                label = text.rpartition("=")[2]
-                variable = await folder.add_variable(node_id, label, ua.Variant(first, kind), kind)
-                if node.kind.client:
-                    await variable.set_writable()
-                self._places[name].append(node_id)
+    # --- what the front asks -----------------------------------------------------------------
 
-    def _first(self, name: str, node: Node) -> Any:  # noqa: ANN401 - a value of the node's type
-        texts = {
-            "rig.identity": lambda: json.dumps(asdict(self.rig.identity())),
-            "rig.limits": lambda: json.dumps(asdict(self.rig.limits())),
-            "simulation.abilities": lambda: " ".join(
-                verb.name.lower() for verb, ability in SIMULATED.items() if isinstance(self.rig, ability)
-            ),
-        }
-        if name in texts:
-            return texts[name]()
-        if node.kind.array:
-            size = self.nodes.chunk if name in IN_RING else self.nodes.steps
-            return [0.0 if node.kind.type == "Double" else 0] * size
-        return {"Double": 0.0, "Boolean": False, "String": ""}.get(node.kind.type, 0)
+    def name_of(self, node_id: Any) -> str | None:  # noqa: ANN401 - asyncua's node id
+        """Name a node that each client has for itself: its commands and its answers."""
+        return self._space.names.get(node_id)
 
-    async def _on_beat(self, _: int, __: Any) -> None:  # noqa: ANN401 - asyncua's value
-        self._beat_at, self._silent = time.monotonic(), ""
+    def read(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
+        """Give what a client reads of such a node: what became of others before it came is nothing to it."""
+        if name == FAULT:
+            return value if client.began <= self._fault_at else self._rig_fault or value
+        if name == STOPS:
+            return client.values.setdefault(name, value)
+        return client.values.get(name, value)
 
-    async def _on_acknowledged(self, _: int, value: Any) -> None:  # noqa: ANN401
+    def commands(self, client: Client) -> bool:
+        """Tell whether it is the one that commands."""
+        return client is self._commander
+
+    async def written(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value and status
+        """Take what a client has written."""
+        ua, node = opcua("asyncua.ua"), self.nodes.nodes[name]
+        if not node.kind.client:
+            return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
+        if wrong := self._space.wrong(node, value):
+            return ua.StatusCode(wrong)
+        before = client.values.get(name)
+        client.values[name] = value
+        if self._commander in (None, client):  # others may look on
+            await self._space.show(name, value)
+        if name == "heartbeat.client" and (before is None or before.Value.Value != value.Value.Value):
+            client.beat_at = time.monotonic()
+        elif name == "samples.acknowledged" and client is self._commander:
+            with self._taken:
+                self._acknowledged = min(int(value.Value.Value), self._written)
+                self._taken.notify_all()
+        elif name == "command.id":
+            await self._command(client, int(value.Value.Value))
+        return ua.StatusCode()
+
+    def left(self, client: Client) -> None:
+        """Stop the axis of a client whose session has ended: nobody is there who could."""
+        if client is self._commander and self._open is None:
+            self._commander = None
+            self._stop(None)
+        elif client is self._commander:
+            self._lost(f"the connection of {client} ended: the axis was brought to rest, the pressure released")
+
+    # --- who commands ------------------------------------------------------------------------
+
+    async def _command(self, client: Client, identity: int) -> None:
+        """Take a command: halt and stop of anybody end what runs; any other one is of who commands, or refused."""
+        arguments = {name: self._value(client, name) for name, node in self.nodes.nodes.items() if node.kind.client}
+        command = Command(client, identity, arguments["command.verb"], arguments)
+        client.identity = identity
+        if command.verb in (Verb.HALT, Verb.STOP):
+            await self._answer(client, _another(identity), "")  # not done yet
+            self._stop(command)
+        elif refused := self._refusal(client):
+            await self._answer(client, identity, refused)
+        else:
+            if self._commander is None:
+                self._commander, self._since = client, time.strftime("%H:%M:%S")
+                self._told("")
+            await self._answer(client, _another(identity), "")
+            if self._stops_asked is None and self._open is None:
+                self._begin(command)
+            else:
+                self._held = command
+
+    def _refusal(self, client: Client) -> str:
+        """Tell why a client may not command now; empty: it may."""
+        if client.dismissed:
+            return client.dismissed
+        if self._commander not in (None, client):
+            return f"{self._commander} commands this rig since {self._since}; others may look on, and stop it"
+        if client.beat_at is None or time.monotonic() - client.beat_at > self.heartbeat_s:
+            return "there is no heartbeat: heartbeat.client must count up first"
+        if self._held is not None or (self._open is not None and not self._interrupted):
+            return "another command is running; halt or stop it first"
+        return ""
+
+    def _begin(self, command: Command) -> None:
         with self._taken:
-            self._acknowledged = int(value.Value.Value)
+            self._interrupted = ""
+        self._open = command
+        self._queue.put(command)
+
+    def _stop(self, command: Command | None, why: str = "it was ended by halt or stop") -> None:
+        """End what runs; who asked for it is answered when the axis is at rest."""
+        client = command.client if command is not None else None
+        if self._commander is not None and client not in (None, self._commander):
+            why = f"{client} has stopped the axis at {time.strftime('%H:%M:%S')}"
+            self._commander.dismissed = f"{why}; to command again, connect anew"
+            self._commander = None
+            self._told(why)
+        self._interrupt(why)
+        if self._held is not None:
+            self._end_soon(self._held, why)
+            self._held = None
+        on = self._stops_asked is not None
+        self._stops_asked = [*(self._stops_asked or []), *([command] if command is not None else [])]
+        if not on:
+            self._start_stopping()
+
+    def _start_stopping(self) -> None:
+        # An acquisition can be left; any other verb can only be stopped. Where nothing runs, halting does nothing.
+        asked, open_ = self._stops_asked or [], self._open
+        gently = bool(asked) and all(one.verb == Verb.HALT for one in asked)
+        gently = gently and (open_ is None or open_.verb == Verb.ACQUIRE)
+        threading.Thread(target=self._bring_to_rest, args=(gently,), name="stop", daemon=True).start()
+
+    def _interrupt(self, why: str) -> None:
+        with self._taken:
+            self._interrupted = why
             self._taken.notify_all()
 
-    async def _on_command(self, _: int, value: Any) -> None:  # noqa: ANN401
-        """Take a command: halt and stop end what runs, any other one waits for its turn or is refused."""
-        identity, verb = int(value.Value.Value), int(self._value("command.verb"))
-        arguments = {name: self._value(name) for name, node in self.nodes.nodes.items() if node.kind.client}
-        if verb in (Verb.HALT, Verb.STOP):
-            # An acquisition can be left; any other verb can only be stopped. Where nothing runs, the worker does it.
-            self._end_what_runs(stop=self._busy and (verb == Verb.STOP or self._running != Verb.ACQUIRE))
-        elif self._beat_at is None:
-            await self._answer(identity, "there is no heartbeat: heartbeat.client must count up first")
-            return
-        elif self._busy:
-            await self._answer(identity, "another command is running; halt or stop it first")
-            return
-        self._busy = True
-        self._commands.put((identity, arguments))
-
-    def _end_what_runs(self, stop: bool = True) -> None:
-        with self._taken:
-            self._interrupt.set()
-            self._taken.notify_all()
-        if stop and (self._stopper is None or not self._stopper.is_alive()):
-            stopper = threading.Thread(target=self._stop_rig, name="stop", daemon=True)  # it may block
-            stopper.start()
-            self._stopper = stopper
-
-    def _stop_rig(self) -> None:
-        """Stop until no verb runs: one may have been about to begin."""
-        deadline = time.monotonic() + STOPPING_S
+    def _bring_to_rest(self, gently: bool) -> None:
+        """Stop the rig, in a thread of its own, as it may block; again where a verb had been about to begin."""
+        fault = ""
+        turn = self._turn
         try:
-            self.rig.stop()
-            while not self._idle.wait(AGAIN_S) and time.monotonic() < deadline:
+            if not (gently and self._idle.wait(GENTLE_S)):
                 self.rig.stop()
+                if not self._idle.wait(AGAIN_S):
+                    self.rig.stop()
         except Exception as error:
             log.exception("the rig does not stop")
-            self._silent = f"{self._silent} the rig does not stop: {error}".strip()
+            fault = f"the rig does not stop: {error}"
+        with contextlib.suppress(RuntimeError):  # the loop is closed
+            self._loop.run(self._stopped(gently, fault))
+        deadline = time.monotonic() + STOPPING_S
+        with contextlib.suppress(Exception):
+            while not self._idle.wait(AGAIN_S) and turn == self._turn and time.monotonic() < deadline:
+                self.rig.stop()
+
+    async def _stopped(self, gently: bool, fault: str) -> None:
+        """Answer who asked; go on with what was held."""
+        asked = self._stops_asked or []
+        left = [one for one in asked if gently and one.verb != Verb.HALT]
+        self._stops_asked = left or None
+        if fault:
+            self._told(fault)
+        await self._show_state()
+        for one in asked:
+            if one not in left:
+                await self._finish(one, fault)
+        if left:
+            self._start_stopping()
+        elif self._open is None:
+            self._next()
+
+    def _next(self) -> None:
+        held, self._held = self._held, None
+        if held is not None and held.client is self._commander:
+            self._begin(held)
+
+    def _lost(self, text: str) -> None:
+        """Stop the axis of a commander that is gone."""
+        commander = self._commander
+        if commander is not None:
+            commander.beat_at = None
+        self._commander = None
+        self._told(text)
+        self._stops += 1
+        self._stop(None, text)
+        self._soon(self._write({STOPS: self._stops}, client=commander))
+
+    def _told(self, fault: str) -> None:
+        self._fault, self._fault_at = fault, time.monotonic()
+
+    def _end_soon(self, command: Command, fault: str) -> None:
+        self._soon(self._finish(command, fault))
+
+    def _soon(self, work: Any) -> None:  # noqa: ANN401 - a coroutine
+        assert self._front is not None
+        self._front.background(work)
 
     async def _watch(self) -> None:
-        """Stop the axis of a client that fell silent."""
+        """Stop the axis of a commander that fell silent."""
         tick, limit = WATCH_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
         seen_late = None
         while True:
             looked = time.monotonic()
             await asyncio.sleep(tick)
-            now, last = time.monotonic(), self._beat_at
+            now, last = time.monotonic(), self._commander.beat_at if self._commander is not None else None
             if last is None or now - last < limit:
                 continue
             if now - looked > 2.0 * tick and last != seen_late:
                 seen_late = last  # we slept ourselves: what was sent meanwhile is read first, once
                 continue
-            with self._taken:
-                self._beat_at = None
-                self._stops += 1
-                self._silent = (
-                    f"the client's heartbeat was silent for {limit:g} s: "
-                    "the axis was brought to rest, the pressure released"
-                )
-            self._end_what_runs()
-            await self._write({"heartbeat.stops": self._stops})
-            await self._show_state()
+            self._lost(
+                f"the client's heartbeat was silent for {limit:g} s: "
+                "the axis was brought to rest, the pressure released"
+            )
 
     async def _beat(self) -> None:
         beat = 0
@@ -277,79 +388,93 @@ class RigServer:
     async def _keep_state(self) -> None:
         while True:
             await asyncio.sleep(STATE_S)
-            try:
-                await self._show_state()
-            except Exception as error:  # of a lab's own code
-                await self._write({"state.fault": f"the rig does not tell its state: {error}"})
+            await self._show_state()
 
     async def _show_state(self) -> None:
-        async with self._showing:  # what was asked earlier is shown earlier
+        """Show the state; a rig that does not tell it in time shows it later."""
+        if self._shown is None or self._shown.done():
+            self._shown = asyncio.create_task(self._show())
+        await asyncio.wait([self._shown], timeout=STATE_PATIENCE_S)
+
+    async def _show(self) -> None:
+        try:
             state = asdict(await asyncio.to_thread(self.rig.state))
-            fault = " ".join(text for text in (state.pop("fault"), self._silent) if text)
-            values = {f"state.{name}": state[field] for name, field in STATE_FIELDS.items()}
-            await self._write({**values, "state.fault": fault})
+        except Exception as error:  # of a lab's own code
+            state = {"fault": f"the rig does not tell its state: {error}"}
+        own = state.pop("fault") or ""
+        self._rig_fault = self._space.data(FAULT, own)
+        values = {f"state.{name}": state[field] for name, field in STATE_FIELDS.items() if field in state}
+        await self._write({**values, FAULT: " ".join(text for text in (own, self._fault) if text)})
+
+    # --- the worker --------------------------------------------------------------------------
 
     def _work(self) -> None:
         """Run commands one after the other: the worker thread."""
-        while (command := self._commands.get()) is not None:
-            identity, arguments = command
-            verb = arguments["command.verb"]
+        while (command := self._queue.get()) is not None:
             with self._taken:
-                allowed = self._beat_at is not None or verb in (Verb.HALT, Verb.STOP)
-                if allowed:
-                    self._running = verb
-                    self._interrupt.clear()
-                    self._idle.clear()
-            fault = self._run(verb, arguments) if allowed else self._silent
+                self._turn += 1
+                self._idle.clear()
+                fault = self._interrupted  # by a stop that came before we did
+            if not fault:
+                fault = self._run(command)
             self._idle.set()
-            if self._stopper is not None:
-                self._stopper.join()
-            self._busy = not self._commands.empty()
-            self._loop.run(self._finish(identity, fault))
+            with contextlib.suppress(RuntimeError):  # the loop is closed
+                self._loop.run(self._ended(command, fault))
 
-    def _run(self, verb: int, arguments: dict[str, Any]) -> str:
+    def _run(self, command: Command) -> str:
         """Run one command; give its fault, empty where there is none."""
         try:
-            self._verbs().get(verb, self._unknown)(arguments)
+            self._verbs().get(command.verb, self._unknown)(command)
         except Interrupted:
-            return self._silent or "it was ended by halt or stop"
-        except PneudriveError as error:
-            return str(error)
+            return self._interrupted
         except Exception as error:
+            if self._interrupted:  # which is why the rig has ended it
+                return self._interrupted
+            if isinstance(error, PneudriveError):
+                return str(error)
             log.exception("a verb of the rig failed")
             return f"{type(error).__name__}: {error}"
         return ""
 
-    def _verbs(self) -> dict[int, Callable[[dict[str, Any]], object]]:
+    async def _ended(self, command: Command, fault: str) -> None:
+        """Answer a command whose verb has ended."""
+        await self._show_state()
+        self._open = None
+        await self._finish(command, fault)
+        if self._stops_asked is None:
+            self._next()
+
+    def _verbs(self) -> dict[int, Callable[[Command], object]]:
         rig: Any = self.rig
-        known: dict[int, Callable[[dict[str, Any]], object]] = {
+        known: dict[int, Callable[[Command], object]] = {
             Verb.HOME: lambda _: rig.home(),
-            Verb.MOVE: lambda a: rig.move(*_move(_first_step(a, Move))),
-            Verb.HOLD: lambda a: rig.hold(*_hold(_first_step(a, Hold))),
-            Verb.SET_PRESSURE: lambda a: rig.set_pressure(a["command.pressure_a"], a["command.pressure_b"]),
+            Verb.MOVE: lambda c: rig.move(*_move(first_step(c.arguments, Move, self._longest_m))),
+            Verb.HOLD: lambda c: rig.hold(*_hold(first_step(c.arguments, Hold, self._longest_m))),
+            Verb.SET_PRESSURE: lambda c: rig.set_pressure(
+                c.arguments["command.pressure_a"], c.arguments["command.pressure_b"]
+            ),
             Verb.ACQUIRE: self._acquire,
-            Verb.HALT: lambda _: None,  # what ran has been interrupted
-            Verb.STOP: lambda _: rig.stop(),
         }
         for verb, ability in SIMULATED.items():
             if isinstance(rig, ability) and "simulation.answer" in self.nodes:
-                known[verb] = lambda a, verb=verb: self._simulate(verb, a)
+                known[verb] = lambda c, verb=verb: self._simulate(verb, c)
         return known
 
-    def _unknown(self, arguments: dict[str, Any]) -> None:
-        raise RigError(f"verb {arguments['command.verb']} is not known to this rig")
+    def _unknown(self, command: Command) -> None:
+        raise RigError(f"verb {command.verb} is not known to this rig")
 
-    def _simulate(self, verb: Verb, arguments: dict[str, Any]) -> None:
+    def _simulate(self, verb: Verb, command: Command) -> None:
         asks_nothing = verb in (Verb.MEMORY, Verb.TRUTH, Verb.LEVELS)
         method = getattr(self.rig, verb.name.lower())
-        answer = (
-            method() if asks_nothing else method(parse_json(arguments["simulation.text"], "simulation.text", RigError))
-        )
-        self._loop.run(self._write({"simulation.answer": json.dumps(answer)}))
+        text = command.arguments["simulation.text"]
+        answer = method() if asks_nothing else method(parse_json(text, "simulation.text", RigError))
+        self._loop.run(self._write({"simulation.answer": json.dumps(answer)}, client=command.client))
 
-    def _acquire(self, arguments: dict[str, Any]) -> None:
+    def _acquire(self, command: Command) -> None:
         """Run the program and put its samples into the ring."""
-        parts = self.rig.acquire(_steps(arguments), _sampling(arguments))
+        steps, sampling = program_of(command.arguments, self._longest_m), sampling_of(command.arguments)
+        check_size(steps, sampling)
+        parts = self.rig.acquire(steps, sampling)
         try:
             for part in parts:
                 for start in range(0, len(part), self.nodes.chunk):
@@ -362,9 +487,9 @@ class RigServer:
     def _put(self, chunk: Samples) -> None:
         """Wait for a free slot and write it."""
         with self._taken:
-            while self._written - self._acknowledged >= self.nodes.slots and not self._interrupt.is_set():
+            while self._written - self._acknowledged >= self.nodes.slots and not self._interrupted:
                 self._taken.wait(self.heartbeat_s)
-        if self._interrupt.is_set():
+        if self._interrupted:
             raise Interrupted
         self._written += 1
         values = {f"samples.{name}": getattr(chunk, field) for name, field in SAMPLE_FIELDS.items()}
@@ -372,36 +497,35 @@ class RigServer:
         self._loop.run(self._write({**values, "samples.count": len(chunk), "samples.sequence": self._written}, slot))
         self._loop.run(self._write({"samples.written": self._written}))
 
-    async def _finish(self, identity: int, fault: str) -> None:
-        with contextlib.suppress(Exception):  # the state is shown again soon; the answer must come
-            await self._show_state()
-        await self._answer(identity, fault)
+    async def _finish(self, command: Command, fault: str) -> None:
+        """Answer, unless the client has asked for something else meanwhile."""
+        if command.client.identity == command.identity:
+            await self._answer(command.client, command.identity, fault)
 
-    async def _answer(self, identity: int, fault: str) -> None:
-        await self._write({"answer.fault": fault})
-        await self._write({"answer.done": identity})
+    async def _answer(self, client: Client, identity: int, fault: str) -> None:
+        await self._write({"answer.fault": fault}, client=client)
+        await self._write({"answer.done": identity}, client=client)
 
-    def _value(self, name: str) -> Any:  # noqa: ANN401 - a value in SI
-        ua = opcua("asyncua.ua")
-        raw = self._server.iserver.aspace.read_attribute_value(self._places[name][0], ua.AttributeIds.Value).Value.Value
-        node = self.nodes.nodes[name]
-        if node.kind.type != "Double":
-            return raw
-        if node.kind.array:
-            return [node.scale.to_si(value, self.ambient_pa) for value in raw]
-        return node.scale.to_si(raw, self.ambient_pa)
+    def _value(self, client: Client, name: str) -> Any:  # noqa: ANN401 - a value in SI
+        """Give what a client has written; what it has not, is as at the beginning."""
+        raw = client.values[name].Value.Value if name in client.values else self._space.first(name)
+        return self._space.to_si(name, raw)
 
-    async def _write(self, values: dict[str, Any], slot: int = 0) -> None:
-        ua = opcua("asyncua.ua")
+    async def _write(self, values: dict[str, Any], slot: int = 0, client: Client | None = None) -> None:
+        """Show values: to all, or to one client, and to who looks on where that is the one that commands."""
         for name, value in values.items():
-            node, places = self.nodes.nodes[name], self._places[name]
-            if not places:
+            if name not in self._space.places:
                 continue  # a constant
-            raw = node.scale.from_si(value, self.ambient_pa) if node.kind.type == "Double" else value
-            raw = raw.tolist() if hasattr(raw, "tolist") else raw
-            data = ua.DataValue(ua.Variant(raw, ua.VariantType[node.type]))
-            place = places[slot if name in IN_RING else 0]
-            await self._server.iserver.aspace.write_attribute_value(place, ua.AttributeIds.Value, data)
+            data = self._space.data(name, value)
+            if client is not None:
+                client.values[name] = data
+            if client is None or self._commander in (None, client):
+                await self._space.show(name, data, slot)
+
+
+def _another(identity: int) -> int:
+    """Give another id: the command with this one is not done."""
+    return identity - 1 if identity > 0 else 1
 
 
 @contextlib.contextmanager
@@ -417,46 +541,12 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _steps(arguments: dict[str, Any]) -> list[Step]:
-    count = arguments["step.count"]
-    weights = arguments.get("step.weight") or [0.0] * count
-    names = ("step.kind", "step.position", "step.speed", "step.duration")
-    rows = list(zip(*(arguments[name] for name in names), weights, strict=False))
-    if not 0 <= count <= len(rows):
-        raise RigError(f"a program of {count} steps", rule=f"0 to {len(rows)} steps")
-    steps: list[Step] = []
-    for kind, position, speed, duration, weight in rows[:count]:
-        if kind & HOLD:
-            steps.append(Hold(duration, bool(kind & RELEASED), bool(kind & SHUT), weight))
-        else:
-            steps.append(Move(position, speed))
-    return steps
-
-
-def _first_step(arguments: dict[str, Any], kind: type[Step]) -> Any:  # noqa: ANN401 - a step of that kind
-    steps = _steps({**arguments, "step.count": 1})
-    if not isinstance(steps[0], kind):
-        raise RigError(f"the first step is no {kind.__name__.lower()}", rule="step.kind: 0 move, 1 hold")
-    return steps[0]
-
-
 def _move(step: Move) -> tuple[float, float]:
     return step.to_m, step.speed_m_s
 
 
 def _hold(step: Hold) -> tuple[float, bool]:
     return step.duration_s, step.released
-
-
-def _sampling(arguments: dict[str, Any]) -> Sampling:
-    default = Sampling()
-    return Sampling(
-        int(arguments.get("sampling.samples_per_stroke", default.samples_per_stroke)),
-        arguments.get("sampling.burst_rate", default.burst_rate_hz),
-        arguments.get("sampling.burst_before", default.burst_before_s),
-        arguments.get("sampling.burst_after", default.burst_after_s),
-        arguments.get("sampling.hold_rate", default.hold_rate_hz),
-    )
 
 
 def _rows(samples: Samples, start: int, stop: int) -> Samples:

@@ -293,10 +293,9 @@ class RigSession:
         part = PART_S * (self.pace or 1.0)
         times = np.array([end]) if self.pace is None else np.append(np.arange(1, int(end / part) + 1) * part, end)
         try:
-            with self._lock:
-                before = run.before = self._machine.snapshot()
-                run.step, run.motion = step, motion
-                seen = self._instruments.read(self._machine.run(step, motion, times), before, None)
+            _, true = self._ahead(run, step, motion, times)
+            assert run.before is not None
+            seen = self._instruments.read(true, run.before, None)
             for i, until in enumerate(times):
                 self._wait(began, float(until))
                 self._alive(run)
@@ -321,18 +320,16 @@ class RigSession:
         last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)
         try:
             for i, step in enumerate(steps):
-                with self._lock:
-                    self._alive(run)
-                    motion = self._machine.motion(step)
-                    if motion is None:
-                        continue
-                    before = self._machine.snapshot()
-                    run.before, run.step, run.motion, run.reached_s = before, step, motion, 0.0
-                    times = step_times(motion.duration_s, isinstance(step, Move), sampling)
-                    times = np.append(times, motion.duration_s)  # the last sample of a step shows its end
-                    true = self._machine.run(step, motion, times)
-                    kept.append(truth_of_step(self._machine, before, step, motion, true))
-                    seen = self._instruments.read(true, before, self._rng, getattr(step, "weight_n", 0.0))
+                motion = self._machine.motion(step)
+                if motion is None:
+                    continue
+                times = step_times(motion.duration_s, isinstance(step, Move), sampling)
+                times = np.append(times, motion.duration_s)  # the last sample of a step shows its end
+                machine, true = self._ahead(run, step, motion, times)
+                before = run.before
+                assert before is not None
+                kept.append(truth_of_step(machine, before, step, motion, true))
+                seen = self._instruments.read(true, before, self._rng, getattr(step, "weight_n", 0.0))
                 keep = times.size if i == last else times.size - 1
                 for part in self._parts(times[:keep], motion.duration_s):
                     self._wait(began, done_s + float(times[part.stop - 1]))
@@ -348,6 +345,21 @@ class RigSession:
         finally:
             with self._lock:
                 self._halt(run)
+
+    def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Machine, dict[str, Array]]:
+        """Run a step on a copy of the machine, which takes its place at the end unless the axis was stopped meanwhile.
+
+        Who stops or looks does not wait for it.
+        """
+        with self._lock:
+            self._alive(run)
+            run.before, run.step, run.motion, run.reached_s = self._machine.snapshot(), step, motion, 0.0
+            machine = self._machine.copy()
+        true = machine.run(step, motion, times)
+        with self._lock:
+            self._alive(run)
+            self._machine = machine
+        return machine, true
 
     def _parts(self, times: Array, duration_s: float) -> Iterator[slice]:
         """Cut the samples of a step into parts: by time where somebody watches, by number where not."""
