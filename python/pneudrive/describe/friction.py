@@ -179,6 +179,8 @@ def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callabl
 def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, float]:
     """Return what parameters that are assumed become when others change."""
     rules = assumed_from(friction)
+    if not rules:  # a law of other parameters, too
+        return {}
     given = {key: value for key, value in friction.parameters.items() if key not in rules} | dict(changed)
     return {key: _as_assumed(value) for key, value in _following(given).items() if key in rules and key not in changed}
 
