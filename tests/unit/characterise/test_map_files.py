@@ -57,7 +57,7 @@ def test_what_cannot_be_written_or_read(make, tmp_path):
     (tmp_path / "a.csv").write_text("recording,direction\nx,1\n")
     with pytest.raises(RecordingError, match="lacks velocity_m_s"):
         read_map(tmp_path / "a.csv")
-    with pytest.raises(RecordingError, match="not a friction map"):
+    with pytest.raises(RecordingError, match="there is no such file"):
         read_map(tmp_path / "none.parquet")
 
 
