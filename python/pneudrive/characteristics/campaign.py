@@ -122,7 +122,7 @@ def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> C
     )
     why = None
     if points is not None:
-        files = {file.head.cycle.key: file for file in opened.cycles()}
+        files = {file.head.cycle.key: file for file in reading.files}
         found = replace(
             found,
             position=position_dependence(points),

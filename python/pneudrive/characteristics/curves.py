@@ -33,7 +33,7 @@ SAME_SPEED = 0.05  # measured speeds closer than this are one point of the curve
 BETWEEN = 24  # speeds per curve at which it is also given between the measured ones
 POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
 FEWEST = 4  # cycles
-MOST_CYCLES = 1500  # that are fitted one by one: memory grows with their square
+MOST_CYCLES = 600  # that are fitted one by one: memory grows with their square, time with their cube
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,16 +112,24 @@ def _reasons(
     """Say of each cycle why it is no point of F(v). Stick-slip is a matter of a condition and speed, not of a cycle."""
     bad = np.array([bool(reason) for reason in unsteady], dtype=bool)
     found = []
+    _, cell = np.unique(np.column_stack([condition, level]), axis=0, return_inverse=True)
+    members = _members(cell.ravel())
     for i, d in enumerate(data):
-        same = (condition == condition[i]) & (level == level[i])
+        same = members[int(cell.ravel()[i])]
         samples = sum(s.samples for s in d.sides.values())
         if bad[i] or bad[same].mean() > 0.5:
-            found.append(unsteady[i] or next(unsteady[k] for k in np.flatnonzero(same & bad).tolist()))
+            found.append(unsteady[i] or next(unsteady[k] for k in same[bad[same]].tolist()))
         elif d.flags.get("saturated", 0) > SATURATED_SHARE * samples:
             found.append("saturated")
         else:
             found.append("")
     return tuple(found)
+
+
+def _members(cell: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+    """Rows of each cell, from 0."""
+    order = np.argsort(cell, kind="stable")
+    return np.split(order, np.cumsum(np.bincount(cell))[:-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,18 +35,18 @@ SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
 def implausible(condition: NDArray[np.int64], reduced: Reduced) -> tuple[str, ...]:
     """Say of each cycle whether its friction cannot be; "" where it can."""
     friction, pace = np.asarray(reduced.friction_n), np.log(np.maximum(reduced.speed_m_s, 1e-12))
-    found = []
-    for i in range(friction.size):
-        near = np.flatnonzero(condition == condition[i])
-        near = near[near != i]
-        near = near[np.argsort(np.abs(pace[near] - pace[i]), kind="stable")][:NEIGHBOURS]
-        usual = float(np.median(np.abs(friction[near]))) if near.size >= ENOUGH else 0.0
-        if friction[i] < -SURE * reduced.friction_stderr_n[i]:
-            found.append(NEGATIVE)
-        elif usual > 0 and not usual / FAR <= abs(friction[i]) <= usual * FAR:
-            found.append(OUTLIER)
-        else:
-            found.append("")
+    found: list[str] = [""] * friction.size
+    for here in (np.flatnonzero(condition == k) for k in np.unique(condition)):
+        order = here[np.argsort(pace[here], kind="stable")]
+        for at, i in enumerate(order.tolist()):
+            near = order[max(at - NEIGHBOURS, 0) : at + NEIGHBOURS + 1]
+            near = near[near != i]
+            near = near[np.argsort(np.abs(pace[near] - pace[i]), kind="stable")][:NEIGHBOURS]
+            usual = float(np.median(np.abs(friction[near]))) if near.size >= ENOUGH else 0.0
+            if friction[i] < -SURE * reduced.friction_stderr_n[i]:
+                found[i] = NEGATIVE
+            elif usual > 0 and not usual / FAR <= abs(friction[i]) <= usual * FAR:
+                found[i] = OUTLIER
     return tuple(found)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import Condition, Estimate, mean_estimate
 from pneudrive.characteristics.effects import Harmonic, PositionDependence
-from pneudrive.characteristics.mixed import Component, MixedModel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,6 +27,7 @@ FINER = (0.02, 0.004, 0.001)
 CLEAR = 25.0
 FEWEST_BINS = 16
 FEWEST_CYCLES = 4
+REWEIGHTED = 6
 APART = 2.0  # times the slowest over the fastest cycle's time and force, from which on a drift of the zero can be told
 COVERED = 0.9  # of the common bins: cycles that lack more do not tell of trend and harmonics
 
@@ -78,15 +78,33 @@ def _trend(
     their difference shows as rate / speed along x. Slow cycles show it most, and as the rate is not steady, they also
     tell least of the trend.
     """
+    from scipy.optimize import nnls
+    from scipy.special import stdtr
+
     slopes = np.array([_fit(position, row, waves, length)[1] for row in rows])
-    scale = max(float(np.std(slopes)), 1e-12)
-    usual = float(np.median(slowness))
-    x = np.column_stack([np.ones(slopes.size), slowness / usual])
     if slowness.max() < APART * slowness.min() or slopes.size < FEWEST_CYCLES + 1:
         return mean_estimate(slopes, "1/m"), 0.0
-    parts = (Component("cycle", np.ones(slopes.size), scale), Component("zero", (slowness / usual) ** 2, scale))
-    fit = MixedModel(slopes, x, np.full(slopes.size, (1e-3 * scale) ** 2), parts).fit()
-    return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
+    usual = float(np.median(slowness))
+    x = np.column_stack([np.ones(slopes.size), slowness / usual])
+    coefficients, covariance = _weighted(x, slopes, np.ones(slopes.size))
+    # The variance of a slope has a part that all have, and one in proportion to the square of slowness.
+    for _ in range(REWEIGHTED):
+        parts, _ = nnls(np.column_stack([np.ones(slopes.size), x[:, 1] ** 2]), (slopes - x @ coefficients) ** 2)
+        spread = np.sqrt(np.maximum(parts[0] + parts[1] * x[:, 1] ** 2, 1e-24))
+        coefficients, covariance = _weighted(x, slopes, spread)
+    value, stderr, free = float(coefficients[0]), float(np.sqrt(covariance[0, 0])), slopes.size - 2
+    half = student(free) * stderr
+    p = 2.0 * float(stdtr(free, -abs(value) / stderr)) if stderr > 0 else float(value == 0.0)
+    return Estimate(value, value - half, value + half, stderr, "1/m", free, p), float(coefficients[1]) / usual
+
+
+def _weighted(x: Array, y: Array, spread: Array) -> tuple[Array, Array]:
+    """Least squares with standard deviations known but for a factor: coefficients and their covariance."""
+    scaled, target = x / spread[:, None], y / spread
+    inverse = np.linalg.inv(scaled.T @ scaled)
+    found = inverse @ (scaled.T @ target)
+    rest = target - scaled @ found
+    return found, inverse * float(rest @ rest) / max(y.size - x.shape[1], 1)
 
 
 def _columns(position: Array, waves: Sequence[float], length: float) -> Array:

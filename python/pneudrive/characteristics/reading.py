@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,6 +43,8 @@ class Reading:
     Attributes
     ----------
     identity : Identity
+    files : tuple of CycleFile
+        All usable ones, in the order in which they were run.
     heads : tuple of Head
         Of all usable files, whatever they are for, in the order in which they were run.
     sliding, tares : tuple of CycleData
@@ -56,6 +59,7 @@ class Reading:
     """
 
     identity: Identity
+    files: tuple[CycleFile, ...]
     heads: tuple[Head, ...]
     sliding: tuple[CycleData, ...]
     tares: tuple[CycleData, ...]
@@ -65,10 +69,13 @@ class Reading:
     edges_m: Array
     travel_m: dict[str, float]
 
+    @cached_property
+    def _span(self) -> tuple[int, int]:
+        return min(h.index for h in self.heads), max(h.index for h in self.heads)
+
     def order(self, head: Head) -> float:
         """Place of a cycle in the campaign, 0 to 1."""
-        last = max(h.index for h in self.heads)
-        first = min(h.index for h in self.heads)
+        first, last = self._span
         return (head.index - first) / max(last - first, 1)
 
     def days(self) -> dict[str, int]:
@@ -126,6 +133,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     gain = sensor_gain(campaign.identity, [d for d in data if d.head.cycle.kind == "weight"], tares)
     return Reading(
         identity=campaign.identity,
+        files=tuple(files),
         heads=tuple(file.head for file in files),
         sliding=corrected([d for d in data if d.head.cycle.kind in SLIDING], gain),
         tares=corrected(tares, gain),

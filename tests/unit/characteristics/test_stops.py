@@ -53,6 +53,17 @@ def test_peak_of_noisy_samples_is_not_their_largest(increment_n, noise_n):
     assert np.mean(np.abs(away) < 2.0) > 0.75
 
 
+def test_a_sharp_corner_is_not_cut():
+    """A rise of 0.05 N a sample that ends at once: smoothing would lose several standard errors of it."""
+    time, rng = np.arange(0.0, 0.3, 2e-4), np.random.default_rng(2)
+    way = 1e-3 * time
+    sharp = np.minimum(25.0 + 2.5e5 * way, 30.0 + 2.0 * np.exp(-np.maximum(way - 2.8e-5, 0.0) / 1e-4))
+    peaks = [find_breakaway(time, way, sharp + 0.04 * rng.standard_normal(time.size), 30.0) for _ in range(40)]
+    away = np.array([p.friction_n for p in peaks]) - 32.0
+    assert abs(away.mean()) < 0.016  # 0.025 when smoothed
+    assert np.mean(np.abs(away) < 2.0 * np.array([p.stderr_n for p in peaks])) > 0.7
+
+
 def test_a_stop_gives_relaxation_breakaway_and_way_back(tmp_path):
     world = StopWorld(durations_s=(3.0, 30.0, 300.0), repeats=4, ripple=(0.0, 1.0))
     stops, skipped, _, _ = found(tmp_path, world)

@@ -15,6 +15,7 @@ import numpy as np
 
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.spread import robust_deviation
+from pneudrive.characteristics.stops.corner import corner_height
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -99,6 +100,11 @@ def find_breakaway(
     end, peaked = _search_end(travel_m, friction_n, running_n, noise, stiffness_n_m)
     time, friction = _even(time_s[:end], friction_n[:end])
     value, stderr, at, width = _height(time, friction, noise)
+    top = int(np.argmin(np.abs(time - at)))
+    corner = corner_height(friction, top, value - running_n, noise.total, noise.of_many())
+    if corner is not None:
+        # What smoothing would have cut is put right, and stays in doubt.
+        value, stderr = corner[0], float(np.hypot(corner[1], corner[0] - value))
     index = int(np.argmin(np.abs(time_s[:end] - at)))
     low, high = _rise(_quick(friction_n[: index + 1]))
     span = float(time_s[high] - time_s[low])
@@ -165,6 +171,10 @@ class Noise:
     def total(self) -> float:
         """Standard deviation of one sample."""
         return float(np.hypot(self.white, self.slow))
+
+    def of_many(self) -> float:
+        """Give the deviation of one sample as a mean of many shows it: what remembers counts for longer."""
+        return float(np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory)))
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
         """Give the deviation of a weighted sum over samples `spacing` apart; `share` is that of the white variance."""

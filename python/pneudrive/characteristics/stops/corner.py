@@ -1,0 +1,111 @@
+"""Height of a peak that a steep rise and a slow fall make: a corner, sharp or rounded.
+
+  F(t) = p + r (t - c) + d S(t - c) + q S(t - c)^2,   S(u) = s ln(1 + exp(u / s))
+
+Any smoothing cuts a corner; a corner that is fitted is not cut. A peak that is round over several samples is not for
+here. p, r, d, q are linear; corner c and roundness s run over a grid, and the height is averaged over it by how well
+each place fits, so that what is not known of them is in its uncertainty.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characteristics.separable import scan
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: Parts of the excess down to which samples on both sides are fitted, the widest that a corner describes being taken.
+DEPTHS = (0.6, 0.35, 0.2)
+LEAST_DEPTH = 8.0  # deviations of the noise
+BEHIND, BEFORE = 160, 60  # samples at most on either side
+FEWEST_BEFORE, FEWEST_BEHIND = 3, 12
+PLACES = 33  # of the corner
+ROUNDNESS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # samples
+SHARP = 1.0  # samples: a corner that is rounder is smoothed without a loss, and better told by parabolas
+FITS = 1.3  # squared residual over that of the noise, above which a corner describes the samples no more
+FINE = 8  # points per sample at which the highest of a fitted corner is looked for
+
+
+def corner_height(
+    friction_n: Array, top: int, excess_n: float, one_n: float, many_n: float
+) -> tuple[float, float] | None:
+    """Give height and standard error of the peak.
+
+    Parameters
+    ----------
+    friction_n : ndarray, shape (n,)
+        Samples that are even in time.
+    top : int
+        The highest, roughly.
+    excess_n : float
+        Of the peak above running friction, roughly.
+    one_n : float
+        Standard deviation of one sample.
+    many_n : float
+        The same as a mean of many samples shows it: larger where noise remembers.
+
+    Returns
+    -------
+    (float, float) or None
+        None where no corner describes the samples.
+    """
+    if excess_n < LEAST_DEPTH * one_n:
+        return None  # hardly a peak: where a plateau begins is no corner that falls
+    for depth in DEPTHS:
+        part = _window(friction_n, top, max(depth * excess_n, LEAST_DEPTH * one_n))
+        if part is None:
+            continue
+        found = _fit(friction_n[part], top - part.start, one_n, many_n)
+        if found is not None:
+            return found
+    return None
+
+
+def _window(friction: Array, top: int, depth: float) -> slice | None:
+    level = friction[top] - depth
+    below = np.flatnonzero(friction[max(top - BEFORE, 0) : top] < level)
+    begin = max(top - BEFORE, 0) + (int(below[-1]) + 1 if below.size else 0)
+    begin = min(begin, top - FEWEST_BEFORE)
+    after = np.flatnonzero(friction[top : top + BEHIND] < level)
+    end = top + (int(after[0]) if after.size else BEHIND)
+    end = min(end, friction.size)
+    return slice(begin, end) if begin >= 0 and end - top >= FEWEST_BEHIND else None
+
+
+def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float, float] | None:
+    t = np.arange(friction.size, dtype=float)
+    places = np.linspace(max(top - 6.0, 0.5), top + 6.0, PLACES)
+    grid = [(c, s) for s in ROUNDNESS for c in places]
+    designs = np.stack([_columns(t, c, s) for c, s in grid])
+    found = scan(designs, friction)
+    best = found.best
+    free = friction.size - 6.0
+    if found.cost[best] > FITS * free * one_n**2:
+        return None
+    if grid[best][1] > SHARP:
+        return None
+    weight = np.exp(-0.5 * (found.cost - found.cost[best]) / many_n**2)
+    chosen = np.flatnonzero(weight > 1e-3)
+    fine = np.linspace(0.0, friction.size - 1.0, FINE * friction.size)
+    heights, variances = [], []
+    for i in chosen:
+        columns = _columns(fine, *grid[i])
+        values = columns @ found.coefficient[i]
+        at = int(np.argmax(values))
+        heights.append(float(values[at]))
+        variances.append(float(columns[at] @ found.covariance[i] @ columns[at]) * many_n**2)
+    share = weight[chosen] / weight[chosen].sum()
+    height = float(share @ np.array(heights))
+    return height, float(np.sqrt(share @ (np.array(variances) + (np.array(heights) - height) ** 2)))
+
+
+def _columns(t: Array, corner: float, roundness: float) -> Array:
+    away = t - corner
+    bend = np.maximum(away, 0.0) if roundness == 0.0 else roundness * np.logaddexp(0.0, away / roundness)
+    return np.column_stack([np.ones(t.size), away, bend, bend**2])
