@@ -33,6 +33,7 @@ ua: Any = opcua("asyncua.ua")
 log = logging.getLogger(__name__)
 MOST_WAITING, MOST_WAITING_OF_ADDRESS = 32, 16  # connections without a session
 MOST_SESSIONS = 32
+AT_ONCE = 2  # connections that are taken in between two requests
 SESSION_S = 5.0  # within which a connection has a session
 SESSION_TIMEOUT_S = 60.0  # a session that asks for nothing
 STUCK_S = 10.0  # a client that does not read what it asked for
@@ -143,7 +144,9 @@ class Front:
         await self.server._setup_server_nodes()
         await internal.start()
         loop = asyncio.get_running_loop()
-        self._listening = await loop.create_server(lambda: Connection(self), host, port, backlog=MOST_WAITING)
+        self._listening = await loop.create_server(lambda: Connection(self), host, port, backlog=AT_ONCE)
+        for listening in self._listening.sockets:  # asyncio takes so many between two requests; the system keeps more
+            listening._sock.listen(MOST_WAITING)  # type: ignore[attr-defined] - asyncio's guard around a socket
         for work in (self._serve(), self._look()):
             self.background(work)
         return self._listening.sockets[0].getsockname()[1]
@@ -258,7 +261,6 @@ class Connection(asyncio.Protocol):
         self._transport = transport
         transport.set_write_buffer_limits(BUFFERED)
         self.address = str((transport.get_extra_info("peername") or ("",))[0])
-        self._processor = Processor(self, transport)
         self.front.come(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -310,6 +312,8 @@ class Connection(asyncio.Protocol):
             self._paused = False
             self._transport.resume_reading()
         began = time.monotonic()
+        if self._processor is None:
+            self._processor = Processor(self, self._transport)
         try:
             self._size = self._size + len(chunk) if chunk[:3] == b"MSG" else 0
             good = self._size <= self.front.largest_write and await self._process(chunk)
