@@ -23,6 +23,7 @@ CONFIDENCE = 0.95  # of every interval
 NORMAL_95 = 1.959963984540054
 TREND_LEVEL = 0.05
 MINIMUM_FOR_TREND = 5
+MOST_PAIRED = 1000  # strokes of which every pair gives a slope: of more, so many evenly spread ones
 CHANGED_SHARE = (
     0.05  # of its mean: a quantity that differs by less was held, and nothing is said to depend on it (assumed)
 )
@@ -118,7 +119,8 @@ def spread_of(stroke_means_n: NDArray[np.float64]) -> Spread:
 
 def _trend(values: NDArray[np.float64]) -> tuple[float, float]:
     n = values.size
-    first, second = np.triu_indices(n, 1)
+    some = np.unique(np.linspace(0, n - 1, MOST_PAIRED).astype(np.int64)) if n > MOST_PAIRED else np.arange(n)
+    first, second = (some[index] for index in np.triu_indices(some.size, 1))
     slope = float(np.median((values[second] - values[first]) / (second - first)))
     if n < MINIMUM_FOR_TREND or np.ptp(values) == 0:
         return slope, 1.0
