@@ -71,10 +71,9 @@ fn friction(draw: &mut Draw, laws: &[&str], push: f64, supply: f64) -> Value {
     for (name, low, high) in own.into_iter().filter(|(name, ..)| names.contains(name)) {
         p[name] = json!(draw.log(low, high));
     }
-    if let (Some(b), Some(stiffness)) = (p.get("evolution_effect"), p["bristle_stiffness"].as_f64()) {
-        // A contact that is too soft for its distance sticks and slips by itself: it is warned of.
-        let least = b.as_f64().expect("a number") * 2.0 * coulomb / stiffness;
-        p["distance"] = json!(least * draw.log(1.0, 100.0));
+    if names.contains(&"evolution_effect") {
+        // Also on contacts that are too soft for it.
+        p["distance"] = json!(draw.log(1e-6, 1e-4));
     }
     if names.contains(&"bristle_damping") {
         p["bristle_damping"] = json!(draw.log(10.0, 1000.0));
@@ -109,6 +108,9 @@ fn friction(draw: &mut Draw, laws: &[&str], push: f64, supply: f64) -> Value {
         friction["position"] = json!({ "harmonics": [wave], "slope_per_m": draw.linear(-0.3, 0.3) });
         friction["direction"] = json!({ "positive": draw.linear(0.8, 1.2), "negative": 1.0 });
         friction["side_load"] = json!({ "force_n": coulomb, "coefficient": 0.1 });
+    } else if (OF_STATES.contains(&law) || law == "armstrong") && draw.chance(0.4) {
+        friction["direction"] =
+            json!({ "positive": draw.linear(0.5, 1.7), "negative": draw.linear(0.5, 1.7) });
     }
     friction
 }

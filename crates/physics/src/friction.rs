@@ -32,7 +32,7 @@ pub use bouc_wen::BoucWen;
 pub use contact::{Composition, Contact};
 pub use coulomb::Coulomb;
 pub use dahl::Dahl;
-pub use direction::Direction;
+pub use direction::{Direction, Sense};
 pub use dwell::{Dwell, Growth};
 pub use elasto_plastic::ElastoPlastic;
 pub use film_lugre::FilmLuGre;
@@ -101,13 +101,35 @@ pub struct Levels<S> {
     pub breakaway: S,
     /// Viscous coefficient Fv, N s/m.
     pub viscous: S,
+    /// What Fc and Fs are more for a contact deflected towards +x, and less towards -x: see [`Sense::Deflection`].
+    pub lean: [S; 2],
 }
 
 impl<S: Real> Levels<S> {
+    /// The same in both directions.
+    #[inline(always)]
+    pub fn new(coulomb: S, breakaway: S, viscous: S) -> Self {
+        Levels { coulomb, breakaway, viscous, lean: [S::zero(); 2] }
+    }
+
+    /// Each level in other numbers.
+    pub fn map<T>(&self, f: impl Fn(S) -> T) -> Levels<T> {
+        let Levels { coulomb, breakaway, viscous, lean } = *self;
+        Levels { coulomb: f(coulomb), breakaway: f(breakaway), viscous: f(viscous), lean: lean.map(f) }
+    }
+
+    /// Those in the direction that has the sign of `way`.
+    #[inline(always)]
+    fn towards(&self, way: S) -> Self {
+        let [coulomb, breakaway] = self.lean.map(|lean| S::select(way.lt(S::zero()), -lean, lean));
+        Levels::new(self.coulomb + coulomb, self.breakaway + breakaway, self.viscous)
+    }
+
     /// Fc and Fs times a factor.
     #[inline(always)]
     fn times(&self, factor: S) -> Self {
-        Levels { coulomb: self.coulomb * factor, breakaway: self.breakaway * factor, ..*self }
+        let lean = self.lean.map(|lean| lean * factor);
+        Levels { coulomb: self.coulomb * factor, breakaway: self.breakaway * factor, lean, ..*self }
     }
 
     /// Fc and Fs plus a force, N.
@@ -198,6 +220,8 @@ pub trait Law<P: Real> {
     const BRISTLES: bool = false;
     /// An event of the mode leaves the velocity at zero exactly, unless it goes on in the same direction.
     const STOPS: bool = true;
+    /// What shows the direction that its levels may depend on.
+    const SENSE: Sense = if Self::STICKS { Sense::Mode } else { Sense::Velocity };
     /// A description may list its elements.
     const ELEMENTS: bool = false;
     /// A description may choose how its state evolves.
@@ -286,6 +310,7 @@ pub struct Meta {
     pub sticks: bool,
     pub bristles: bool,
     pub stops: bool,
+    pub sense: Sense,
     pub elements: bool,
     pub evolves: bool,
     pub claims: Claims,
@@ -341,6 +366,7 @@ macro_rules! laws {
             sticks: <$name<f64> as Law<f64>>::STICKS,
             bristles: <$name<f64> as Law<f64>>::BRISTLES,
             stops: <$name<f64> as Law<f64>>::STOPS,
+            sense: <$name<f64> as Law<f64>>::SENSE,
             elements: <$name<f64> as Law<f64>>::ELEMENTS,
             evolves: <$name<f64> as Law<f64>>::EVOLVES,
             claims: <$name<f64> as Law<f64>>::CLAIMS,

@@ -131,7 +131,7 @@ fn the_film_keeps_the_level_between_its_bounds_whatever_presses() {
     // Breakaway that falls below the Coulomb force under pressure: the level is the Coulomb force.
     let contact = film(&[]);
     let steady = |fc: f64, fs: f64| {
-        let levels = Levels { coulomb: fc, breakaway: fs, viscous: 0.0 };
+        let levels = Levels::new(fc, fs, 0.0);
         contact.law.steady_at(&At { v: 1e-3, ..At::at_rest() }, &levels)
     };
     assert_eq!(steady(30.0, 20.0), 30.0);

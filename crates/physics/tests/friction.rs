@@ -175,6 +175,25 @@ fn odd_in_the_direction_of_motion() {
     }
 }
 
+/// A level that jumped with the sign of v, under a contact that presses as hard as it can, would turn the mass round at
+/// every instant: no step would be short enough.
+#[test]
+fn nothing_jumps_where_the_velocity_changes_its_sign() {
+    for subject in subjects().filter(|subject| !(subject.meta.sticks && subject.meta.stops)) {
+        let own = subject.contact.law.states().len();
+        // Armstrong's slip is a mode that ends there, by an event.
+        for p in grid(&subject).into_iter().filter(|p| p.v == 1e-15 && p.mode == 0.0) {
+            let ((force, rates), (back, rates_back)) =
+                (evaluate(&subject.contact, &p), evaluate(&subject.contact, &Point { v: -p.v, ..p.clone() }));
+            let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + a.abs());
+            assert!(near(force, back), "{} {p:?}: {force} {back}", subject.name());
+            for (rate, rate_back) in rates.iter().zip(&rates_back).take(own) {
+                assert!(near(*rate, *rate_back), "{} {p:?}: {rate} {rate_back}", subject.name());
+            }
+        }
+    }
+}
+
 #[test]
 fn the_registry_is_complete() {
     let bibliography = include_str!("../../../references.bib");

@@ -38,7 +38,7 @@ fn steady_sliding_is_the_curve_of_the_law() {
 
 /// Fc and Fs at velocity v, 0.13 m, 4 bar in a and 1 bar in b, from the numbers in `support`.
 fn by_hand(subject: &Subject, v: f64) -> Levels<f64> {
-    let Levels { mut coulomb, mut breakaway, viscous } = levels(subject.meta, &subject.set);
+    let Levels { mut coulomb, mut breakaway, viscous, .. } = levels(subject.meta, &subject.set);
     // 1e-5 * 4e5 + 2e-5 * 1e5 = 6 N, 3e-5 * 4e5 + 5e-5 * 1e5 = 17 N; the increment by 1 + 0.4 + 0.2.
     let pressed = |fc: f64, fs: f64| (fc + 6.0, fs + 17.0);
     let mut more = 0.0;
@@ -60,7 +60,7 @@ fn by_hand(subject: &Subject, v: f64) -> Levels<f64> {
         }
         _ => {}
     }
-    Levels { coulomb: coulomb + more, breakaway: breakaway + more, viscous }
+    Levels::new(coulomb + more, breakaway + more, viscous)
 }
 
 #[test]

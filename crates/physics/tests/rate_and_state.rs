@@ -16,8 +16,14 @@ const REFERENCE: f64 = 1e-3;
 
 /// On a contact so stiff that its own deflection, A LEVEL/1e9, is far below the distance.
 fn contact(evolution: Evolution) -> Contact<f64> {
-    let set =
-        with(&[("direct_effect", A), ("evolution_effect", B), ("viscous", 0.0), ("bristle_stiffness", 1e9)]);
+    elastic(evolution, 1e9)
+}
+
+/// With this stiffness, N/m.
+fn elastic(evolution: Evolution, stiffness: f64) -> Contact<f64> {
+    let own =
+        [("direct_effect", A), ("evolution_effect", B), ("viscous", 0.0), ("bristle_stiffness", stiffness)];
+    let set = with(&own);
     let choices = Choices { evolution, ..Choices::default() };
     Contact::from(
         AnyLaw::build("rate-and-state", &mut |p| set.get(p.key).copied().or(p.default).unwrap(), &choices)
@@ -119,6 +125,58 @@ fn healing_is_b_for_each_e_fold_of_the_hold_in_the_ageing_law() {
     for slope in slope(Evolution::Slip) {
         assert!(slope < 0.5 * B, "{slope}");
     }
+}
+
+#[test]
+fn a_soft_contact_slides_steadily_instead_of_sticking_and_slipping_by_itself() {
+    // Ten and a hundred times softer than b F0/L, with b > a, driven at constant velocity after a rest.
+    for evolution in [Evolution::Ageing, Evolution::Slip] {
+        for softness in [10.0, 100.0] {
+            let (v, stiffness) = (0.05, B * LEVEL / DISTANCE / softness);
+            let contact = elastic(evolution, stiffness);
+            let mut p = Point { v, ..Point::at_rest(&contact) };
+            let mut go = |ways: f64| {
+                let steps = (40.0 * ways) as u32;
+                for _ in 0..steps {
+                    implicit(
+                        &contact,
+                        &mut p,
+                        ways * softness * DISTANCE / v / f64::from(steps),
+                        0.5,
+                        &mut |_, _| {},
+                    );
+                }
+                evaluate(&contact, &p).0
+            };
+            go(60.0);
+            let by_hand = LEVEL * (1.0 + (A - B) * (v / REFERENCE).ln());
+            for _ in 0..50 {
+                let force = go(0.2);
+                assert!((force / by_hand - 1.0).abs() < 1e-3, "{evolution:?} {softness}: {force} {by_hand}");
+            }
+        }
+    }
+}
+
+#[test]
+fn where_the_curve_would_be_negative_it_slides_without_friction_in_motion_too() {
+    // 1 - 0.02 ln(v/v0) < 0 at 1 m/s: the contact may not hold as if it were stuck.
+    let set = with(&[
+        ("direct_effect", A),
+        ("evolution_effect", 0.2),
+        ("viscous", 0.0),
+        ("bristle_stiffness", 1e6),
+        ("reference_velocity", 1e-8),
+    ]);
+    let contact = Contact::from(law(registered("rate-and-state"), &set));
+    let mut p = Point { v: 1.0, ..Point::at_rest(&contact) };
+    for _ in 0..2000 {
+        implicit(&contact, &mut p, 1e-6, 1.0, &mut |_, _| {});
+    }
+    let (force, steady) = (evaluate(&contact, &p).0, contact.steady(&at(&p)));
+    // What is left is viscous: a v/(2 vc) of the level.
+    assert!((force / (A * LEVEL * 1.0 / 2000.0) - 1.0).abs() < 2e-3, "{force} N");
+    assert!((force / steady - 1.0).abs() < 1e-6, "{force} N {steady} N");
 }
 
 #[test]

@@ -277,7 +277,7 @@ fn composition<P: Lane>(spec: &Lifted<specification::Friction>, law: &Meta) -> R
         let numbers = |table: &specification::Direction| [table.positive, table.negative];
         let [positive, negative] =
             checked("friction.direction", Direction::<f64>::PARAMETERS, &table, numbers)?;
-        Ok(Direction { positive, negative, sticks: law.sticks })
+        Ok(Direction { positive, negative, sense: law.sense })
     });
     let side_load = spec.optional(|spec| spec.side_load.as_ref()).map(|table| {
         let numbers = |table: &specification::SideLoad| [table.force_n, table.coefficient];

@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Shape, dry, sliding, weight};
+use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Sense, Shape, dry, sliding, weight};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -80,10 +80,11 @@ impl<P: Real> Law<P> for Armstrong<P> {
     ];
     const STICKS: bool = true;
     const STOPS: bool = false;
+    const SENSE: Sense = Sense::Deflection;
     const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
-        Levels { coulomb: self.coulomb, breakaway: self.breakaway, viscous: self.viscous }
+        Levels::new(self.coulomb, self.breakaway, self.viscous)
     }
 
     fn spring(&self) -> Option<P> {
@@ -94,7 +95,7 @@ impl<P: Real> Law<P> for Armstrong<P> {
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
         let (v, way, stick) = (at.v, S::from(mode), dry::is_stick(mode));
         let elastic = S::from(self.bristle_stiffness) * z[Z];
-        let level = levels.at(self.rested(z) * self.weight(z[U]));
+        let level = levels.towards(S::select(stick, elastic, way)).at(self.rested(z) * self.weight(z[U]));
         dz[Z] = v - way * v * elastic / level;
         dz[U] = (v - z[U]) / S::from(self.memory_time);
         dz[T] = S::select(stick, S::one(), S::zero());
@@ -111,7 +112,7 @@ impl<P: Real> Law<P> for Armstrong<P> {
         let elastic = S::from(self.bristle_stiffness) * z[Z];
         let loading = S::select(elastic.lt(S::zero()), -at.v, at.v);
         // Where the level falls below a contact that is being unloaded, it goes on unloading.
-        let holds = (levels.at(self.rested(z)) - elastic.abs()).max(-loading);
+        let holds = (levels.towards(elastic).at(self.rested(z)) - elastic.abs()).max(-loading);
         S::select(dry::is_stick(mode), holds, S::from(mode) * at.v)
     }
 
@@ -123,6 +124,6 @@ impl<P: Real> Law<P> for Armstrong<P> {
     }
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.at(self.weight(v)), levels.viscous)
+        sliding(v, levels.towards(v).at(self.weight(v)), levels.viscous)
     }
 }

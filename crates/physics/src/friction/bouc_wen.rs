@@ -48,7 +48,7 @@ impl<P: Real> Law<P> for BoucWen<P> {
     const CLAIMS: Claims = Claims { rate_independent: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
-        Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }
+        Levels::new(self.coulomb, self.coulomb, self.viscous)
     }
 
     fn spring(&self) -> Option<P> {

@@ -171,12 +171,7 @@ impl<P: Real> Contact<P> {
     /// Levels of the seals: those of the law, under pressure.
     #[inline(always)]
     fn seals<S: Over<P>>(&self, at: &At<S>) -> Levels<S> {
-        let base = self.law.levels();
-        let base = Levels {
-            coulomb: S::from(base.coulomb),
-            breakaway: S::from(base.breakaway),
-            viscous: S::from(base.viscous),
-        };
+        let base = self.law.levels().map(S::from);
         match &self.seal_lips {
             Some(lips) => lips.apply(&base, at),
             None => base,

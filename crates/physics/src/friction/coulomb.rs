@@ -33,7 +33,7 @@ impl<P: Real> Law<P> for Coulomb<P> {
         Claims { rate_independent: true, no_drift: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
-        Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }
+        Levels::new(self.coulomb, self.coulomb, self.viscous)
     }
 
     #[inline(always)]

@@ -2,28 +2,51 @@ use super::{At, Levels, dry};
 use crate::parameter::above;
 use math::{Over, Real};
 
+/// What shows the direction of a contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sense {
+    /// The sign of v: of a law that slips by |v| times a function, so that nothing jumps with it.
+    Velocity,
+    /// The sign of the mode, and at rest that of the force which it holds.
+    Mode,
+    /// The sign of each deflection, see [`Levels::towards`]: of a law that slips or breaks away by the force of its
+    /// springs. That of v may change while they press as hard as they can: a level that jumped with it would drive
+    /// the mass back at once, again and again.
+    Deflection,
+}
+
 crate::parameters! {
     /// Friction that depends on the direction of motion, as lip seals have it: on any law, both levels
     /// times a factor for each direction.
     ///
     /// The direction is the sign of v; for a law that sticks exactly it is its mode, and at rest that of
-    /// the force which it holds. Source: [assumed].
+    /// the force which it holds; for a law that slips or breaks away by the force of
+    /// its springs (`gms`, `rate-and-state`, `armstrong` in stick) that of each deflection.
+    /// Source: [assumed].
     pub struct Direction {
         /// Factor for v > 0
         positive: "-", above(0.0), default 1.0;
         /// Factor for v < 0
         negative: "-", above(0.0), default 1.0;
     } with {
-        /// The law sticks by a mode
-        sticks: bool,
+        /// What shows the direction of the law
+        sense: Sense,
     }
 }
 
 impl<P: Real> Direction<P> {
     #[inline(always)]
     pub fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>, mode: P) -> Levels<S> {
-        let sign = if self.sticks { S::select(dry::is_stick(mode), at.applied, S::from(mode)) } else { at.v };
-        let factor = S::select(sign.lt(S::zero()), S::from(self.negative), S::from(self.positive));
-        base.times(factor)
+        let [positive, negative] = [self.positive, self.negative].map(S::from);
+        let factor = |way: S| S::select(way.lt(S::zero()), negative, positive);
+        match self.sense {
+            Sense::Velocity => base.times(factor(at.v)),
+            Sense::Mode => base.times(factor(S::select(dry::is_stick(mode), at.applied, S::from(mode)))),
+            Sense::Deflection => {
+                let half = S::c(0.5);
+                let (mean, lean) = (half * (positive + negative), half * (positive - negative));
+                Levels { lean: [base.coulomb * lean, base.breakaway * lean], ..base.times(mean) }
+            }
+        }
     }
 }

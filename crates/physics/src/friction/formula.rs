@@ -92,7 +92,7 @@ impl<P: Real> Formula<P> {
     pub fn levels(&self) -> Levels<P> {
         let level = |i: usize| self.law.levels[i].map(|k| self.parameters[k]);
         let coulomb = level(0).unwrap_or(P::zero());
-        Levels { coulomb, breakaway: level(1).unwrap_or(coulomb), viscous: level(2).unwrap_or(P::zero()) }
+        Levels::new(coulomb, level(1).unwrap_or(coulomb), level(2).unwrap_or(P::zero()))
     }
 
     #[inline]

@@ -1,5 +1,5 @@
 use super::stribeck::stribeck_parameters;
-use super::{At, Choices, Claims, Described, FLOOR, InnerState, Law, Levels, Shape, sliding};
+use super::{At, Choices, Claims, Described, FLOOR, InnerState, Law, Levels, Sense, Shape, sliding};
 use crate::Parameter;
 use crate::parameter::{above, at_least};
 use math::{Lane, Over, Real};
@@ -97,6 +97,7 @@ stribeck_parameters! {
 /// In sliding the force exceeds the curve by the share sqrt(|v|/vc) of the level, by default 0.3 % at 1 m/s and
 /// 0.01 % at 1 mm/s; less would leave nothing for error control to hold on to. Within the limits nothing
 /// slips: minor loops close, what is wiped out leaves no trace, and no load below Fs drifts.
+/// Levels that depend on the direction limit each element by that of its own deflection, and G by that of v.
 /// Always passive, as w_i has the sign of z_i. Sources: [albender2005], [lampaert2003].
 #[derive(Clone, Debug)]
 pub struct MaxwellSlip<P> {
@@ -177,6 +178,7 @@ impl<P: Real> Law<P> for MaxwellSlip<P> {
     const TITLE: &'static str = "Generalised Maxwell slip: presliding that remembers reversals";
     const SOURCE: &'static str = "albender2005";
     const STATES: &'static [InnerState] = STATES.split_at(USUAL_ELEMENTS + 1).0;
+    const SENSE: Sense = Sense::Deflection;
     const ELEMENTS: bool = true;
     const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 
@@ -190,12 +192,13 @@ impl<P: Real> Law<P> for MaxwellSlip<P> {
 
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
         let left = (S::one() - z[0]).max(S::c(FLOOR));
-        let steady = levels.at(self.common.weight(at.v)) / levels.breakaway;
+        let along = levels.towards(at.v);
+        let steady = along.at(self.common.weight(at.v)) / along.breakaway;
         dz[0] = S::from(self.common.attraction) * (left / steady - S::one()) / levels.breakaway;
         let mut sum = levels.viscous * at.v;
         for (i, element) in self.elements.iter().enumerate() {
             let elastic = S::from(self.stiffness(element)) * z[i + 1];
-            dz[i + 1] = at.v - self.slip_rate(element, elastic, left * levels.breakaway);
+            dz[i + 1] = at.v - self.slip_rate(element, elastic, left * levels.towards(elastic).breakaway);
             sum += elastic;
         }
         sum
@@ -221,6 +224,6 @@ impl<P: Real> Law<P> for MaxwellSlip<P> {
 
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
         let more = S::one() + (v.abs() / S::from(self.common.slip_velocity)).max(S::c(SMALLEST_RATIO)).sqrt();
-        sliding(v, levels.at(self.common.weight(v)) * more, levels.viscous)
+        sliding(v, levels.towards(v).at(self.common.weight(v)) * more, levels.viscous)
     }
 }

@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, Described, InnerState, Law, Levels};
+use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Sense};
 use crate::parameter::{above, at_least, between};
 use math::{Over, Real};
 
@@ -39,7 +39,8 @@ crate::parameters! {
     ///   F = sigma0 z + Fv v,    dz/dt = v - w                            [N], opposes v > 0
     ///   sigma0 z = a F0 asinh( w/(2 v0) exp((1 + b psi)/a) ),   psi = ln(v0 theta/L)
     ///   u = 2 v0 sinh(sigma0 z/(a F0)) exp(-(1 + b psi)/a),  w = u/(1 + |u|/vc)    the same solved for the slip rate
-    ///   ageing:  dpsi/dt = (v0/L) exp(-psi) - |w|/L          slip:  dpsi/dt = -(|w|/L)(psi + ln(|w|/v0))
+    ///   ageing:  dpsi/dt = (v0/D) exp(-psi) - |w|/D          slip:  dpsi/dt = -(|w|/D)(psi + ln(|w|/v0))
+    ///   D = max(L, b F0/sigma0),   (1 + b psi)/a not below ln(v0/vc)
     ///
     /// F0   level: steady friction at v0, mu0 times the normal force                   N
     /// a    direct effect over F0 (a/mu0 of the source)                                -
@@ -51,8 +52,10 @@ crate::parameters! {
     /// finite at rest: it differs by exp(-2 F/(a F0))/4 of a F0. The contact is elastic because slip is then given by
     /// the force: solved the other way round, a velocity of 1e-20 m/s would have to be resolved to know the
     /// force at rest. In steps of velocity the elastic contact delays the direct effect by a F0/sigma0. Softer than
-    /// b F0/L the contact can stick and slip by itself, without any mass; there vc keeps it finite. In sliding vc
-    /// adds the share a |v|/vc of the level, 1e-4 at 1 m/s for a = 0.1.
+    /// b F0/L it would stick and slip by itself, without any mass, some sigma0 |v|/F0 times a second: a motion of the
+    /// spring, not of the sources. So it does not forget over less than the distance b F0/sigma0 by which it gives way.
+    /// In sliding vc adds the share a |v|/vc of the level, 1e-4 at 1 m/s for a = 0.1; where the curve would fall below
+    /// nought, half of that is left.
     ///
     /// It creeps at rest under any load, at v0 exp(-(1 + b psi - F/F0)/a), and has no breakaway force of its own: the
     /// peak grows by b F0 for each e-fold of the time of rest (ageing). It never gives energy: w has the sign of z.
@@ -87,35 +90,44 @@ impl Described for RateAndState<f64> {
     fn warning(&self, levels: &Levels<f64>) -> Option<String> {
         let needed = self.evolution_effect * levels.coulomb / self.distance;
         (self.bristle_stiffness < needed).then(|| {
+            let (given, taken) = (1e6 * self.distance, 1e6 * self.renewal(levels));
             format!(
-                "this rate-and-state contact can stick and slip by itself: bristle_stiffness = {:.3e} N/m is below \
-                 evolution_effect coulomb/distance = {needed:.3e} N/m; a stiffer contact or a longer distance avoids it",
-                self.bristle_stiffness
+                "this rate-and-state contact is too soft for friction.distance = {given:.3} um: it gives way elastically by \
+                 evolution_effect coulomb/bristle_stiffness = {taken:.3} um, over which it is renewed instead; \
+                 bristle_stiffness = {needed:.3e} N/m or more keeps the distance"
             )
         })
     }
 }
 
 impl<P: Real> RateAndState<P> {
-    /// (1 + b psi)/a: by how many e-folds the contact holds at the state psi.
+    /// D, m: the distance that renews the contact, not less than what it gives way elastically in either direction.
+    fn renewal<S: Over<P>>(&self, levels: &Levels<S>) -> S {
+        let largest = levels.coulomb + levels.lean[0].abs();
+        (S::from(self.evolution_effect / self.bristle_stiffness) * largest).max(S::from(self.distance))
+    }
+
+    /// (1 + b psi)/a: by how many e-folds the contact holds at the state psi; slip without load is at most viscous as vc is.
     fn hold<S: Over<P>>(&self, psi: S) -> S {
-        S::from(self.evolution_effect).fma(psi, S::one()) / S::from(self.direct_effect)
+        let least = S::from((self.reference_velocity / self.slip_velocity).ln());
+        (S::from(self.evolution_effect).fma(psi, S::one()) / S::from(self.direct_effect)).max(least)
     }
 
     /// w, m/s, under the elastic force on a contact of state psi.
     fn slip_rate<S: Over<P>>(&self, elastic: S, psi: S, levels: &Levels<S>) -> S {
         let push = (elastic / (S::from(self.direct_effect) * levels.coulomb)).abs();
-        let hold = self.hold(psi);
-        let folds = |exponent: S| exponent.min(S::c(LARGEST_EXPONENT)).exp();
-        let ratio = folds(push - hold) - folds(-push - hold);
-        let speed = S::from(self.reference_velocity) * ratio;
+        // 2 sinh(push) as exp(push) [1 - exp(-2 push)], the bracket as good for a weak push as for a strong one.
+        let tanh = push.tanh();
+        let bracket = (tanh + tanh) / (S::one() + tanh);
+        let folds = (push - self.hold(psi)).min(S::c(LARGEST_EXPONENT));
+        let speed = S::from(self.reference_velocity) * bracket * folds.exp();
         let slip = speed / (S::one() + speed / S::from(self.slip_velocity));
         S::select(elastic.lt(S::zero()), -slip, slip)
     }
 
     /// dpsi/dt, 1/s.
-    fn evolve<S: Over<P>>(&self, psi: S, slip: S) -> S {
-        let (v0, distance) = (S::from(self.reference_velocity), S::from(self.distance));
+    fn evolve<S: Over<P>>(&self, psi: S, slip: S, levels: &Levels<S>) -> S {
+        let (v0, distance) = (S::from(self.reference_velocity), self.renewal(levels));
         let renewal = slip.abs() / distance;
         match self.evolution {
             Evolution::Ageing => (-psi).min(S::c(LARGEST_EXPONENT)).exp() * v0 / distance - renewal,
@@ -129,11 +141,12 @@ impl<P: Real> Law<P> for RateAndState<P> {
     const TITLE: &'static str = "Rate and state: logarithmic in velocity and in the age of the contact";
     const SOURCE: &'static str = "ruina1983";
     const STATES: &'static [InnerState] = &[DEFLECTION, STATE];
+    const SENSE: Sense = Sense::Deflection;
     const EVOLVES: bool = true;
     const CLAIMS: Claims = Claims { always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
-        Levels { coulomb: self.coulomb, breakaway: self.coulomb, viscous: self.viscous }
+        Levels::new(self.coulomb, self.coulomb, self.viscous)
     }
 
     fn spring(&self) -> Option<P> {
@@ -142,9 +155,9 @@ impl<P: Real> Law<P> for RateAndState<P> {
 
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
         let elastic = S::from(self.bristle_stiffness) * z[0];
-        let slip = self.slip_rate(elastic, z[1], levels);
+        let slip = self.slip_rate(elastic, z[1], &levels.towards(elastic));
         dz[0] = at.v - slip;
-        dz[1] = self.evolve(z[1], slip);
+        dz[1] = self.evolve(z[1], slip, levels);
         levels.viscous.fma(at.v, elastic)
     }
 
@@ -156,7 +169,7 @@ impl<P: Real> Law<P> for RateAndState<P> {
         let log = (speed / (v0 * (S::one() - speed / vc))).ln() + held;
         let half = S::c(0.5) * log.min(S::c(LARGEST_LOG)).exp();
         let push = (half + half.fma(half, S::one()).sqrt()).ln();
-        let level = S::from(self.direct_effect) * levels.coulomb * push;
+        let level = S::from(self.direct_effect) * levels.towards(v).coulomb * push;
         super::sliding(v, level, levels.viscous)
     }
 }

@@ -33,7 +33,7 @@ impl<P: Real> SealLips<P> {
         Levels {
             coulomb: affine(base.coulomb, self.coulomb_a, self.coulomb_b),
             breakaway: affine(base.breakaway, self.breakaway_a, self.breakaway_b),
-            viscous: base.viscous,
+            ..*base
         }
     }
 }

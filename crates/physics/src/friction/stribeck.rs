@@ -66,11 +66,7 @@ macro_rules! stribeck_parameters {
 
             #[inline(always)]
             fn own_levels(&self) -> $crate::friction::Levels<P> {
-                $crate::friction::Levels {
-                    coulomb: self.coulomb,
-                    breakaway: self.breakaway,
-                    viscous: self.viscous,
-                }
+                $crate::friction::Levels::new(self.coulomb, self.breakaway, self.viscous)
             }
         }
     };

@@ -39,7 +39,7 @@ pub fn side_load() -> SideLoad<f64> {
 }
 
 pub fn direction(meta: &Meta) -> Direction<f64> {
-    Direction { positive: 1.2, negative: 0.85, sticks: meta.sticks }
+    Direction { positive: 1.2, negative: 0.85, sense: meta.sense }
 }
 
 /// 0.1 m of run-in takes 2.7 K/W of some 10 W.
@@ -212,7 +212,7 @@ pub fn grid(subject: &Subject) -> Vec<Point> {
 
 /// Steady sliding as it stands in the description's contract, by the library's functions.
 pub fn curve(meta: &Meta, set: &Set, levels: &Levels<f64>, v: f64) -> f64 {
-    let Levels { coulomb, breakaway, viscous } = *levels;
+    let Levels { coulomb, breakaway, viscous, .. } = *levels;
     let ratio = v.abs() / set["stribeck_velocity"];
     let stribeck = || coulomb + (breakaway - coulomb) * (-ratio.powf(set["stribeck_exponent"])).exp();
     let level = match meta.key {
@@ -242,11 +242,8 @@ pub fn levels(meta: &Meta, set: &Set) -> Levels<f64> {
     let given = |key: &str| meta.parameters.iter().any(|p| p.key == key).then(|| set[key]);
     let own = law(meta, set).levels();
     let coulomb = given("coulomb").unwrap_or(own.coulomb);
-    Levels {
-        coulomb,
-        breakaway: given("breakaway").unwrap_or(coulomb),
-        viscous: given("viscous").unwrap_or(own.viscous),
-    }
+    let (breakaway, viscous) = (given("breakaway"), given("viscous"));
+    Levels::new(coulomb, breakaway.unwrap_or(coulomb), viscous.unwrap_or(own.viscous))
 }
 
 /// Directions of one dual pass.

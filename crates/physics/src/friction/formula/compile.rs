@@ -2,7 +2,7 @@
 
 use super::text::{Refusal, Text};
 use super::{LEVELS, MOST_STATES, OwnLaw, VARIABLES};
-use crate::friction::{Claims, InnerState, LAWS, Meta};
+use crate::friction::{Claims, InnerState, LAWS, Meta, Sense};
 use crate::parameter::{Bounds, Parameter};
 use ::formula::{Dimension, Graph, Id, Problem, Program, Range, Scope, parse};
 use std::collections::HashMap;
@@ -395,6 +395,7 @@ fn meta(text: &Text) -> Meta {
         parameters: Vec::leak(parameters.collect()),
         states: Vec::leak(states.collect()),
         sticks: false,
+        sense: Sense::Velocity,
         bristles: false,
         elements: false,
         evolves: false,

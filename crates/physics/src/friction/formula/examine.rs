@@ -173,12 +173,7 @@ impl Formula<f64> {
             applied: Slopes::zero(),
             prepared: Slopes::zero(),
         };
-        let own = self.levels();
-        let levels = Levels {
-            coulomb: own.coulomb.into(),
-            breakaway: own.breakaway.into(),
-            viscous: own.viscous.into(),
-        };
+        let levels = self.levels().map(Slopes::from);
         let states: Vec<Slopes> =
             z.iter().enumerate().map(|(i, z)| variable(*z, VARIABLES.len() + i)).collect();
         let mut rates = vec![Slopes::zero(); z.len()];

@@ -75,9 +75,5 @@ impl<P: Real> Formula<P> {
 }
 
 fn lifted<S: Real>(levels: &Levels<S>) -> Levels<Dual<S, 1>> {
-    Levels {
-        coulomb: levels.coulomb.into(),
-        breakaway: levels.breakaway.into(),
-        viscous: levels.viscous.into(),
-    }
+    levels.map(Dual::from)
 }
