@@ -27,19 +27,27 @@ from pneudrive.characteristics.stops.stop import find_stops
 from pneudrive.characteristics.table import friction_map
 from pneudrive.characteristics.threads import one_thread
 from pneudrive.characteristics.zero import asymmetries, sensor_zero
+from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import xarray as xr
 
     from pneudrive.characterise.layout import Layout
     from pneudrive.characterise.recording import Recording
     from pneudrive.characterise.settling import SampleChoice
+    from pneudrive.watch import Flag
+
+STEPS = 3  # cycles, models, stops
 
 
 def characteristics(
-    campaign: Campaign | str | Path, protocol: SampleChoice | None = None, processes: int | None = None
+    campaign: Campaign | str | Path,
+    protocol: SampleChoice | None = None,
+    processes: int | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
 ) -> CampaignCharacteristics:
     """Characterise a campaign.
 
@@ -51,6 +59,10 @@ def characteristics(
         Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
     processes : int, optional
         That read the cycles; None: as many as there are processors.
+    progress : callable, optional
+        Is called as ``progress(done, total, task)``.
+    cancel : object with ``is_set()``, optional
+        Ends the call once it is set.
 
     Returns
     -------
@@ -60,12 +72,22 @@ def characteristics(
     ------
     CampaignError
         If the folder is no campaign, or no cycle can be used.
+    Cancelled
+        The flag was set.
     """
+    watch = Watch(progress, cancel)
     opened = campaign if isinstance(campaign, Campaign) else Campaign.open(campaign)
     choice = protocol if protocol is not None else Settled()
+    task = f"steps of {opened.path.name}"
+    watch.tell(0, STEPS, f"{task} (cycles)")
     reading = read_campaign(opened, choice, processes)
+    watch.tell(1, STEPS, f"{task} (models)")
     with one_thread():
-        return _with_stops(_characterise(opened, choice, reading), opened, reading, processes)
+        found = _characterise(opened, choice, reading)
+        watch.tell(2, STEPS, f"{task} (stops)")
+        found = _with_stops(found, opened, reading, processes)
+    watch.tell(STEPS, STEPS, task)
+    return found
 
 
 def characterise(

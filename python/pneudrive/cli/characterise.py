@@ -87,7 +87,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
             remedy="for two campaigns against each other: pneudrive compare",
         )
     with _output(out) as folder:
-        found = characteristics(recordings[0], choice)
+        found = characteristics(recordings[0], choice, progress=on_terminal().tell)
         written = write_characteristics(found, folder)
         fits, problems = fit_campaign(found)
         written += _write_fits(fits, law, folder, whole=ALL if len(fits) != 1 else next(iter(fits)))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.output import console, writable_folder
+from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
     from pneudrive.characteristics.compare.comparison import Comparison
@@ -33,7 +34,8 @@ def compare(
         raise CommandError(f"--protocol {protocol} is not known", remedy=nearest(protocol, SAMPLE_CHOICES))
     if first.resolve() == second.resolve():
         raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
-    found = [characteristics(folder, SAMPLE_CHOICES[protocol]()) for folder in (first, second)]
+    tell = on_terminal().tell
+    found = [characteristics(folder, SAMPLE_CHOICES[protocol](), progress=tell) for folder in (first, second)]
     comparison = compared(found[0], found[1])
     folder = writable_folder(out)
     written = [write_comparison(comparison, folder / "comparison.toml"), write_comparison_report(comparison, folder)]
@@ -55,6 +57,8 @@ def _say(comparison: Comparison) -> None:
         words = (test.what, size, f"{test.p:.2g}", f"{test.adjusted_p:.2g}", "yes" if test.different else "not shown")
         table.add_row(*words)
     shown = console()
+    for letter, one in zip("AB", (comparison.first, comparison.second), strict=True):
+        shown.print(f"{letter}: {one.folder} ({one.name}, {len(one.cycles)} cycles)")
     shown.print(table)
     for statement in comparison.statements:
         shown.print(f"{'-' if statement.carried else '!'} {statement}")

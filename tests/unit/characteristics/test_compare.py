@@ -88,6 +88,7 @@ def test_from_the_command_line(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "differ by more than their cycles scatter" in " ".join(said.split())
     assert "may be the mounting or the day" in " ".join(said.split())
+    assert all(name in said.replace("\n", "") for name in ("A: ", "B: ", "c0", "c1"))
     table = tomllib.loads((tmp_path / "out" / "comparison.toml").read_text())
     assert table["different"] is True
     assert table["synthetic"] is True
