@@ -153,7 +153,10 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     if target.suffix.lower() == ".nc":
         flat = run.copy()
         flat.attrs = {key: _flat(value) for key, value in run.attrs.items()}
-        image = flat.to_netcdf(engine="h5netcdf")  # in memory first: HDF5 crashes the process when the disk is full
+        checked = {str(name): {"fletcher32": True} for name, v in flat.variables.items() if v.ndim}
+        image = flat.to_netcdf(
+            engine="h5netcdf", encoding=checked
+        )  # in memory first: HDF5 crashes the process when the disk is full
         with whole(target) as temporary:
             temporary.write_bytes(image)
         return target

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.files.bounds import bound
 from pneudrive.files.content import check_file, unreadable
 
 if TYPE_CHECKING:
@@ -14,6 +13,9 @@ if TYPE_CHECKING:
     import polars as pl
 
     from pneudrive.errors import PneudriveError
+
+
+LONGEST_HEADER = 1_000_000  # bytes of the first line: 50,000 names
 
 
 def csv_names(path: Path, kind: type[PneudriveError]) -> list[str]:
@@ -27,7 +29,7 @@ def csv_names(path: Path, kind: type[PneudriveError]) -> list[str]:
     check_file(path, kind)
     try:
         with path.open("rb") as file:
-            line = file.readline(int(bound("line_bytes")))
+            line = file.readline(LONGEST_HEADER)
     except OSError as error:
         raise unreadable(path, error, kind) from None
     return [name.strip().strip('"') for name in line.decode("utf-8-sig", errors="replace").split(",")]

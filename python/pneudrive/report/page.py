@@ -8,7 +8,7 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, shown
 from pneudrive.report import style
 from pneudrive.trajectory import whole
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 FIGURES = "figures"
+#: What the page may do: it has style of its own, also inside pictures, and loads or runs nothing.
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class Report:
         import jinja2
         from markupsafe import Markup
 
-        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
         template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
         drawn = {name: Markup(svg) for name, svg in self.pictures.items()}
         return template.render(
@@ -110,7 +112,13 @@ class Report:
             sections=self.sections,
             pictures=drawn,
             folder=FIGURES if linked else "",
+            policy=POLICY,
         )
+
+
+def _plain(value: object) -> object:
+    """Show signs that would hide or turn a text as escapes; jinja2 calls this before it escapes what is HTML."""
+    return shown(value, len(value)) if type(value) is str else value  # not Markup: pictures are ours
 
 
 def write_picture(picture: Picture, folder: Path) -> str:
@@ -131,7 +139,7 @@ def svg_text(figure: Figure) -> str:
     """Return a figure as SVG without a date, so that equal data give equal files."""
     out = StringIO()
     figure.savefig(out, format="svg", metadata={"Date": None})
-    return out.getvalue()
+    return shown(out.getvalue(), out.tell())
 
 
 def inline(svg: str, name: str, description: str) -> str:
@@ -143,5 +151,5 @@ def inline(svg: str, name: str, description: str) -> str:
     prefix = re.sub(r"[^A-Za-z0-9]+", "-", name)
     body = re.sub(r'\bid="', f'id="{prefix}-', body)
     body = re.sub(r'(href="#|url\(#)', rf"\g<1>{prefix}-", body)
-    label = html.escape(description, quote=True)
+    label = html.escape(shown(description, len(description)), quote=True)
     return re.sub(r'<svg ([^>]*?)height="[^"]*"( ?)', rf'<svg role="img" aria-label="{label}" \1', body, count=1)

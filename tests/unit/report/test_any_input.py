@@ -68,3 +68,13 @@ def test_stick_slip_of_a_recording_is_measured_and_drawn(tmp_path):
 def test_text_from_files_cannot_become_markup():
     name = "<script>alert(1)</script>"
     assert name not in Report(name, [name], []).html()
+
+
+def test_signs_that_turn_a_text_are_shown_and_the_page_runs_nothing():
+    name = f"seal {chr(0x202E)}raB 5{chr(0x202C)}{chr(7)}"
+    page = Report(name, [name], []).html()
+    assert "seal \\u202eraB 5\\u202c\\x07" in page
+    assert not set(page) & {chr(0x202E), chr(0x202C), chr(7)}
+    policy = page.partition("Content-Security-Policy")[2].partition(">")[0]
+    assert "default-src &#39;none&#39;" in policy
+    assert "script-src" not in policy
