@@ -5,7 +5,7 @@ import pytest
 
 from oracle.drive_records import drive, record
 from pneudrive.characterise.drive_recording import drive_recording
-from pneudrive.characterise.plausible import check_plausible, time_gaps
+from pneudrive.characterise.plausible import check_plausible, refuse_standstill, time_gaps
 from pneudrive.errors import RecordingError
 
 
@@ -40,3 +40,13 @@ def test_gaps_in_time_are_told_with_their_place(columns):
     (said,) = time_gaps([drive_recording({name: values[keep] for name, values in columns.items()})])
     assert "0.399 .. 0.601 s" in said
     assert not time_gaps([drive_recording(columns)])
+
+
+def test_a_piston_that_never_moves_tells_nothing_of_friction_and_of_the_valve(columns):
+    rng = np.random.default_rng(0)
+    still = 0.1 + 1e-6 * rng.standard_normal(columns["time_s"].size)
+    stands = drive_recording({**columns, "position_m": still})
+    with pytest.raises(RecordingError, match=r"(?s)does not move.*valve\.conductance.*fixed volume"):
+        refuse_standstill([stands], ["valve.conductance", "cylinder.leakage"])
+    refuse_standstill([stands], ["cylinder.leakage"])
+    refuse_standstill([stands, drive_recording(columns)], ["valve.conductance"])
