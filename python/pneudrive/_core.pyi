@@ -1,7 +1,7 @@
 """The compiled core: what `crates/python` offers. SI throughout, pressures absolute unless a name says gauge."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict, final, type_check_only
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, TypedDict, final, type_check_only
 
 from numpy import float64
 from numpy.typing import NDArray
@@ -19,10 +19,20 @@ __all__ = [
 ]
 
 @type_check_only
+class Impact(TypedDict):
+    time_s: float
+    end: Literal["a", "b"]
+    speed_m_s: float
+    energy_j: float
+    depth_m: float
+    peak_force_n: float
+
+@type_check_only
 class Result(TypedDict):
     columns: dict[str, NDArray[float64]]
     statistics: dict[str, int]
     ledger: dict[str, Any] | None
+    impacts: list[Impact]
 
 @type_check_only
 class SimulationResult(Result):
@@ -68,6 +78,8 @@ class Drive:
     def warnings(self) -> list[str]: ...
     @property
     def citations(self) -> list[str]: ...
+    @property
+    def end_stop(self) -> tuple[float, float, float]: ...
     def simulate(
         self,
         times: Sequence[float],
@@ -77,6 +89,8 @@ class Drive:
         initial: Mapping[str, float],
         rtol: float,
         ledger: bool = False,
+        budget: int | None = None,
+        look: Callable[[float], object] | None = None,
     ) -> SimulationResult: ...
     def states(
         self,
@@ -112,6 +126,7 @@ class Drive:
         outputs: Sequence[str],
         rtol: float,
         threads: int = 2,
+        look: Callable[[float], object] | None = None,
     ) -> Shot: ...
     def chambers(self, states: NDArray[float64]) -> NDArray[float64]: ...
     def along(
@@ -152,6 +167,7 @@ class Rig:
         rtol: float,
         released: bool = False,
         shut: bool = False,
+        look: Callable[[float], object] | None = None,
     ) -> RigResult: ...
 
 def flow_ratio(pressure_ratio: float, critical_pressure_ratio: float, subsonic_index: float) -> float: ...

@@ -13,9 +13,10 @@ from pneudrive.errors import CommandError, DescriptionError, PneudriveError, Sim
 from pneudrive.references import bibtex
 from pneudrive.show import Shown
 from pneudrive.trajectory import meaning
+from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     import numpy as np
     import xarray as xr
@@ -23,8 +24,10 @@ if TYPE_CHECKING:
     from pneudrive._core import Drive as CoreDrive
     from pneudrive._core import SimulationResult
     from pneudrive.describe import Drive, Initial
+    from pneudrive.watch import Flag
 
 MOST_SAMPLES = 50_000_000  # a trajectory of that many rows takes about 6 GB
+MOST_BUDGET = 10**15
 SOLVER = "Rodas5P"
 
 
@@ -57,6 +60,9 @@ def simulate(
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
     ledger: bool = False,
+    budget: int | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
 ) -> xr.Dataset:
     """Simulate a drive.
 
@@ -81,13 +87,23 @@ def simulate(
         Integrate the accounts of mass, energy and entropy along, without changing a bit of the states;
         ``attrs["ledger"]`` then says how well they close. Not for the chamber law ``as-printed``, which does not
         conserve energy.
+    budget : int, optional
+        Attempts at a step after which the run is given up. Where nothing is said 200,000 for the run, 80,000 for each
+        second of motion and 200 for each entry of the command, and more below rtol = 1e-6. Ordinary drives take 200 to
+        10,000 a second.
+    progress, cancel : optional
+        See `pneudrive.watch.Watch`: a callback that is told how many of the seconds are simulated, and a flag that
+        ends the run.
 
     Returns
     -------
     xarray.Dataset
         Dimension time (round(duration * sample_rate) + 1 samples, the last one at the duration), variables position,
         velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``; SI, absolute
-        pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings, citations, assumed.
+        pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings, citations, assumed,
+        and impacts: each contact with an end stop as a dict of time_s, end ("a" or "b"), speed_m_s (at first touch),
+        energy_j (kinetic, of the moving mass and load), depth_m and peak_force_n (the largest until it leaves).
+        Contacts slower than 1 mm/s are none.
 
     Raises
     ------
@@ -96,7 +112,10 @@ def simulate(
     DescriptionError
         The start state does not fit the drive.
     SimulationError
-        The solver cannot go on; the message says when, in which state and what to try.
+        The solver cannot go on, the piston reaches a cover, no gas is left in a chamber, or the budget is used up; the
+        message says when, in which state and what to try.
+    Cancelled
+        `cancel` was set.
 
     Examples
     --------
@@ -105,7 +124,17 @@ def simulate(
     >>> run.sizes["time"], run.pressure_a.attrs["units"]
     (11, 'Pa')
     """
-    return run(drive, command, duration, initial=initial, sample_rate=sample_rate, rtol=rtol, ledger=ledger).dataset()
+    return run(
+        drive,
+        command,
+        duration,
+        initial=initial,
+        sample_rate=sample_rate,
+        rtol=rtol,
+        ledger=ledger,
+        budget=budget,
+        watch=Watch(progress, cancel),
+    ).dataset()
 
 
 def run(
@@ -117,6 +146,8 @@ def run(
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
     ledger: bool = False,
+    budget: int | None = None,
+    watch: Watch = UNWATCHED,
 ) -> Run:
     """Simulate without labelling the result, which would import xarray.
 
@@ -135,8 +166,17 @@ def run(
     steps = commands.steps(command, asked, drive.valve.command)
     if isinstance(rtol, bool) or not 1e-13 <= rtol <= 1e-1:
         raise CommandError(f"rtol = {rtol} is out of bounds", rule="1e-13 <= rtol <= 0.1")
+    if budget is not None and (isinstance(budget, bool) or not 1 <= budget <= MOST_BUDGET):
+        raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempts at a step")
     start = drive.core_initial(commands.initial(initial))
-    result = _solve(compiled(drive.core_json()), steps, seconds, rate, start, rtol, ledger)
+    watch.look()
+    core = compiled(drive.core_json())
+    try:
+        result = core.simulate(
+            *steps, seconds, rate, start, rtol, ledger, budget, lambda t: watch.tell(t, seconds, "seconds simulated")
+        )
+    except (ValueError, RuntimeError) as error:
+        raise SimulationError(str(error)) from None
     for message in result["warnings"]:
         warn(message)
     return Run(result["columns"], _provenance(drive, result, rtol))
@@ -159,21 +199,6 @@ def compiled(core_json: str) -> CoreDrive:
         raise DescriptionError(str(error)) from None
 
 
-def _solve(
-    core: CoreDrive,
-    steps: commands.Steps,
-    seconds: float,
-    rate: float,
-    start: dict[str, float],
-    rtol: float,
-    ledger: bool,
-) -> SimulationResult:
-    try:
-        return core.simulate(*steps, seconds, rate, start, rtol, ledger)
-    except (ValueError, RuntimeError) as error:
-        raise SimulationError(str(error)) from None
-
-
 def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str, Any]:
     ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
     return {
@@ -183,13 +208,22 @@ def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str
         "solver": SOLVER,
         "rtol": rtol,
         "statistics": result["statistics"],
-        "warnings": result["warnings"],
+        "warnings": [*_assumed_law(drive), *result["warnings"]],
+        "impacts": result["impacts"],
         "citations": result["citations"],
         "assumed": drive.assumed(),
         "labels": dict(drive.labels),
         **({"identified": drive.to_dict()["provenance"]} if drive.provenance else {}),
         **ledger,
     }
+
+
+def _assumed_law(drive: Drive) -> list[str]:
+    """Return what reading the drive warned of: a friction table without a law."""
+    if not drive.friction.assumed:
+        return []
+    listed = ", ".join(f"{key} = {value}" for key, value in drive.friction.assumed)
+    return [f"friction names no law, so what it leaves open is assumed: {listed}"]
 
 
 @lru_cache(maxsize=64)

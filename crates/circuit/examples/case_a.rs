@@ -20,7 +20,7 @@ fn main() {
     for _ in 0..2000 {
         let start = std::time::Instant::now();
         let sampling = (2.0, rate);
-        let rows = drive.states(&[0.0, 1.0], &[0.6, -0.6], sampling, &initial, options, &mut || false);
+        let rows = drive.states(&[0.0, 1.0], &[0.6, -0.6], sampling, &initial, options, &mut |_| false);
         best = best.min(start.elapsed().as_secs_f64());
         std::hint::black_box(rows.expect("runs"));
     }

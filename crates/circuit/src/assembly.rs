@@ -2,6 +2,7 @@
 
 mod along;
 mod drive;
+mod end_stop;
 mod friction;
 mod leak;
 mod own_law;

@@ -2,9 +2,10 @@
 
 mod build;
 
+use crate::impacts::Impacts;
 use crate::ledger::Channel;
 use crate::net::{AxisNode, Net};
-use crate::part::cylinder::INNER;
+use crate::part::cylinder::{CHAMBERS, INNER};
 use crate::part::*;
 use math::{Lane, Over, Real};
 use ode::{Structure, System};
@@ -23,6 +24,32 @@ pub struct RestrictionId(pub(crate) usize);
 /// A carriage of a circuit, to set its jerk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CarriageId(pub(crate) usize);
+
+/// What a volume has too little of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lacking {
+    Room,
+    Gas,
+}
+
+impl Lacking {
+    /// The share at which a volume has none left.
+    pub fn least(self) -> f64 {
+        match self {
+            Lacking::Room => volume::LEAST_ROOM,
+            Lacking::Gas => volume::LEAST_GAS,
+        }
+    }
+}
+
+/// A volume with little room or gas left: which, of what, and how much as a share of its dead volume or of the gas
+/// in that at standard conditions.
+#[derive(Clone, Copy, Debug)]
+pub struct Scarce {
+    pub volume: &'static str,
+    pub what: Lacking,
+    pub share: f64,
+}
 
 /// Geometry of one side of a piston and of the chamber before it.
 #[derive(Clone, Copy, Debug)]
@@ -149,12 +176,25 @@ impl<R: Lane> Circuit<R> {
         &self.topology.names
     }
 
-    /// The volume, m3, of a gas node that has none left at state `y`.
-    pub fn vanished(&self, y: &[R]) -> Option<f64> {
+    /// The volume that is nearest to having no room or no gas left at state `y`.
+    pub fn scarcest(&self, y: &[R]) -> Option<Scarce> {
         let mut net = self.work::<R>();
         self.evaluate(y, &mut net);
-        let volumes = net.gas.iter().flat_map(|node| (0..R::L).map(|lane| node.volume.get(lane)));
-        volumes.filter(|volume| *volume < 0.0).min_by(f64::total_cmp)
+        let each = self.volumes().flat_map(|(first, volume, name)| {
+            let scarce = move |what, share| Scarce { volume: name, what, share };
+            let share = |value: R, of: R, lane: usize| value.get(lane) / of.get(lane);
+            let room = net.gas[volume.node].volume;
+            (0..R::L).flat_map(move |lane| {
+                [
+                    scarce(Lacking::Room, share(room, volume.dead_volume, lane)),
+                    scarce(Lacking::Gas, share(y[first], self.scale[first], lane)),
+                    scarce(Lacking::Gas, share(y[first + 1], self.scale[first + 1], lane)),
+                ]
+            })
+        });
+        // By how near each is to its least.
+        let near = |scarce: &Scarce| scarce.share / scarce.what.least();
+        each.min_by(|a, b| near(a).total_cmp(&near(b)))
     }
 
     /// How many states there are beside the accounts.
@@ -211,6 +251,21 @@ impl<R: Lane> Circuit<R> {
     }
 }
 
+impl Circuit<f64> {
+    /// Whether state `y` is one that the equations hold for.
+    pub fn holds(&self, y: &[f64]) -> bool {
+        self.inside(y, &mut self.work()) > 0.0
+    }
+
+    /// What follows the impacts of the first cylinder.
+    pub(crate) fn impacts(&self) -> Option<Impacts> {
+        let usual = self.parts.cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
+        let others = self.parts.other_cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
+        let (place, stops, axis) = usual.chain(others).next()?;
+        Some(Impacts::new(stops.clone(), axis.mass, place.first))
+    }
+}
+
 impl<P: Real> Circuit<P> {
     fn movers(&self) -> impl Iterator<Item = Mover> + use<P> {
         let axes = (0..self.parts.axes.len()).map(Mover::Axis);
@@ -257,6 +312,18 @@ impl<P: Real> Circuit<P> {
     /// Friction of steady sliding of an axis at the place, speed and pressures of a node, N.
     pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
         self.mover(self.find(axis)).1.steady_friction(node)
+    }
+
+    /// Every volume with the place of its two states, and what people call it.
+    fn volumes(&self) -> impl Iterator<Item = (usize, &Volume<P>, &'static str)> {
+        let tanks = self.parts.volumes.iter().map(|(place, volume)| (place.first, volume, "a volume"));
+        let usual = self.parts.cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
+        let others = self.parts.other_cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
+        let chambers = usual.chain(others).flat_map(|(place, volumes)| {
+            let sides = CHAMBERS.iter().zip(volumes).zip(["chamber a", "chamber b"]);
+            sides.map(|((offset, volume), name)| (place.first + offset, volume, name))
+        });
+        tanks.chain(chambers)
     }
 
     fn find(&self, axis: AxisId) -> Mover {
@@ -331,6 +398,67 @@ impl<R: Lane> System<R> for Circuit<R> {
         for ((place, stops), out) in usual.chain(others).zip(out.chunks_exact_mut(2)) {
             let x = y[place.first];
             out.copy_from_slice(&[x, stops.stroke - x]);
+        }
+    }
+
+    fn inside(&self, y: &[R], net: &mut Net<R>) -> R::Plain {
+        let mut inside = R::Plain::one();
+        for (place, cylinder) in &self.parts.cylinders {
+            inside = cylinder.holds(
+                Own::of(y, *place),
+                &[R::Plain::zero(); INNER],
+                Own::of(&self.scale, *place),
+                inside,
+            );
+        }
+        for (place, cylinder) in &self.parts.other_cylinders {
+            inside = cylinder.holds(
+                Own::of(y, *place),
+                &[R::Plain::zero(); INNER],
+                Own::of(&self.scale, *place),
+                inside,
+            );
+        }
+        if !self.parts.volumes.is_empty() {
+            self.parts.place(y, net, &self.common);
+            self.parts.shape(net);
+            for (place, volume) in &self.parts.volumes {
+                let room = net.gas[volume.node].volume.plain();
+                let (states, scales): ([R; 2], _) =
+                    (Own::of(y, *place).first(), Own::of(&self.scale, *place).first());
+                inside = volume.holds(room, states.map(|state| state.plain()), scales, inside);
+            }
+        }
+        inside
+    }
+
+    fn surely_inside(&self, y: &[R], spread: &[R::Plain]) -> R::Plain {
+        if !self.parts.volumes.is_empty() {
+            return -R::Plain::one();
+        }
+        let mut inside = R::Plain::one();
+        for (place, cylinder) in &self.parts.cylinders {
+            let own = &spread[place.first..][..INNER];
+            inside = cylinder.holds(Own::of(y, *place), own, Own::of(&self.scale, *place), inside);
+        }
+        for (place, cylinder) in &self.parts.other_cylinders {
+            let own = &spread[place.first..][..INNER];
+            inside = cylinder.holds(Own::of(y, *place), own, Own::of(&self.scale, *place), inside);
+        }
+        inside
+    }
+
+    /// A mass that slides in one direction has no velocity in the other: between looks, and within the tolerance of
+    /// the look, the error of a step may give it one.
+    fn settle(&self, y: &mut [R]) {
+        let zero = R::Plain::zero();
+        for &mover in &self.topology.sticking {
+            let (place, axis, _) = self.mover(mover);
+            if axis.stops() {
+                let v = &mut y[place.first + 1];
+                let backwards = (axis.mode.plain() * v.plain()).lt(zero);
+                *v = v.with_value(R::Plain::select(backwards, zero, v.plain()));
+            }
         }
     }
 

@@ -6,6 +6,7 @@
 
 mod assembly;
 mod circuit;
+mod impacts;
 mod ledger;
 mod lifted;
 mod net;
@@ -18,9 +19,10 @@ pub use assembly::{
     friction_law, own_law, steady_sensitivity,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
+pub use impacts::Impact;
 pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};
 pub use part::{
     Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Link, Part, Reservoir, Restriction, Spring, Volume,
 };
-pub use run::{Error, Recorder, Run, advance, sample_times};
+pub use run::{Error, Look, Recorder, Run, advance, budget, sample_times};

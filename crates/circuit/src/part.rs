@@ -1,6 +1,6 @@
 //! Parts of a circuit. A new part is a file here and a line in `parts!`.
 
-mod axis;
+pub(crate) mod axis;
 mod carriage;
 pub(crate) mod cylinder;
 mod end_stops;
@@ -9,7 +9,7 @@ mod link;
 mod reservoir;
 mod restriction;
 mod spring;
-mod volume;
+pub(crate) mod volume;
 
 use crate::ledger::{Channel, Kind};
 use crate::net::Net;
@@ -53,6 +53,11 @@ pub struct Own<'y, S> {
 }
 
 impl<'y, S: Copy> Own<'y, S> {
+    #[inline(always)]
+    pub(crate) fn of(y: &'y [S], place: Place) -> Self {
+        Own { y, place }
+    }
+
     /// The first `N` own states.
     #[inline(always)]
     pub fn first<const N: usize>(&self) -> [S; N] {

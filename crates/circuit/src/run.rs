@@ -1,10 +1,11 @@
 //! Short callers of `Stepper::advance`: segments of constant inputs, samples, errors in words.
 
-use crate::circuit::Circuit;
+use crate::circuit::{Circuit, Lacking, Scarce};
+use crate::impacts::{Impact, Impacts};
 use crate::ledger::{Balance, balance};
 use crate::net::Net;
 use math::Lane;
-use ode::{Failure, Output, Paused, Statistics, Stepper, System};
+use ode::{Accepted, Failure, Output, Paused, Statistics, Stepper, System};
 
 /// Why a description or a run cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -20,12 +21,40 @@ pub enum Error {
 /// Attempts between two looks at whether the user wants to stop: some 20 ms of work.
 const ATTEMPTS_PER_LOOK: u64 = 20_000;
 
+/// Attempts at a step that a run may take where nobody says how many: at the default tolerance, for each second of
+/// motion and for each step of the command, and for the run itself.
+const BUDGET: [f64; 3] = [80_000.0, 200.0, 200_000.0];
+/// The tolerance to which the budget belongs, and the power with which it grows below. A smooth motion takes steps as
+/// long as the fifth root of the tolerance; kinks and events, of which most work is made, cost less than that.
+const BUDGET_RTOL: f64 = 1e-6;
+const BUDGET_POWER: f64 = 0.125;
+
+/// Attempts that a run of `duration` s with so many commands may take.
+pub fn budget(duration: f64, commands: usize, rtol: f64) -> u64 {
+    let [second, command, run] = BUDGET;
+    let tighter = (BUDGET_RTOL / rtol).max(1.0).powf(BUDGET_POWER);
+    (tighter * (second * duration + command * commands as f64 + run)) as u64
+}
+
+/// Asks now and then, with the simulated time, whether the user wants to stop.
+pub struct Look<'a> {
+    interrupted: &'a mut dyn FnMut(f64) -> bool,
+    left: u64,
+}
+
+impl<'a> Look<'a> {
+    pub fn new(interrupted: &'a mut dyn FnMut(f64) -> bool) -> Self {
+        Look { interrupted, left: ATTEMPTS_PER_LOOK }
+    }
+}
+
 /// What a run leaves behind.
 pub struct Run {
     /// One vector for each column, in the order of the recorder's names.
     pub columns: Vec<Vec<f64>>,
     pub statistics: Statistics,
     pub balance: Option<Balance>,
+    pub impacts: Vec<Impact>,
 }
 
 /// Turns states into columns while the integration runs.
@@ -38,21 +67,38 @@ pub struct Recorder<F> {
     pub columns: Vec<Vec<f64>>,
     buffer: Vec<f64>,
     states: Option<Vec<Vec<f64>>>,
+    impacts: Option<Impacts>,
 }
 
 impl<F: FnMut(&Circuit<f64>, f64, &[f64], &mut Net<f64>, &mut [f64])> Recorder<F> {
     pub fn new(circuit: &Circuit<f64>, times: Vec<f64>, n_columns: usize, row: F) -> Self {
         let columns = vec![Vec::with_capacity(times.len()); n_columns];
         let states = (!circuit.channels().is_empty()).then(Vec::new);
-        Recorder { next: 0, net: circuit.work(), row, columns, buffer: vec![0.0; n_columns], states, times }
+        let impacts = circuit.impacts();
+        Recorder {
+            next: 0,
+            net: circuit.work(),
+            row,
+            columns,
+            buffer: vec![0.0; n_columns],
+            states,
+            impacts,
+            times,
+        }
     }
 
     /// The samples that are due now: at the end of a run, those at its last instant.
     pub fn finish(&mut self, circuit: &Circuit<f64>, y: &[f64]) {
+        let y = &settled(circuit, y)[..];
         while self.next < self.times.len() {
             let t = self.times[self.next];
             self.sample(0, t, y, circuit);
         }
+    }
+
+    /// The impacts of the run, where there are end stops.
+    pub fn take_impacts(&mut self) -> Vec<Impact> {
+        self.impacts.take().map_or_else(Vec::new, Impacts::finish)
     }
 
     /// The accounts of the run, where the circuit keeps them.
@@ -78,6 +124,19 @@ impl<F: FnMut(&Circuit<f64>, f64, &[f64], &mut Net<f64>, &mut [f64])> Output<f64
         }
         self.next += 1;
     }
+
+    fn step(&mut self, _lane: usize, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
+        if let Some(impacts) = &mut self.impacts {
+            impacts.step(t, h, states);
+        }
+    }
+}
+
+/// The state at the end of a run as a sample.
+pub(crate) fn settled<R: Lane>(circuit: &Circuit<R>, y: &[R]) -> Vec<R> {
+    let mut y = y.to_vec();
+    circuit.settle(&mut y);
+    y
 }
 
 /// Keeps states as they are integrated, row by row.
@@ -101,7 +160,8 @@ impl States {
     }
 
     /// All rows, the samples still due being those at the end.
-    pub fn finish(mut self, y: &[f64]) -> Vec<f64> {
+    pub fn finish(mut self, circuit: &Circuit<f64>, y: &[f64]) -> Vec<f64> {
+        let y = &settled(circuit, y)[..];
         while self.next < self.times.len() {
             self.keep(y);
         }
@@ -129,22 +189,26 @@ pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
     times
 }
 
-/// Advances to `until`, looking at `interrupted` now and then.
+/// Advances to `until`, looking now and then whether to go on.
 pub fn advance<R: Lane>(
     stepper: &mut Stepper<R, Circuit<R>>,
     until: f64,
     output: &mut impl Output<R, Circuit<R>>,
-    interrupted: &mut dyn FnMut() -> bool,
+    look: &mut Look<'_>,
 ) -> Result<(), Error> {
     loop {
-        let paused = stepper.advance(until, ATTEMPTS_PER_LOOK, output);
+        let before = stepper.statistics(0).factorisations;
+        let paused = stepper.advance(until, look.left, output);
         if let Some(failure) = stepper.failure(0) {
             return Err(Error::Stopped(in_words(failure, stepper)));
         }
         if paused == Paused::Arrived {
+            look.left -= stepper.statistics(0).factorisations - before;
+            look.left = look.left.max(1);
             return Ok(());
         }
-        if interrupted() {
+        look.left = ATTEMPTS_PER_LOOK;
+        if (look.interrupted)(stepper.time(0)) {
             return Err(Error::Interrupted { t: stepper.time(0) });
         }
     }
@@ -168,22 +232,34 @@ fn in_words<R: Lane>(failure: Failure, stepper: &Stepper<R, Circuit<R>>) -> Stri
             format!("a rate is not finite near {}", state(i)),
             "a larger dead volume or a stiffer end stop",
         ),
+        Failure::Outside { t } => (
+            t,
+            "no shorter step keeps it within its equations".to_string(),
+            "another start, or a tighter rtol",
+        ),
         Failure::Chatter { t, .. } => (
             t,
             "stick and slip alternate without time passing".to_string(),
             "law = \"lugre\", or a breakaway force above the Coulomb force",
         ),
-        Failure::TooManyAttempts { t, attempts } => {
-            (t, format!("{attempts} attempts at a step are used up"), "a shorter duration or a looser rtol")
-        }
+        Failure::TooManyAttempts { t, attempts } => (
+            t,
+            format!("its budget of {attempts} attempts at a step is used up"),
+            "a larger budget (budget = ... in Python, --budget on the command line), a shorter duration or a looser rtol",
+        ),
     };
-    let (reason, remedy) = match circuit.vanished(y) {
-        Some(volume) => (
+    let scarce = circuit.scarcest(y).filter(|scarce| scarce.share < 2.0 * scarce.what.least());
+    let (reason, remedy) = match scarce {
+        Some(Scarce { volume, what: Lacking::Room, share }) => (
             format!(
-                "a chamber has vanished (volume {:.3e} m3): the piston went through its end stop",
-                volume
+                "the piston has gone through the end stop to the cover of {volume}, where {:.2} % of the dead volume is left",
+                100.0 * share
             ),
-            "a larger cylinder.end_stop.stiffness or cylinder.dead_volume",
+            "a larger cylinder.end_stop.stiffness, a larger cylinder.dead_volume or a slower approach",
+        ),
+        Some(Scarce { volume, what: Lacking::Gas, .. }) => (
+            format!("no gas is left in {volume}"),
+            "another start or command, or a larger cylinder.dead_volume",
         ),
         None => (reason, remedy),
     };

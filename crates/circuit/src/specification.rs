@@ -70,12 +70,13 @@ pub enum ChamberLawName {
     AsPrinted,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// What is left out follows from the drive.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct EndStop {
-    pub stiffness_n_m: f64,
-    pub damping_n_s_m: f64,
-    pub damping_depth_m: f64,
+    pub stiffness_n_m: Option<f64>,
+    pub damping_n_s_m: Option<f64>,
+    pub damping_depth_m: Option<f64>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -93,6 +94,7 @@ pub struct Cylinder {
     pub incline_rad: f64,
     pub heat_transfer_w_m2_k: f64,
     pub wall_temperature_k: f64,
+    #[serde(default)]
     pub end_stop: EndStop,
     /// Leakage past the piston.
     #[serde(default)]

@@ -16,7 +16,7 @@ fn a_run_agrees_with_its_own_equations() {
     let times = [0.0, 0.15];
     let commands = [0.5, -0.5];
     let run = drive
-        .simulate(&times, &commands, (0.3, 10_000.0), &at_rest(0.1, 3e5), options(1e-9), &mut || false)
+        .simulate(&times, &commands, (0.3, 10_000.0), &at_rest(0.1, 3e5), options(1e-9), &mut |_| false)
         .expect("runs");
     let names = drive.columns();
     let of = |name: &str| &run.columns[names.iter().position(|own| own == name).expect(name)];
@@ -30,7 +30,7 @@ fn a_run_agrees_with_its_own_equations() {
         openings: &openings,
         temperature: [ROOM, ROOM],
     };
-    let rows = drive.along(&record);
+    let rows = drive.along(&record).expect("a record of the drive");
     let column = |name: &str| ALONG.iter().position(|own| *own == name).expect("a column");
     let at = |name: &str, i: usize| rows[i * ALONG.len() + column(name)];
     let mass = spec.cylinder.moving_mass_kg + 1.0;
@@ -55,7 +55,9 @@ fn a_run_agrees_with_its_own_equations() {
     }
     // What the temperatures are taken for at the start is forgotten.
     let last = record.times.len() - 1;
-    let warm = drive.along(&Record { temperature: [ROOM + 20.0, ROOM + 20.0], ..record });
+    let warm = drive
+        .along(&Record { temperature: [ROOM + 20.0, ROOM + 20.0], ..record })
+        .expect("a record of the drive");
     for side in ["temperature_a_k", "temperature_b_k"] {
         let left = warm[last * ALONG.len() + column(side)] - at(side, last);
         assert!(left > 0.0 && left < 10.0, "{side}: {left} K of 20 K");
@@ -69,7 +71,7 @@ fn a_run_put_back_to_its_own_states_is_the_same_run() {
     let plan = (&[0.0, 0.15][..], &[0.5, -0.5][..]);
     let state = |t, position, velocity, a, b| Restart { t, position, velocity, pressure: [a, b] };
     let start = state(0.0, 0.1, 0.0, 3e5, 3e5);
-    let mut never = || false;
+    let mut never = |_| false;
     let mut run = |restarts: &[Restart]| {
         let sampling = (0.3, 1000.0);
         drive.restarted(plan, sampling, restarts, [ROOM, ROOM], options(1e-9), &mut never).expect("runs").0
@@ -97,7 +99,7 @@ fn a_piston_that_rests_under_pressure_stays_where_it_was_measured() {
     let drive = Drive::assemble(&reference(), false).expect("assembles");
     let start = Restart { t: 0.0, position: 0.1, velocity: 0.0, pressure: [3.8e5, 3e5] };
     let plan = (&[0.0][..], &[0.0][..]);
-    let run = drive.restarted(plan, (0.1, 100.0), &[start], [ROOM; 2], options(1e-9), &mut || false);
+    let run = drive.restarted(plan, (0.1, 100.0), &[start], [ROOM; 2], options(1e-9), &mut |_| false);
     let (columns, failures) = run.expect("runs");
     assert!(failures.is_empty());
     let moved = columns[1].last().expect("samples") - 0.1;

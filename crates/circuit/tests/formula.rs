@@ -54,7 +54,7 @@ fn run(spec: &specification::Drive) -> (Vec<Vec<u64>>, ode::Statistics) {
     let drive = Drive::assemble(spec, true).expect("a drive");
     let (times, commands) = ([0.0, 0.5, 0.9, 1.4], [0.6, -0.4, 0.05, -1.0]);
     let initial = at_rest(0.2, 3e5);
-    let run = drive.simulate(&times, &commands, (2.0, 1e3), &initial, options(1e-6), &mut || false);
+    let run = drive.simulate(&times, &commands, (2.0, 1e3), &initial, options(1e-6), &mut |_| false);
     let run = run.expect("a run");
     (run.columns.iter().map(|column| bits(column)).collect(), run.statistics)
 }

@@ -108,7 +108,7 @@ fn a_drive_described_from_its_other_end_moves_the_same() {
     let run = |spec: &specification::Drive, x0: f64, sign: f64| {
         let drive = Drive::assemble(spec, false).expect("assembles");
         let commands = [0.6, -0.6, 0.1].map(|u| sign * u);
-        let never = &mut || false;
+        let never = &mut |_| false;
         let mut initial = at_rest(x0, 3e5);
         (initial.pressure_a_pa, initial.pressure_b_pa) = if sign > 0.0 { (3e5, 2e5) } else { (2e5, 3e5) };
         let times = [0.0, 0.8, 1.4];

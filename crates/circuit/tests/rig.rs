@@ -95,7 +95,7 @@ fn run(rig: &Rig, plan: &(Vec<f64>, Vec<f64>), how: How, from: Start, rtol: f64)
     let motion = Motion { durations: &plan.0, jerks: &plan.1, released: how.released, shut: how.shut };
     let duration: f64 = plan.0.iter().sum();
     let times: Vec<f64> = (0..=2000).map(|k| duration * f64::from(k) / 2000.0).collect();
-    rig.run(&motion, &times, from, options(rtol), &mut || false).expect("runs")
+    rig.run(&motion, &times, from, options(rtol), &mut |_| false).expect("runs")
 }
 
 fn column<'r>(rig: &Rig, run: &'r Run, name: &str) -> &'r [f64] {

@@ -39,7 +39,7 @@ fn asked(seconds: f64, inner: &[f64], parameters: &[&str], with_initial: bool) -
 fn shoot(description: &Value, asked: &Shooting) -> Shot {
     let json = description.to_string();
     let drive = Drive::assemble(&serde_json::from_str(&json).expect("fits"), false).expect("assembles");
-    let shot = drive.shoot(&json, asked, &mut || false).expect("runs");
+    let shot = drive.shoot(&json, asked, &mut |_| false).expect("runs");
     assert_eq!(shot.failures, vec![None; asked.starts.len()]);
     shot
 }
@@ -327,11 +327,11 @@ fn what_cannot_be_free_is_refused() {
         ("gas.gas_constant_j_kg_k", "the gas cannot be free"),
     ] {
         let asked = asked(0.1, &[0.0], &[path], false);
-        let refused = drive.shoot(&json, &asked, &mut || false).expect_err("refused").to_string();
+        let refused = drive.shoot(&json, &asked, &mut |_| false).expect_err("refused").to_string();
         assert!(refused.starts_with(message), "{refused}");
     }
     let mut late = asked(0.1, &[0.0], &[], false);
     late.starts = vec![0, 100];
-    let refused = drive.shoot(&json, &late, &mut || false).expect_err("refused").to_string();
+    let refused = drive.shoot(&json, &late, &mut |_| false).expect_err("refused").to_string();
     assert_eq!(refused, "starts must be increasing samples from 0 to below 100");
 }

@@ -35,6 +35,8 @@ pub enum Failure {
     StepTooSmall { t: f64, h: f64, state: usize },
     #[error("the right-hand side is not finite at t = {t}, state {state}")]
     NotFinite { t: f64, state: usize },
+    #[error("the state leaves what its equations hold for at t = {t}")]
+    Outside { t: f64 },
     #[error("event {event} fires again and again at t = {t}")]
     Chatter { t: f64, event: usize },
     #[error("{attempts} attempts were not enough to pass t = {t}")]
@@ -51,6 +53,8 @@ const MAX_FACTOR: f64 = 6.0;
 const LEAST_ERROR: f64 = 1e-12;
 /// After a failed attempt that gave no finite error.
 const NOT_FINITE_FACTOR: f64 = 0.1;
+/// After a step that error control accepts but that leaves what the equations hold for.
+const OUTSIDE_FACTOR: f64 = 0.25;
 /// A step within this factor of the target is stretched or cut onto it.
 const STRETCH: f64 = 1.01;
 /// Switches without any progress in time after which the lane has failed.
@@ -149,6 +153,14 @@ impl Control {
         self.wish = if self.last || self.cutting { wish.max(self.wish) } else { wish };
         self.statistics.steps += 1;
         true
+    }
+
+    /// Takes back the acceptance of an attempt with step `h`: it ended outside what the equations hold for.
+    pub fn take_back(&mut self, h: f64) {
+        self.wish = h * OUTSIDE_FACTOR;
+        self.after_rejection = true;
+        self.statistics.steps -= 1;
+        self.statistics.rejected += 1;
     }
 
     /// Notes a switch at time `t`; fails where time does not move between switches.

@@ -1,18 +1,19 @@
 //! Dense output: the state within a step.
 
 use crate::stages::{BLOCK, Block, METHOD, sum_of_stages, zeros};
-use math::Lane;
+use math::{Lane, Real};
 
 /// One step of all lanes, for dense output, as a polynomial in theta = (t - t0)/h:
 ///
 ///   y = c0 + theta (c1 + theta (c2 + theta (c3 + theta c4)))
 ///   c0 = y0,  c1 = y1 - y0 + K_1,  c2 = K_2 - K_1,  c3 = K_3 - K_2,  c4 = -K_3,  K_l = sum_j h_lj U_j
 #[derive(Clone, Debug)]
-pub(crate) struct Step<R> {
+pub(crate) struct Step<R: Lane> {
     pub y0: Vec<Block<R>>,
     pub y1: Vec<Block<R>>,
     c: Vec<[Block<R>; 5]>,
     at: Vec<Block<R>>,
+    spread: Vec<Block<R::Plain>>,
     /// `c` belongs to the present attempt.
     ready: bool,
 }
@@ -20,7 +21,14 @@ pub(crate) struct Step<R> {
 impl<R: Lane> Step<R> {
     pub fn new(blocks: usize) -> Self {
         let c = vec![[[R::zero(); BLOCK]; 5]; blocks];
-        Step { y0: zeros(blocks), y1: zeros(blocks), c, at: zeros(blocks), ready: false }
+        Step {
+            y0: zeros(blocks),
+            y1: zeros(blocks),
+            c,
+            at: zeros(blocks),
+            spread: zeros(blocks),
+            ready: false,
+        }
     }
 
     /// A new attempt from `y0`.
@@ -57,9 +65,26 @@ impl<R: Lane> Step<R> {
         self.ready = true;
     }
 
+    /// How far the state may be from `y0` anywhere in the step: |c1| + |c2| + |c3| + |c4|.
+    pub fn spread(&mut self) -> &[R::Plain] {
+        for (spread, c) in self.spread.iter_mut().zip(&self.c) {
+            for l in 0..BLOCK {
+                let part = |i: usize| c[i][l].plain().abs();
+                spread[l] = (part(1) + part(2)) + (part(3) + part(4));
+            }
+        }
+        self.spread.as_flattened()
+    }
+
+    /// The state at the start of the step, where only that is asked for.
+    pub fn copy(&mut self, y: &[Block<R>]) -> &mut [R] {
+        self.at.copy_from_slice(y);
+        self.at.as_flattened_mut()
+    }
+
     /// The state at `t0 + theta h`, of the method's dense order; `prepare` comes first. A state that
     /// does not change keeps its bits.
-    pub fn interpolate(&mut self, theta: f64) -> &[R] {
+    pub fn interpolate(&mut self, theta: f64) -> &mut [R] {
         for (at, c) in self.at.iter_mut().zip(&self.c) {
             // One coefficient of a whole block at a time: vector code.
             let mut sum = c[4];
@@ -70,6 +95,6 @@ impl<R: Lane> Step<R> {
             }
             *at = sum;
         }
-        self.at.as_flattened()
+        self.at.as_flattened_mut()
     }
 }

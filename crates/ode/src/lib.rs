@@ -15,6 +15,6 @@ mod system;
 
 pub use control::{Failure, Options, Statistics};
 pub use rosenbrock::{RODAS5P, Rosenbrock};
-pub use stepper::{NoOutput, Output, Paused, Stepper};
+pub use stepper::{Accepted, NoOutput, Output, Paused, Stepper};
 pub use structure::Structure;
 pub use system::System;

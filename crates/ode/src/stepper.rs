@@ -1,5 +1,7 @@
 //! The integration loop: one for a single system, for lanes, for every caller.
 
+mod output;
+mod refusal;
 mod saltation;
 mod search;
 
@@ -10,6 +12,7 @@ use crate::stages::{BLOCK, Block, METHOD, S, combine, zeros};
 use crate::structure::{DIRECTIONS, Structure};
 use crate::system::System;
 use math::{Dual, Lane, Real};
+pub use output::{Accepted, NoOutput, Output};
 use search::Found;
 use std::sync::Arc;
 
@@ -22,8 +25,6 @@ const LOCAL_SHARE: f64 = 0.5;
 
 /// An attempt whose error is this many tolerances may have run into an obstacle.
 const FAR_OFF: f64 = 10.0;
-/// How near an obstacle the next attempt ends, as a share of the way.
-const SHORT_OF_OBSTACLE: f64 = 0.999;
 
 /// The first step may change the state by about this share of its size.
 const FIRST_SHARE: f64 = 0.01;
@@ -33,27 +34,14 @@ const LEAST_RATE: f64 = 1e-9;
 const LEAST_FIRST_STEP: f64 = 1e-9;
 /// Step of a lane that has nothing to do, s: any that keeps its numbers finite.
 const IDLE_STEP: f64 = 1e-9;
-/// Near t = 0 a step counts as too small against this time, s.
-const LEAST_TIME: f64 = 1e-3;
 
 type Direction<R> = Dual<R, DIRECTIONS>;
 
-/// Receives samples while the integration runs.
-pub trait Output<R: Lane, Sys> {
-    /// The next time at which this lane wants a sample; infinity where it wants none.
-    fn due(&self, lane: usize) -> f64;
-    /// The state of this lane at the time that was due.
-    fn sample(&mut self, lane: usize, t: f64, y: &[R], system: &Sys);
-}
-
-/// No samples.
-pub struct NoOutput;
-
-impl<R: Lane, Sys> Output<R, Sys> for NoOutput {
-    fn due(&self, _lane: usize) -> f64 {
-        f64::INFINITY
-    }
-    fn sample(&mut self, _lane: usize, _t: f64, _y: &[R], _system: &Sys) {}
+/// Whether [`System::inside`] says no, or nothing that is a number.
+#[inline(always)]
+fn is_outside<R: Lane>(inside: R::Plain, lane: usize) -> bool {
+    let value = inside.get(lane);
+    value.is_nan() || value <= 0.0
 }
 
 /// Why `advance` came back.
@@ -262,12 +250,25 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let h = FIRST_SHARE * size.max(rtol) / rate.max(LEAST_RATE);
             self.lanes[lane].wish = h.min(until - self.t[lane]).max(LEAST_FIRST_STEP);
         }
+        let n = self.structure.n();
+        let inside = self.system.inside(&self.y.as_flattened()[..n], &mut self.work);
+        for lane in 0..R::L {
+            if is_outside::<R>(inside, lane) {
+                self.lanes[lane].failure = Some(Failure::Outside { t: self.t[lane] });
+            }
+        }
         self.started = true;
     }
 
     fn proposals(&mut self, until: f64) -> R::Plain {
         let mut h = R::Plain::one();
         for lane in 0..R::L {
+            let t = self.t[lane];
+            let control = &mut self.lanes[lane];
+            let attempts = control.statistics.factorisations;
+            if attempts >= self.options.max_attempts && t < until && control.failure.is_none() {
+                control.failure = Some(Failure::TooManyAttempts { t, attempts });
+            }
             let idle = self.finished(lane, until);
             let control = &mut self.lanes[lane];
             // A lane with nothing to do repeats a step that is never taken.
@@ -328,7 +329,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
     fn error(&self) -> R::Plain {
         let rtol = R::Plain::c(LOCAL_SHARE * self.options.rtol);
-        let zero = R::Plain::zero();
+        let (zero, infinite) = (R::Plain::zero(), R::Plain::c(f64::INFINITY));
         let blocks = self.y.len();
         let (mut worst, mut poison) = ([zero; BLOCK], [zero; BLOCK]);
         let errors = &self.u[(S - 1) * blocks..];
@@ -336,6 +337,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             for l in 0..BLOCK {
                 let size = self.y[b][l].plain().abs().max(self.step.y1[b][l].plain().abs());
                 let ratio = error[l].plain().abs() / (rtol * (self.scale[b][l] + size));
+                // A quadrature steers no step, even one that is no number.
+                let ratio = R::Plain::select(self.scale[b][l].lt(infinite), ratio, zero);
                 worst[l] = worst[l].max(ratio);
                 poison[l] += ratio * zero;
             }
@@ -352,6 +355,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     fn conclude(&mut self, h: R::Plain, until: f64, output: &mut impl Output<R, Sys>) {
         let error = self.error();
         let mut any_accepted = false;
+        let n = self.structure.n();
         for lane in 0..R::L {
             if self.finished(lane, until) {
                 continue;
@@ -392,7 +396,21 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 }
             }
             let t1 = if self.lanes[lane].last { until } else { t0 + h_lane };
-            self.give_samples(lane, t0, h_lane, t1, output);
+            let inside = self.system.inside(&self.step.y1.as_flattened()[..n], &mut self.work);
+            if is_outside::<R>(inside, lane) {
+                self.lanes[lane].take_back(h_lane);
+                self.check_outside(lane);
+                continue;
+            }
+            if let Some(theta) = self.give_samples(lane, t0, h_lane, t1, output) {
+                // The step ends at the sample now: what has been given before it stays.
+                let control = &mut self.lanes[lane];
+                control.take_back(theta * h_lane);
+                control.cut = Some(theta * h_lane);
+                self.check_outside(lane);
+                continue;
+            }
+            output.step(lane, t0, h_lane, &mut Accepted { step: &mut self.step, u: &self.u });
             for (y, y1) in self.y.as_flattened_mut().iter_mut().zip(self.step.y1.as_flattened()) {
                 y.take(lane, y1);
             }
@@ -409,83 +427,5 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         if any_accepted {
             self.fresh = false;
         }
-    }
-
-    /// The samples of one lane that are due before `t1`, the end of the step of length `h` from `t0`.
-    #[inline(always)]
-    fn give_samples(&mut self, lane: usize, t0: f64, h: f64, t1: f64, output: &mut impl Output<R, Sys>) {
-        let n = self.structure.n();
-        while output.due(lane) <= t0 {
-            output.sample(lane, t0, &self.y.as_flattened()[..n], &self.system);
-        }
-        if output.due(lane) >= t1 {
-            return;
-        }
-        self.step.prepare(&self.u);
-        let inverse_h = 1.0 / h;
-        loop {
-            let t = output.due(lane);
-            if t >= t1 {
-                return;
-            }
-            let theta = ((t - t0) * inverse_h).clamp(0.0, 1.0);
-            output.sample(lane, t, &self.step.interpolate(theta)[..n], &self.system);
-        }
-    }
-
-    /// After an attempt that failed by far: if the tangent of the solution meets an obstacle within its
-    /// length, the next attempt ends shortly before it.
-    fn stop_before_obstacle(&mut self, lane: usize, h: f64) {
-        let n = self.structure.n();
-        self.system.obstacles(&self.y.as_flattened()[..n], &mut self.ahead);
-        let before: Vec<f64> = self.ahead.iter().map(|k| k.get(lane)).collect();
-        let (y, f0) = (self.y.as_flattened(), self.f0.as_flattened());
-        for ((end, y), f) in self.stage.as_flattened_mut().iter_mut().zip(y).zip(f0) {
-            *end = f.fma(R::c(h), *y);
-        }
-        self.system.obstacles(&self.stage.as_flattened()[..n], &mut self.ahead);
-        let mut first = 1.0_f64;
-        for (before, behind) in before.iter().zip(&self.ahead) {
-            let behind = behind.get(lane);
-            if *before > 0.0 && behind < 0.0 {
-                first = first.min(before / (before - behind));
-            }
-        }
-        let cut = SHORT_OF_OBSTACLE * first * h;
-        if first < 1.0 && cut > self.lanes[lane].wish {
-            self.lanes[lane].cut = Some(cut);
-        }
-    }
-
-    /// Fails a lane whose step has become too small or whose budget is used up.
-    fn check_progress(&mut self, lane: usize, error: f64) {
-        let t = self.t[lane];
-        let control = &self.lanes[lane];
-        let attempts = control.statistics.steps + control.statistics.rejected;
-        let too_small = control.wish < MIN_RELATIVE_STEP * t.abs().max(LEAST_TIME);
-        if !too_small && attempts <= self.options.max_attempts {
-            return;
-        }
-        let state = self.worst_state(lane);
-        let control = &mut self.lanes[lane];
-        if too_small {
-            control.failure = Some(if error.is_finite() {
-                Failure::StepTooSmall { t, h: control.wish, state }
-            } else {
-                Failure::NotFinite { t, state }
-            });
-        } else {
-            control.failure = Some(Failure::TooManyAttempts { t, attempts });
-        }
-    }
-
-    fn worst_state(&self, lane: usize) -> usize {
-        let errors = &self.u[(S - 1) * self.y.len()..].as_flattened()[..self.structure.n()];
-        let relative = |i: usize| {
-            let size = self.y.as_flattened()[i].get(lane).abs();
-            let ratio = errors[i].get(lane).abs() / (self.scale.as_flattened()[i].get(lane) + size);
-            if ratio.is_nan() { f64::INFINITY } else { ratio }
-        };
-        (0..errors.len()).max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)
     }
 }

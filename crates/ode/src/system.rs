@@ -1,7 +1,7 @@
 //! What an integrator needs to know of a system of equations.
 
 use crate::structure::Structure;
-use math::{Lane, Over};
+use math::{Lane, Over, Real};
 use std::sync::Arc;
 
 /// `y' = f(t, y)` with parameters, inputs and modes of type `R` held in `self`.
@@ -42,6 +42,21 @@ pub trait System<R: Lane> {
     /// Functions that are positive before an obstacle and negative behind it. A step that fails because
     /// it runs into one is followed by one that ends before it: a matter of work, not of accuracy.
     fn obstacles(&self, _y: &[R], _out: &mut [R]) {}
+
+    /// One in each lane whose state the equations hold for, minus one where they do not. Every accepted step and
+    /// every sample is asked; one that lies outside is tried again with a shorter step, and no caller ever sees it.
+    fn inside(&self, _y: &[R], _work: &mut Self::Work<R>) -> R::Plain {
+        R::Plain::one()
+    }
+
+    /// The same for every state within `spread` of `y`, without doubt; minus one says nothing. A step that passes is
+    /// not asked sample by sample.
+    fn surely_inside(&self, _y: &[R], _spread: &[R::Plain]) -> R::Plain {
+        -R::Plain::one()
+    }
+
+    /// Puts a sample onto the side of the present mode, from which the error of a step may have moved it.
+    fn settle(&self, _y: &mut [R]) {}
 
     /// Changes the mode of one lane, and its state where the mode demands it (a stop sets v = 0).
     fn switch(&mut self, _lane: usize, _event: usize, _y: &mut [R], _work: &mut Self::Work<R>) {}

@@ -1,6 +1,6 @@
 //! What every class returns and raises: errors, runs, tables.
 
-use circuit::{Balance, Error, Kind, Run};
+use circuit::{Balance, Error, Impact, Kind, Run, budget};
 use numpy::{PyArray1, PyArray2};
 use ode::{Options, Statistics};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
@@ -20,16 +20,38 @@ pub fn parse<'a, T: serde::Deserialize<'a>>(json: &'a str) -> PyResult<T> {
         .map_err(|error| PyValueError::new_err(format!("the description does not fit the core: {error}")))
 }
 
+/// A Python callable that is told the simulated time now and then; what it raises ends the run.
+pub type Teller<'py> = Option<Bound<'py, PyAny>>;
+
 /// Runs `work` without the interpreter's lock; `work` is told when the user wants to stop.
+pub fn watched<T: Send>(
+    py: Python<'_>,
+    look: Teller<'_>,
+    work: impl Send + FnOnce(&mut dyn FnMut(f64) -> bool) -> Result<T, Error>,
+) -> PyResult<T> {
+    let look = look.map(Bound::unbind);
+    let (result, raised) = py.detach(|| {
+        let mut raised = None;
+        let mut interrupted = |t: f64| {
+            Python::attach(|py| {
+                raised = look.as_ref().and_then(|look| look.call1(py, (t,)).err());
+                raised.is_some() || py.check_signals().is_err()
+            })
+        };
+        (work(&mut interrupted), raised)
+    });
+    match raised {
+        Some(error) => Err(error),
+        None => result.map_err(to_python),
+    }
+}
+
+/// The same with nobody to tell.
 pub fn detached<T: Send>(
     py: Python<'_>,
-    work: impl Send + FnOnce(&mut dyn FnMut() -> bool) -> Result<T, Error>,
+    work: impl Send + FnOnce(&mut dyn FnMut(f64) -> bool) -> Result<T, Error>,
 ) -> PyResult<T> {
-    py.detach(|| {
-        let mut interrupted = || Python::attach(|py| py.check_signals().is_err());
-        work(&mut interrupted)
-    })
-    .map_err(to_python)
+    watched(py, None, work)
 }
 
 pub fn statistics<'py>(py: Python<'py>, s: &Statistics) -> PyResult<Bound<'py, PyDict>> {
@@ -63,6 +85,17 @@ pub fn ledger<'py>(py: Python<'py>, balance: &Balance) -> PyResult<Bound<'py, Py
     Ok(out)
 }
 
+fn impact<'py>(py: Python<'py>, impact: &Impact) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    out.set_item("time_s", impact.time)?;
+    out.set_item("end", if impact.at_b { "b" } else { "a" })?;
+    out.set_item("speed_m_s", impact.speed)?;
+    out.set_item("energy_j", impact.energy)?;
+    out.set_item("depth_m", impact.depth)?;
+    out.set_item("peak_force_n", impact.force)?;
+    Ok(out)
+}
+
 pub fn run_to_dict<'py>(py: Python<'py>, names: &[String], run: Run) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
     for (name, column) in names.iter().zip(run.columns) {
@@ -71,12 +104,16 @@ pub fn run_to_dict<'py>(py: Python<'py>, names: &[String], run: Run) -> PyResult
     let out = PyDict::new(py);
     out.set_item("columns", columns)?;
     out.set_item("statistics", statistics(py, &run.statistics)?)?;
+    let impacts = run.impacts.iter().map(|one| impact(py, one)).collect::<PyResult<Vec<_>>>()?;
+    out.set_item("impacts", impacts)?;
     out.set_item("ledger", run.balance.as_ref().map(|balance| ledger(py, balance)).transpose()?)?;
     Ok(out)
 }
 
-pub fn options(rtol: f64) -> Options {
-    Options { rtol, ..Options::default() }
+/// Options of a run of `duration` s with so many commands; the budget is the usual one where none is given.
+pub fn options(rtol: f64, duration: f64, commands: usize, given: Option<u64>) -> Options {
+    let max_attempts = given.unwrap_or_else(|| budget(duration, commands, rtol));
+    Options { rtol, max_attempts, ..Options::default() }
 }
 
 /// Samples in rows.

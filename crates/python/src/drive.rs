@@ -1,8 +1,9 @@
 //! `Drive`: simulation, balances along a record, shooting.
 
-use crate::convert::{Table, detached, options, parse, run_to_dict, statistics, to_python};
+use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched};
 use circuit::{ALONG, ByStart, Drive, Record, Restart, Servo, Shooting, Shot, specification};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use ode::Options;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -25,7 +26,7 @@ impl PyDrive {
     }
 
     /// Simulates a piecewise constant command.
-    #[pyo3(signature = (times, commands, duration, sample_rate, initial, rtol, ledger=false))]
+    #[pyo3(signature = (times, commands, duration, sample_rate, initial, rtol, ledger=false, budget=None, look=None))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn simulate<'py>(
         &self,
@@ -37,6 +38,8 @@ impl PyDrive {
         initial: &Bound<'py, PyDict>,
         rtol: f64,
         ledger: bool,
+        budget: Option<u64>,
+        look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let initial = initial_state(initial)?;
         let with_ledger;
@@ -46,11 +49,14 @@ impl PyDrive {
         } else {
             &self.drive
         };
-        let run = detached(py, |interrupted| {
-            drive.simulate(&times, &commands, (duration, sample_rate), &initial, options(rtol), interrupted)
+        let options = options(rtol, duration, commands.len(), budget);
+        let run = watched(py, look, |interrupted| {
+            drive.simulate(&times, &commands, (duration, sample_rate), &initial, options, interrupted)
         })?;
+        let warnings: Vec<String> =
+            drive.warnings().iter().cloned().chain(drive.impact_warning(&run.impacts)).collect();
         let out = run_to_dict(py, drive.columns(), run)?;
-        out.set_item("warnings", drive.warnings())?;
+        out.set_item("warnings", warnings)?;
         out.set_item("citations", drive.citations())?;
         Ok(out)
     }
@@ -69,8 +75,9 @@ impl PyDrive {
     ) -> PyResult<Table<'py>> {
         let initial = initial_state(initial)?;
         let rows = detached(py, |interrupted| {
-            let sampling = (duration, sample_rate);
-            self.drive.states(&times, &commands, sampling, &initial, options(rtol), interrupted)
+            let (sampling, options) =
+                ((duration, sample_rate), options(rtol, duration, commands.len(), None));
+            self.drive.states(&times, &commands, sampling, &initial, options, interrupted)
         })?;
         self.table(py, rows)
     }
@@ -122,7 +129,7 @@ impl PyDrive {
                 "the columns of a record have one length, openings four columns",
             ));
         }
-        let rows = py.detach(|| self.drive.along(&record));
+        let rows = py.detach(|| self.drive.along(&record)).map_err(to_python)?;
         let out = PyDict::new(py);
         for (i, name) in ALONG.iter().enumerate() {
             let column = rows.iter().skip(i).step_by(ALONG.len()).copied().collect();
@@ -161,7 +168,7 @@ impl PyDrive {
                 (duration, sample_rate),
                 &restarts,
                 temperatures,
-                options(rtol),
+                options(rtol, duration, commands.len(), None),
                 interrupted,
             )
         })?;
@@ -190,7 +197,9 @@ impl PyDrive {
         let middle = 0.5 * self.spec.cylinder.stroke_m;
         let servo = Servo { kp, kd, middle, amplitude: amplitude_m, frequency: frequency_hz };
         let (rows, commands, work) = detached(py, |interrupted| {
-            self.drive.servo(&servo, (duration_s, sample_rate_hz), &initial, options(rtol), interrupted)
+            let samples = (duration_s * sample_rate_hz) as usize;
+            let options = options(rtol, duration_s, samples, None);
+            self.drive.servo(&servo, (duration_s, sample_rate_hz), &initial, options, interrupted)
         })?;
         let out = PyDict::new(py);
         out.set_item("states", self.table(py, rows)?)?;
@@ -207,7 +216,7 @@ impl PyDrive {
 
     /// Runs segments of a record, each from a start of its own, with exact derivatives of the outputs and
     /// of the ends by numbers of the description and, if asked, by the starts.
-    #[pyo3(signature = (times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2))]
+    #[pyo3(signature = (times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2, look=None))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn shoot<'py>(
         &self,
@@ -222,6 +231,7 @@ impl PyDrive {
         outputs: Vec<String>,
         rtol: f64,
         threads: usize,
+        look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let asked = Shooting {
             times,
@@ -232,11 +242,18 @@ impl PyDrive {
             parameters,
             with_initial: with_initial.into(),
             outputs,
-            options: options(rtol),
+            options: Options { rtol, ..Options::default() },
             threads,
         };
-        let shot = detached(py, |interrupted| self.drive.shoot(&self.json, &asked, interrupted))?;
+        let shot = watched(py, look, |interrupted| self.drive.shoot(&self.json, &asked, interrupted))?;
         shot_to_dict(py, &asked, shot, self.drive.start_names())
+    }
+
+    /// Stiffness N/m, damping N s/m and damping depth m of the end stops, as given or as they follow from the drive.
+    #[getter]
+    fn end_stop(&self) -> (f64, f64, f64) {
+        let stop = self.drive.end_stop();
+        (stop.stiffness, stop.damping, stop.damping_depth)
     }
 
     /// What the user should know about this description.

@@ -1,6 +1,6 @@
 //! `Rig`: motions of a friction rig.
 
-use crate::convert::{detached, options, parse, run_to_dict, to_python};
+use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
 use circuit::{Motion, Rig, Start, specification};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -28,7 +28,7 @@ impl PyRig {
     }
 
     /// Runs a motion of piecewise constant jerk.
-    #[pyo3(signature = (durations, jerks, sample_times, initial, rtol, released=false, shut=false))]
+    #[pyo3(signature = (durations, jerks, sample_times, initial, rtol, released=false, shut=false, look=None))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn run<'py>(
         &self,
@@ -40,14 +40,16 @@ impl PyRig {
         rtol: f64,
         released: bool,
         shut: bool,
+        look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let motion = Motion { durations: &durations, jerks: &jerks, released, shut };
         let from = match &initial {
             From::Position(position) => Start::Rest(*position),
             From::State(state) => Start::State(state),
         };
-        let (run, end) = detached(py, |interrupted| {
-            self.rig.run(&motion, &sample_times, from, options(rtol), interrupted)
+        let options = options(rtol, durations.iter().sum(), durations.len(), None);
+        let (run, end) = watched(py, look, |interrupted| {
+            self.rig.run(&motion, &sample_times, from, options, interrupted)
         })?;
         let out = run_to_dict(py, self.rig.columns(), run)?;
         out.set_item("final", end.state)?;

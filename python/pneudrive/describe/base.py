@@ -368,6 +368,13 @@ class Described(Shown, BaseModel):
                     return f"Add a table [{alias}]."
         return f"Add {alias} = ..."
 
+    @classmethod
+    def default(cls, key: str) -> Any:  # noqa: ANN401 - any kind of value
+        """Return the default of a key as users write values."""
+        field = next(field for name, field in cls.model_fields.items() if key in {name, field.alias})
+        mark = next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
+        return field.default if mark is None else mark.show(field.default)
+
     def to_dict(self) -> dict[str, Any]:
         """Write the table as plain values, quantities with units; keys that were left to their default are left out."""
         out: dict[str, Any] = {}

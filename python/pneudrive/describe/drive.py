@@ -15,13 +15,13 @@ from pneudrive.describe.base import Described, inline, wrong
 from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
-from pneudrive.describe.parts import Ambient, Cylinder, Gas, Initial, Load, Supply, Valve
+from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
 from pneudrive.errors import DescriptionError
 from pneudrive.show import Card
 
 # Defaults that no datasheet backs: a result that rests on one says so.
-_ASSUMED = {"cylinder": ("heat_transfer", "end_stop"), "valve": ("subsonic_index", "linear_above")}
+_ASSUMED = {"cylinder": ("heat_transfer",), "valve": ("subsonic_index", "linear_above")}
 
 
 class _FileOrTable(classmethod):
@@ -177,7 +177,7 @@ class Drive(Described):
 
     def _core(self) -> dict[str, Any]:
         c, v = self.cylinder, self.valve
-        stop, spring = c.end_stop, self.carried.spring
+        spring = self.carried.spring
         return {
             "gas": {
                 "heat_capacity_ratio": self.gas.heat_capacity_ratio,
@@ -201,11 +201,7 @@ class Drive(Described):
                 "wall_temperature_k": _or(c.wall_temperature_k, self.ambient.temperature_k),
                 # Drives without a leak are described as they were before there were leaks.
                 **({"leakage_m3_s_pa": c.leakage_m3_s_pa} if c.leakage_m3_s_pa else {}),
-                "end_stop": {
-                    "stiffness_n_m": stop.stiffness_n_m,
-                    "damping_n_s_m": stop.damping_n_s_m,
-                    "damping_depth_m": stop.damping_depth_m,
-                },
+                "end_stop": c.end_stop.given,
                 "chamber_law": c.chamber_law,
             },
             "valve": {
@@ -254,14 +250,32 @@ class Drive(Described):
             state[f"temperature_{chamber}_k"] = _or(temperature, ambient.temperature_k)
         return state
 
+    @property
+    def end_stop(self) -> dict[str, float]:
+        """The end stops in SI by the names of `EndStop`: as given, or as they follow from the drive."""
+        from pneudrive import _core
+
+        try:
+            values = _core.Drive(self.core_json()).end_stop
+        except ValueError as error:
+            raise DescriptionError(str(error)) from None
+        return dict(zip(EndStop.model_fields, values, strict=True))
+
     def assumed(self) -> list[str]:
-        """Return the defaults that were used and that no source backs, as ``key = value``."""
+        """Return what was assumed because the description says nothing and no source backs it, as ``key = value``."""
         out = []
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
-            fields = {(field.alias or name): name for name, field in type(part).model_fields.items()}
-            out += [f"{table}.{key}" for key in keys if fields[key] not in part.model_fields_set]
-        return out
+            given = part.to_dict()
+            out += [f"{table}.{key} = {part.default(key)}" for key in keys if key not in given]
+        derived = zip(EndStop.keys(), self.end_stop.items(), ("N/m", "N s/m", "m"), strict=True)
+        given = self.cylinder.end_stop.given
+        out += [
+            f"cylinder.end_stop.{key} = {value:.3g} {unit}, from the drive"
+            for key, (name, value), unit in derived
+            if name not in given
+        ]
+        return out + [f"friction.{key} = {value}" for key, value in self.friction.assumed]
 
     def _card(self) -> Card:
         """Show a line for each table, with what was given."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field, field_serializer, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, field_serializer, model_validator
 
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
@@ -185,7 +185,7 @@ def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, 
     return {key: _as_assumed(value) for key, value in _following(given).items() if key in rules and key not in changed}
 
 
-def by_default(data: dict[str, Any]) -> dict[str, Any]:
+def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Complete a friction table that names no law: `DEFAULT_LAW`, and values that nobody knows from a datasheet.
 
     Parameters
@@ -195,8 +195,9 @@ def by_default(data: dict[str, Any]) -> dict[str, Any]:
 
     Returns
     -------
-    dict
-        The same with law, stribeck_velocity, bristle_stiffness, bristle_damping and damping_fade_velocity.
+    tuple of dict
+        The same with law, stribeck_velocity, bristle_stiffness, bristle_damping and damping_fade_velocity; and what of
+        it was assumed.
 
     Warns
     -----
@@ -204,20 +205,21 @@ def by_default(data: dict[str, Any]) -> dict[str, Any]:
         Which values were assumed.
     """
     quantities = parameter_quantities(friction_laws()[DEFAULT_LAW])
-    out: dict[str, Any] = {"law": DEFAULT_LAW} | data
+    law: dict[str, Any] = {"law": DEFAULT_LAW}
+    out = law | data
     if any(data.get(key) is None for key in ("coulomb", "breakaway")):
-        return out  # what is missing is said as for any law
+        return out, law  # what is missing is said as for any law
     try:
         known = {key: quantities[key].read(data[key]) for key in ("coulomb", "breakaway", *_FOLLOWS) if key in data}
     except WrongValueError:
-        return out  # and so is what is wrong
+        return out, law  # and so is what is wrong
     assumed = {"stribeck_velocity": _STRIBECK_VELOCITY_M_S} | _following(known)
     rounded = {key: _as_assumed(value) for key, value in assumed.items() if key not in data}
     shown = {key: quantities[key].show(value) for key, value in rounded.items()}
     listed = ", ".join(f'{key} = "{value}"' for key, value in shown.items())
     with_these = f" with assumed values: {listed}. Replace those that matter by measured ones" if listed else ""
     warn(f'the friction table names no law, so law = "{DEFAULT_LAW}" is used{with_these}.')
-    return out | shown
+    return out | shown, law | shown
 
 
 @dataclass(frozen=True)
@@ -246,7 +248,7 @@ class Friction(Described):
     ``friction.coulomb`` shows ``30 N``. `parameters` holds their plain SI values, defaults of the law included. `law`
     is a name of the core's, a `FrictionLaw`, or ``file:my_law.toml``; `formula` is then the law itself. Without a law
     it is `DEFAULT_LAW`, and what it takes beside the Coulomb and the breakaway force is assumed, with a
-    `PneudriveWarning` that says so.
+    `PneudriveWarning` that says so; `assumed` lists it.
     """
 
     table_name: ClassVar[str] = "friction"
@@ -276,10 +278,7 @@ class Friction(Described):
         if not isinstance(data, dict):
             return data
         laws = friction_laws()
-        name = data.get("law")
-        if name is None:
-            data = by_default(data)
-            name = data["law"]
+        name = data["law"]
         own = law_of(name)
         if own is not None:
             name = own.name
@@ -316,6 +315,21 @@ class Friction(Described):
             values[key] = default
         out = {"law": name, "formula": own, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
         return out | {key: data[key] for key in (*CHOICES, *DEPENDENCES) if data.get(key) is not None}
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _named(cls, data: Any, handler: ModelWrapValidatorHandler[Friction]) -> Friction:  # noqa: ANN401
+        if not isinstance(data, dict) or data.get("law") is not None:
+            return handler(data)
+        data, assumed = by_default(data)
+        friction = handler(data)
+        vars(friction)["assumed"] = tuple((key, str(value)) for key, value in assumed.items())
+        return friction
+
+    @cached_property
+    def assumed(self) -> tuple[tuple[str, str], ...]:
+        """What a table without a law left open, as (key, value); equality does not ask for it."""
+        return ()
 
     @model_validator(mode="after")
     def _levels(self) -> Friction:

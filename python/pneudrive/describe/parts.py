@@ -72,13 +72,25 @@ class EndStop(Described):
     """Contact with the end cover.
 
     force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed, never pulling.
-    The defaults are assumed.
+    What is not given follows from the drive (docs/theory/end_stops.md): so stiff that a sensible drive never reaches a
+    cover; `Drive.end_stop` has the values.
     """
 
     table_name: ClassVar[str] = "cylinder.end_stop"
-    stiffness_n_m: Stiffness = Field(default=1.0e6, alias="stiffness")
-    damping_n_s_m: Annotated[float, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = Field(default=2.0e3, alias="damping")
-    damping_depth_m: Length = Field(default=1.0e-4, alias="damping_depth")
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", "N/m", Bounds(above=0.0))] = Field(
+        default=None, alias="stiffness"
+    )
+    damping_n_s_m: Annotated[float | None, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = Field(
+        default=None, alias="damping"
+    )
+    damping_depth_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = Field(
+        default=None, alias="damping_depth"
+    )
+
+    @property
+    def given(self) -> dict[str, float]:
+        """What is given, by the core's names."""
+        return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
 
 
 class Cylinder(Described):

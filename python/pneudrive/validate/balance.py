@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.describe.valve_flow import openings
+from pneudrive.errors import SimulationError
 from pneudrive.simulate import compiled
 from pneudrive.validate.simulation import start_temperatures
 
@@ -64,15 +65,18 @@ def evaluate(
     x = signals.position_m if position is None else position
     p_a, p_b = (signals.pressure_a_pa, signals.pressure_b_pa) if pressures is None else pressures
     shares = openings(signals.command) if opened is None else opened
-    out = compiled(drive.core_json()).along(
-        np.ascontiguousarray(signals.time_s),
-        np.ascontiguousarray(x),
-        np.ascontiguousarray(signals.velocity_m_s),
-        np.ascontiguousarray(p_a),
-        np.ascontiguousarray(p_b),
-        np.ascontiguousarray(shares),
-        start_temperatures(drive, signals),
-    )
+    try:
+        out = compiled(drive.core_json()).along(
+            np.ascontiguousarray(signals.time_s),
+            np.ascontiguousarray(x),
+            np.ascontiguousarray(signals.velocity_m_s),
+            np.ascontiguousarray(p_a),
+            np.ascontiguousarray(p_b),
+            np.ascontiguousarray(shares),
+            start_temperatures(drive, signals),
+        )
+    except RuntimeError as error:
+        raise SimulationError(str(error)) from None
     return Terms(
         out["force_n"],
         out["friction_n"],

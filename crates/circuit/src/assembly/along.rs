@@ -3,7 +3,7 @@
 
 use super::Drive;
 use crate::net::Net;
-use crate::run::{Error, Recorder, sample_times};
+use crate::run::{Error, Look, Recorder, sample_times};
 use crate::specification::Initial;
 use math::Dual;
 use ode::{NoOutput, Options, Stepper, System};
@@ -57,12 +57,14 @@ impl Drive {
     ///
     /// which is stable where a small chamber is flushed within less than a sample. Whatever they are at the
     /// start is forgotten with the time constant of heat transfer and flushing.
-    pub fn along(&self, record: &Record<'_>) -> Vec<f64> {
+    ///
+    /// A sample that no state of this drive can have, such as a piston behind a cover, is an error.
+    pub fn along(&self, record: &Record<'_>) -> Result<Vec<f64>, Error> {
         let mut net = self.circuit().work::<AlongFlow>();
         let mut t = record.temperature;
         let mut rows = Vec::with_capacity(ALONG.len() * record.times.len());
         for i in 0..record.times.len() {
-            let rates = self.temperature_rates(record, i, t, &mut net);
+            let rates = self.temperature_rates(record, i, t, &mut net)?;
             let gas = self.chamber_ids().map(|id| net[id]);
             let axis = net[self.axis_id()];
             let steady = self.circuit().steady_friction(self.axis_id(), &axis).re;
@@ -71,14 +73,14 @@ impl Drive {
             rows.extend(gas.iter().map(|node| node.m_dot.re));
             if let Some(next) = record.times.get(i + 1) {
                 let h = next - record.times[i];
-                let warmer = self.temperature_rates(record, i, t.map(|t| t * (1.0 + STEP)), &mut net);
+                let warmer = self.temperature_rates(record, i, t.map(|t| t * (1.0 + STEP)), &mut net)?;
                 for side in 0..2 {
                     let slope = (warmer[side] - rates[side]) / (t[side] * STEP);
                     t[side] += h * rates[side] / (1.0 - h * slope.min(0.0));
                 }
             }
         }
-        rows
+        Ok(rows)
     }
 
     /// dT/dt in both chambers at sample `i` with temperatures `t`; leaves the nodes, with their rates along
@@ -89,7 +91,7 @@ impl Drive {
         i: usize,
         t: [f64; 2],
         net: &mut Net<AlongFlow>,
-    ) -> [f64; 2] {
+    ) -> Result<[f64; 2], Error> {
         let initial = Initial {
             position_m: record.position[i],
             velocity_m_s: record.velocity[i],
@@ -100,6 +102,20 @@ impl Drive {
             contact_age_s: 0.0,
         };
         let (mut circuit, y) = self.start(&initial, 0.0);
+        if !self.circuit().holds(&y) {
+            return Err(Error::Stopped(format!(
+                "the record cannot be of this drive: at t = {} s the piston is at {:.6} m of {:.6} m, the chambers are at {:.4e} \
+                 and {:.4e} Pa absolute, {:.1} and {:.1} K. Rule: the piston between the covers, pressures and temperatures \
+                 above zero. Check the zero of the position, gauge and absolute pressure, stroke and dead volumes",
+                record.times[i],
+                record.position[i],
+                self.stroke(),
+                record.pressure[0][i],
+                record.pressure[1][i],
+                t[0],
+                t[1]
+            )));
+        }
         self.set_openings(&mut circuit, record.openings[i]);
         let still: Vec<AlongFlow> = y.iter().map(|&value| value.into()).collect();
         let mut rates = still.clone();
@@ -107,7 +123,7 @@ impl Drive {
         let moving: Vec<AlongFlow> =
             y.iter().zip(&rates).map(|(&re, rate)| Dual { re, eps: [rate.re] }).collect();
         circuit.rhs(0.0.into(), &moving, &mut rates, net);
-        self.chamber_ids().map(|id| net[id].t.eps[0])
+        Ok(self.chamber_ids().map(|id| net[id].t.eps[0]))
     }
 }
 
@@ -140,15 +156,16 @@ impl Drive {
         restarts: &[Restart],
         temperature: [f64; 2],
         options: Options,
-        interrupted: &mut dyn FnMut() -> bool,
+        interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<(Vec<Vec<f64>>, Vec<String>), Error> {
         let samples = sample_times(sampling.0, sampling.1);
+        let mut look = Look::new(interrupted);
         let mut gas = temperature;
         let mut inner = Vec::new();
         for _ in 0..SETTLING.0 {
             let plan = (&[0.0][..], &[0.0][..], SETTLING.1);
             let mut stepper = self.put_back(&restarts[0], gas, &inner, 0.0, options);
-            if self.follow(plan, &mut stepper, &mut NoOutput, |_| {}, interrupted).is_err() {
+            if self.follow(plan, &mut stepper, &mut NoOutput, |_| {}, &mut look).is_err() {
                 break;
             }
             inner = stepper.system().inner_states(self.axis_id(), stepper.state()).to_vec();
@@ -170,7 +187,7 @@ impl Drive {
                 |c, t, y, net, row| self.row(c, (t, command.get()), y, net, row),
             );
             let plan = (&times[k..], &commands[k..], end);
-            match self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), interrupted) {
+            match self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), &mut look) {
                 Ok(()) => recorder.finish(stepper.system(), stepper.state()),
                 Err(Error::Stopped(message)) => failures.push(message),
                 Err(other) => return Err(other),

@@ -1,10 +1,12 @@
+use super::end_stop::{end_stop, impact_warning, stop_warning};
 use super::friction::{contact, friction_law};
 use super::leak::leak;
 use crate::circuit::{AxisId, Circuit, GasId, PistonSide, RestrictionId};
+use crate::impacts::Impact;
 use crate::lifted::Lifted;
 use crate::net::Net;
 use crate::part::ChamberLaw;
-use crate::run::{Error, Recorder, Run, States, advance, sample_times};
+use crate::run::{Error, Look, Recorder, Run, States, advance, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over, Real};
 use ode::{Options, Output, Statistics, Stepper, System};
@@ -23,6 +25,10 @@ pub struct Drive<P = f64> {
     b: GasId,
     /// Edges of the valve: supply to a, a to exhaust, supply to b, b to exhaust.
     edges: [RestrictionId; 4],
+    stop: EndStop<P>,
+    /// The larger area of the piston, m2, and the stroke, m.
+    area: P,
+    stroke: P,
     columns: Vec<String>,
     warnings: Vec<String>,
     citations: Vec<&'static str>,
@@ -33,22 +39,6 @@ pub struct Drive<P = f64> {
 fn side<P: Real>(bore: P, rod: P) -> PistonSide<P> {
     let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
     PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
-}
-
-/// A stop so soft that supply pressure pushes the piston through the dead volume before it.
-fn stop_warning(cylinder: &specification::Cylinder, areas: [f64; 2], gauge: f64) -> Option<String> {
-    let depth = |area: f64| gauge * area / cylinder.end_stop.stiffness_n_m;
-    let room = [cylinder.dead_volume_a_m3 / areas[0], cylinder.dead_volume_b_m3 / areas[1]];
-    // Chamber a pushes towards b's end, and the other way round.
-    let (into_b, into_a) = (depth(areas[0]), depth(areas[1]));
-    let (end, depth, room) = if into_b > room[1] { ("b", into_b, room[1]) } else { ("a", into_a, room[0]) };
-    (depth > room).then(|| {
-        format!(
-            "supply pressure pushes the piston {:.3} mm into the end stop, but the dead volume of chamber {end} is only {:.3} mm long: \
-             a larger cylinder.end_stop.stiffness or cylinder.dead_volume.{end} keeps the chamber from vanishing",
-            1e3 * depth, 1e3 * room
-        )
-    })
 }
 
 impl Drive {
@@ -72,7 +62,7 @@ impl Drive {
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
         drive.warnings = friction.warnings(gauge, spec.cylinder.stroke_m);
         let areas = sides::<f64>(&lifted).map(|side| side.area);
-        drive.warnings.extend(stop_warning(&spec.cylinder, areas, gauge));
+        drive.warnings.extend(stop_warning(&drive.stop, &spec.cylinder, areas, gauge));
         drive.citations = friction.sources();
         drive.citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if printed {
@@ -164,12 +154,9 @@ where
         let [side_a, side_b] = sides(lifted);
         circuit.face(a, axis, true, stroke, side_a);
         circuit.face(b, axis, false, stroke, side_b);
-        let stop = EndStop {
-            stiffness: number(|s| s.cylinder.end_stop.stiffness_n_m),
-            damping: number(|s| s.cylinder.end_stop.damping_n_s_m),
-            damping_depth: number(|s| s.cylinder.end_stop.damping_depth_m),
-        };
-        circuit.end_stops(axis, stop, stroke);
+        let stop = end_stop(lifted, &[side_a, side_b]);
+        let area = side_a.area.max(side_b.area);
+        circuit.end_stops(axis, stop.clone(), stroke);
         if let Some(spring) = lifted.optional(|spec| spec.load.spring.as_ref()) {
             circuit.spring(axis, spring.number(|s| s.stiffness_n_m), spring.number(|s| s.rest_position_m));
         }
@@ -185,7 +172,7 @@ where
             circuit.set_opening(gap, 0, 1.0);
         }
         let (warnings, citations) = (Vec::new(), Vec::new());
-        Ok(Drive { circuit, axis, a, b, edges, columns, warnings, citations })
+        Ok(Drive { circuit, axis, a, b, edges, stop, area, stroke, columns, warnings, citations })
     }
 }
 
@@ -262,9 +249,19 @@ impl<P: Lane> Drive<P> {
 }
 
 impl Drive {
+    /// The end stops, as given or as they follow from the drive.
+    pub fn end_stop(&self) -> &EndStop<f64> {
+        &self.stop
+    }
+
     /// What the user should know about this description.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// What to say of impacts that are too hard for a cylinder of this size.
+    pub fn impact_warning(&self, impacts: &[Impact]) -> Option<String> {
+        impact_warning(self.area, impacts)
     }
 
     /// Keys in references.bib of the laws and methods that this drive uses.
@@ -294,6 +291,10 @@ impl Drive {
         }
     }
 
+    pub(super) fn stroke(&self) -> f64 {
+        self.stroke
+    }
+
     pub(super) fn circuit(&self) -> &Circuit<f64> {
         &self.circuit
     }
@@ -314,7 +315,7 @@ impl Drive {
         sampling: (f64, f64),
         initial: &Initial,
         options: Options,
-        interrupted: &mut dyn FnMut() -> bool,
+        interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Run, Error> {
         let (duration, rate) = sampling;
         let (circuit, y) = self.start(initial, commands[0]);
@@ -325,10 +326,11 @@ impl Drive {
             });
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
         let plan = (times, commands, duration);
-        self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), interrupted)?;
+        self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), &mut Look::new(interrupted))?;
         recorder.finish(stepper.system(), stepper.state());
         let balance = recorder.balance(stepper.system());
-        Ok(Run { columns: recorder.columns, statistics: stepper.statistics(0), balance })
+        let impacts = recorder.take_impacts();
+        Ok(Run { columns: recorder.columns, statistics: stepper.statistics(0), balance, impacts })
     }
 
     /// The same run, but only its states as they are integrated: one row of x, v, m_a, U_a, m_b, U_b and
@@ -340,14 +342,14 @@ impl Drive {
         sampling: (f64, f64),
         initial: &Initial,
         options: Options,
-        interrupted: &mut dyn FnMut() -> bool,
+        interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Vec<f64>, Error> {
         let (circuit, y) = self.start(initial, commands[0]);
         let mut recorder = States::new(sample_times(sampling.0, sampling.1), y.len());
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
         let plan = (times, commands, sampling.0);
-        self.follow(plan, &mut stepper, &mut recorder, |_| {}, interrupted)?;
-        Ok(recorder.finish(stepper.state()))
+        self.follow(plan, &mut stepper, &mut recorder, |_| {}, &mut Look::new(interrupted))?;
+        Ok(recorder.finish(stepper.system(), stepper.state()))
     }
 
     /// Advances through the segments of a plan (times, commands, duration), the stepper starting with
@@ -358,7 +360,7 @@ impl Drive {
         stepper: &mut Stepper<f64, Circuit<f64>>,
         output: &mut impl Output<f64, Circuit<f64>>,
         note: impl Fn(f64),
-        interrupted: &mut dyn FnMut() -> bool,
+        look: &mut Look<'_>,
     ) -> Result<(), Error> {
         for (i, &u) in commands.iter().enumerate() {
             if times[i] >= duration {
@@ -369,7 +371,7 @@ impl Drive {
                 self.set_command(stepper.system_mut(), 0, u);
             }
             let until = times.get(i + 1).map_or(duration, |&t| t.min(duration));
-            advance(stepper, until, output, interrupted)?;
+            advance(stepper, until, output, look)?;
         }
         Ok(())
     }
@@ -393,21 +395,22 @@ impl Drive {
         sampling: (f64, f64),
         initial: &Initial,
         options: Options,
-        interrupted: &mut dyn FnMut() -> bool,
+        interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<(Vec<f64>, Vec<f64>, Statistics), Error> {
         let times = sample_times(sampling.0, sampling.1);
         let (circuit, y) = self.start(initial, 0.0);
         let mut recorder = States::new(times.clone(), y.len());
         let mut commands = Vec::with_capacity(times.len());
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
+        let mut look = Look::new(interrupted);
         for pair in times.windows(2) {
             let u = servo.command(pair[0], stepper.state()[0], stepper.state()[1]);
             commands.push(u);
             self.set_command(stepper.system_mut(), 0, u);
-            advance(&mut stepper, pair[1], &mut recorder, interrupted)?;
+            advance(&mut stepper, pair[1], &mut recorder, &mut look)?;
         }
         commands.extend(commands.last().copied());
-        Ok((recorder.finish(stepper.state()), commands, stepper.statistics(0)))
+        Ok((recorder.finish(stepper.system(), stepper.state()), commands, stepper.statistics(0)))
     }
 }
 

@@ -3,7 +3,7 @@ use crate::circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, Restriction
 use crate::ledger::Balance;
 use crate::net::Net;
 use crate::part::{Carriage, ChamberLaw};
-use crate::run::{Error, Recorder, Run, advance};
+use crate::run::{Error, Look, Recorder, Run, advance};
 use crate::specification::{self, AirSupply, Orifice};
 use ode::{Options, Stepper};
 use physics::IdealGas;
@@ -178,7 +178,7 @@ impl Rig {
         times: &[f64],
         from: Start,
         options: Options,
-        interrupted: &mut dyn FnMut() -> bool,
+        interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<(Run, End), Error> {
         let (circuit, y) = self.start(from, motion)?;
         let mut recorder =
@@ -187,10 +187,11 @@ impl Rig {
             });
         let mut stepper = Stepper::new(circuit, 0.0, &y, options);
         let mut until = 0.0;
+        let mut look = Look::new(interrupted);
         for (&duration, &jerk) in motion.durations.iter().zip(motion.jerks) {
             until += duration;
             stepper.system_mut().set_jerk(self.carriage, 0, jerk);
-            advance(&mut stepper, until, &mut recorder, interrupted)?;
+            advance(&mut stepper, until, &mut recorder, &mut look)?;
         }
         recorder.finish(stepper.system(), stepper.state());
         let balance: Option<Balance> = recorder.balance(stepper.system());
@@ -201,7 +202,12 @@ impl Rig {
         }
         circuit.come_to_rest(self.carriage, &mut state, AT_REST);
         let commanded = circuit.commanded(self.carriage, &state);
-        let run = Run { columns: recorder.columns, statistics: stepper.statistics(0), balance };
+        let run = Run {
+            columns: recorder.columns,
+            statistics: stepper.statistics(0),
+            balance,
+            impacts: Vec::new(),
+        };
         Ok((run, End { state, commanded }))
     }
 

@@ -5,7 +5,7 @@ use super::drive::CHAMBER_STATES;
 use crate::circuit::Circuit;
 use crate::lifted::{Lifted, tangents};
 use crate::net::Net;
-use crate::run::{Error, advance};
+use crate::run::{Error, Look, advance, budget, settled};
 use crate::specification;
 use math::{Dual, Lane};
 use ode::{Options, Output, Stepper, System};
@@ -110,7 +110,7 @@ impl Drive {
         &self,
         json: &str,
         asked: &Shooting,
-        interrupted: &mut dyn FnMut() -> bool,
+        interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
         let lift = || {
             let (spec, free) = tangents::<specification::Drive>(json, "", &asked.parameters)?;
@@ -167,7 +167,7 @@ pub(super) fn shoot_with<M: Shootable<f64>, S: Shootable<Sensitive>, F: Fn(usize
     (names, gas): (&[String], Range<usize>),
     lift: impl FnOnce() -> Result<F, Error>,
     asked: &Shooting,
-    interrupted: &mut dyn FnMut() -> bool,
+    interrupted: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Shot, Error> {
     let states = names.len();
     check(asked, names, &gas)?;
@@ -254,7 +254,7 @@ impl All<'_> {
     fn run<P: Lane, M: Shootable<P>>(
         &self,
         drives: &[M],
-        interrupted: &mut dyn FnMut() -> bool,
+        interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
         let (segments, samples) = (self.asked.starts.len(), self.asked.sample_times.len());
         let (outputs, directions) = (self.columns.len(), self.directions);
@@ -293,7 +293,7 @@ impl All<'_> {
                 match receiver.recv_timeout(LOOK) {
                     Ok((segment, pass, done)) => self.enter(&mut shot, segment, pass, done?),
                     Err(mpsc::RecvTimeoutError::Timeout) => {
-                        if interrupted() {
+                        if interrupted(self.asked.sample_times[0]) {
                             stop.store(true, Ordering::Relaxed);
                         }
                     }
@@ -346,10 +346,15 @@ impl All<'_> {
             rows: Vec::new(),
             command: asked.commands[at],
         };
-        let mut stepper = Stepper::new(circuit, from, &y, asked.options);
+        let work =
+            budget(end - from, asked.times.partition_point(|&time| time < end) - at, asked.options.rtol);
+        let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
+        let mut stepper = Stepper::new(circuit, from, &y, options);
+        let mut stopped = |_| stop.load(Ordering::Relaxed);
+        let mut look = Look::new(&mut stopped);
         let failure = loop {
             let until = asked.times.get(at + 1).map_or(end, |&time| time.min(end));
-            match advance(&mut stepper, until, &mut tracker, &mut || stop.load(Ordering::Relaxed)) {
+            match advance(&mut stepper, until, &mut tracker, &mut look) {
                 Err(Error::Stopped(message)) => break Some(message),
                 other => other?,
             }
@@ -407,8 +412,9 @@ struct Tracker<'a, P, M> {
 impl<P: Lane, M: Shootable<P>> Tracker<'_, P, M> {
     /// The samples still due are those at the end.
     fn finish(&mut self, stepper: &Stepper<P, Circuit<P>>) {
+        let y = settled(stepper.system(), stepper.state());
         while self.next < self.times.len() {
-            self.sample(0, self.times[self.next], stepper.state(), stepper.system());
+            self.sample(0, self.times[self.next], &y, stepper.system());
         }
     }
 }

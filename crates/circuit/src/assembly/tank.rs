@@ -86,7 +86,7 @@ impl Tank {
         &self,
         json: &str,
         asked: &Shooting,
-        interrupted: &mut dyn FnMut() -> bool,
+        interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
         let lift = || {
             let (spec, free) = tangents::<specification::Tank>(json, "", &asked.parameters)?;
@@ -163,7 +163,7 @@ mod tests {
             threads: 1,
         };
         let tank = Tank::assemble(&serde_json::from_str(&json).unwrap());
-        (times, tank.shoot(&json, &asked, &mut || false).unwrap())
+        (times, tank.shoot(&json, &asked, &mut |_| false).unwrap())
     }
 
     /// tau = V / (C rho0 R sqrt(T0 T)), rho0 and T0 of the standard reference atmosphere.

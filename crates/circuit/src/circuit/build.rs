@@ -1,7 +1,6 @@
 //! A circuit from its parts: adding them, joining them, and the state that they start from.
 
 use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId, Topology};
-use crate::part::cylinder::CHAMBERS;
 use crate::part::*;
 use math::{Deps, Lane, Over};
 use ode::{Structure, System};
@@ -88,8 +87,18 @@ impl<R: Lane> Circuit<R> {
         let friction = friction.map(|contact| contact.surrounded(self.common.ambient_temperature));
         let inertia = friction.as_ref().map_or(R::zero(), Contact::inertia);
         let inverse_mass = R::one() / (mass + inertia);
-        let part =
-            Axis { mass, inertia, inverse_mass, weight, external_force, friction, mode: R::zero(), node };
+        let deflection_scale = friction.as_ref().map_or(f64::INFINITY, axis::deflection_scale);
+        let part = Axis {
+            mass,
+            inertia,
+            inverse_mass,
+            weight,
+            external_force,
+            friction,
+            mode: R::zero(),
+            deflection_scale,
+            node,
+        };
         self.parts.axes.push((Place::default(), part));
         AxisId(node)
     }
@@ -265,15 +274,8 @@ impl<R: Lane> Circuit<R> {
         self.parts.place(&y, &mut net, &self.common);
         self.parts.shape(&mut net);
         for &(id, p, t) in gas {
-            let tanks = self.parts.volumes.iter().map(|(place, volume)| (place.first, volume));
-            let usual = self.parts.cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
-            let others =
-                self.parts.other_cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
-            let chambers = usual.chain(others).flat_map(|(place, volumes)| {
-                CHAMBERS.iter().zip(volumes).map(|(offset, volume)| (place.first + offset, volume))
-            });
-            let (first, part) =
-                tanks.chain(chambers).find(|(_, part)| part.node == id.0).expect("a volume of this circuit");
+            let (first, part, _) =
+                self.volumes().find(|(_, part, _)| part.node == id.0).expect("a volume of this circuit");
             let values = match part.law {
                 ChamberLaw::EnergyBalance => {
                     physics::chamber::EnergyBalance::initial(&self.common.gas, p, t, net.gas[id.0].volume)

@@ -25,6 +25,8 @@ pub struct Axis<P> {
     pub friction: Option<Contact<P>>,
     /// -1, 0 or +1: see [`physics::friction`].
     pub mode: P,
+    /// Largest error scale of a deflection, m: see [`deflection_scale`].
+    pub(crate) deflection_scale: f64,
     pub node: usize,
 }
 
@@ -40,9 +42,28 @@ impl<R: Lane> Axis<R> {
             external_force: number(&|axis| axis.external_force),
             friction: contacts.map(|contacts| Contact::gather(&contacts)),
             mode: number(&|axis| axis.mode),
+            deflection_scale: each[0].deflection_scale,
             node: each[0].node,
         }
     }
+}
+
+/// The state of a law with one spring.
+const DEFLECTION: &str = "bristle_deflection_m";
+/// Largest error scale of a deflection, as a multiple of that at which the spring carries the whole friction force.
+const DEFLECTION_SCALE: f64 = 100.0;
+
+/// The largest error scale, m, with which the tolerance still resolves the spring of a law; infinite for a law without.
+pub(crate) fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
+    let states = contact.states();
+    if states.first().is_none_or(|state| state.name != DEFLECTION) {
+        return f64::INFINITY;
+    }
+    let mut z = vec![R::zero(); states.len()];
+    z[0] = R::one();
+    let stiffness = 2.0 * contact.stored(&z).get(0);
+    let levels = contact.law.levels();
+    DEFLECTION_SCALE * levels.coulomb.get(0).max(levels.breakaway.get(0)) / stiffness
 }
 
 /// Where the friction law of a mass is evaluated.
@@ -191,7 +212,7 @@ impl<P: Real> Part<P> for Axis<P> {
             states.extend(contact.states().iter().map(|s| State {
                 name: s.name,
                 unit: s.unit,
-                scale: s.scale,
+                scale: if s.name == DEFLECTION { s.scale.min(self.deflection_scale) } else { s.scale },
             }));
         }
         states

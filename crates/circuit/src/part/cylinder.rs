@@ -41,6 +41,29 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
     }
 }
 
+impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
+    /// `so_far` where both chambers have room and gas at every state within `spread` of `y`, minus one in each lane
+    /// where one may have none.
+    #[inline(always)]
+    pub(crate) fn holds(&self, y: Own<R>, spread: &[R::Plain], scale: Own<R>, so_far: R::Plain) -> R::Plain {
+        let (y, scale): ([R; INNER], [R; INNER]) = (y.first(), scale.first());
+        let least = |i: usize| y[i].plain() - spread[i];
+        let mut so_far = so_far;
+        for (i, (volume, face)) in self.sides().enumerate() {
+            let first = CHAMBERS[i];
+            let reach = face.area.plain() * spread[0];
+            let room = face.room(y[0].plain(), volume.dead_volume.plain()) - reach;
+            so_far = volume.holds(
+                room,
+                [least(first), least(first + 1)],
+                [scale[first], scale[first + 1]],
+                so_far,
+            );
+        }
+        so_far
+    }
+}
+
 impl<P: Real, const USUAL: bool> Cylinder<P, USUAL> {
     fn sides(&self) -> impl Iterator<Item = (&Volume<P>, &Face<P>)> {
         self.volumes.iter().zip(&self.faces)

@@ -47,6 +47,14 @@ impl<P: Real> EndStops<P> {
     }
 }
 
+impl EndStops<f64> {
+    /// Depth, m, and force that pushes back, N, of whichever stop is touched.
+    pub(crate) fn pressed(&self, x: f64, v: f64) -> (f64, f64) {
+        let (depth, closing, _) = self.contact(x, v);
+        (depth.max(0.0), self.law.force(depth, closing))
+    }
+}
+
 impl<P: Real> Part<P> for EndStops<P> {
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {

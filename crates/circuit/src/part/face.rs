@@ -1,7 +1,7 @@
 use super::{Common, Own, Part};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, GasNode, Net};
-use math::{Over, Real};
+use math::{Lane, Over, Real};
 
 physics::parameters! {
     /// One side of a piston: joins a gas node to an axis.
@@ -56,6 +56,14 @@ impl<P: Real> Face<P> {
         } else {
             axis.gauge_b = gauge;
         }
+    }
+}
+
+impl<R: Lane> Face<R> {
+    /// What the piston at `x` leaves free of a chamber with this dead volume, m3.
+    #[inline(always)]
+    pub(super) fn room(&self, x: R::Plain, dead_volume: R::Plain) -> R::Plain {
+        self.area.plain().fma(self.offset.plain() + self.signed(x), dead_volume)
     }
 }
 

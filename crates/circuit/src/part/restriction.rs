@@ -1,4 +1,7 @@
-use super::{Common, Own, Part, volume::specific_entropy};
+use super::{
+    Common, Own, Part,
+    volume::{log, specific_entropy},
+};
 use crate::ledger::Kind;
 use crate::net::{GasNode, Net};
 use math::{Lane, Over, Real};
@@ -82,10 +85,10 @@ impl<P: Real> Part<P> for Restriction<P> {
         out[0] = one_in(m_dot);
         out[1] = one_in(h_dot);
         out[2] = sign(self.from_boundary, m_dot * s_from) - sign(self.to_boundary, m_dot * s_to);
-        out[3] = m_dot * S::from(common.gas.gas_constant) * (one.p / two.p).ln();
+        out[3] = m_dot * S::from(common.gas.gas_constant) * log(one.p / two.p);
         let receiver = S::select(backward, one.t, two.t);
         let ratio = t_up / receiver;
-        let mixing = m_dot.abs() * S::from(common.gas.cp) * (ratio - S::one() - ratio.ln());
+        let mixing = m_dot.abs() * S::from(common.gas.cp) * (ratio - S::one() - log(ratio));
         let into_forward = if self.to_boundary { zero } else { mixing };
         let into_backward = if self.from_boundary { zero } else { mixing };
         out[4] = S::select(backward, into_backward, into_forward);

@@ -7,6 +7,12 @@ use physics::chamber::{AsPrinted, EnergyBalance, Exchange};
 use physics::flow::{P_0, T_0};
 use physics::heat;
 
+/// Share of the dead volume at which the piston has reached the cover: a gap of no height cannot be filled.
+pub(crate) const LEAST_ROOM: f64 = 1e-3;
+/// Share of the gas in the dead volume at standard conditions, by mass and by energy, below which a chamber is empty:
+/// far below what any tolerance resolves.
+pub(crate) const LEAST_GAS: f64 = 1e-9;
+
 /// The balance that a volume obeys, with its own states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChamberLaw {
@@ -46,10 +52,16 @@ impl<R: Lane> Volume<R> {
     }
 }
 
+/// ln x for an account. A trial stage may lie outside the physics, and its accounts may say anything but no number:
+/// with or without ledger, the same steps are taken.
+pub(super) fn log<S: Real>(x: S) -> S {
+    x.max(S::c(f64::MIN_POSITIVE)).ln()
+}
+
 /// Entropy per mass relative to the reference state, J/(kg K).
 pub(super) fn specific_entropy<P: Real, S: Over<P>>(t: S, p: S, common: &Common<P>) -> S {
     let (cp, r) = (S::from(common.gas.cp), S::from(common.gas.gas_constant));
-    cp * (t / S::c(T_0)).ln() - r * (p / S::c(P_0)).ln()
+    cp * log(t / S::c(T_0)) - r * log(p / S::c(P_0))
 }
 
 impl<P: Real> Volume<P> {
@@ -89,6 +101,28 @@ impl<P: Real> Volume<P> {
             ChamberLaw::EnergyBalance => EnergyBalance::rate(node.p, &exchange),
             ChamberLaw::AsPrinted => AsPrinted::rate(&common.gas, node.p, node.t, &exchange),
         }
+    }
+}
+
+impl<R: Lane> Volume<R> {
+    /// `so_far` where there is room and gas in the volume, minus one in each lane where there is not.
+    #[inline(always)]
+    pub(crate) fn holds(
+        &self,
+        room: R::Plain,
+        states: [R::Plain; 2],
+        scales: [R; 2],
+        so_far: R::Plain,
+    ) -> R::Plain {
+        let mut out = so_far;
+        let mut ask = |value: R::Plain, least: R::Plain| {
+            out = R::Plain::select(least.lt(value), out, -R::Plain::one());
+        };
+        ask(room, self.dead_volume.plain() * R::Plain::c(LEAST_ROOM));
+        for (state, scale) in states.into_iter().zip(scales) {
+            ask(state, scale.plain() * R::Plain::c(LEAST_GAS));
+        }
+        out
     }
 }
 

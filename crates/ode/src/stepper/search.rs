@@ -19,7 +19,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     fn look(&mut self, lane: usize, t0: f64, h: f64, theta: f64) {
         let n = self.structure.n();
         let t = R::from_lanes(|l| if l == lane { t0 + theta * h } else { self.t[l] });
-        let y = if theta == 1.0 { self.step.y1.as_flattened() } else { self.step.interpolate(theta) };
+        let y = if theta == 1.0 { self.step.y1.as_flattened() } else { &*self.step.interpolate(theta) };
         self.system.events(t, &y[..n], &mut self.g_look, &mut self.work);
     }
 

@@ -1,0 +1,101 @@
+//! Impacts on the end stops, read off the accepted steps.
+
+use crate::part::EndStops;
+use ode::Accepted;
+
+/// A contact with an end stop.
+#[derive(Clone, Copy, Debug)]
+pub struct Impact {
+    /// When it begins, s.
+    pub time: f64,
+    /// At the end of chamber b, else at that of chamber a.
+    pub at_b: bool,
+    /// Closing speed at the first touch, m/s, and the kinetic energy then, J.
+    pub speed: f64,
+    pub energy: f64,
+    /// Largest depth, m, and largest force of the stop, N.
+    pub depth: f64,
+    pub force: f64,
+}
+
+/// Contacts slower than this are none, m/s: a piston that is held against a stop trembles on it (assumed).
+const LEAST_SPEED: f64 = 1e-3;
+/// Points of a step in contact at which depth and force are looked at.
+const POINTS: u32 = 8;
+/// Halvings that find the first touch within a step: to a millionth of it.
+const HALVINGS: u32 = 20;
+
+/// Follows one mass; x and v are the states `first` and `first + 1`.
+pub(crate) struct Impacts {
+    stops: EndStops<f64>,
+    mass: f64,
+    first: usize,
+    open: Option<Impact>,
+    done: Vec<Impact>,
+}
+
+impl Impacts {
+    pub fn new(stops: EndStops<f64>, mass: f64, first: usize) -> Self {
+        Impacts { stops, mass, first, open: None, done: Vec::new() }
+    }
+
+    fn touches(&self, x: f64) -> bool {
+        x < 0.0 || x > self.stops.stroke
+    }
+
+    /// Looks at an accepted step.
+    #[inline(always)]
+    pub fn step(&mut self, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
+        let (before, after) = (states.before()[self.first], states.after()[self.first]);
+        if self.touches(before) || self.touches(after) {
+            self.follow(t, h, states);
+        }
+    }
+
+    #[inline(never)]
+    fn follow(&mut self, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
+        let first = self.first;
+        let mut at = |theta: f64| {
+            let y = states.at(theta);
+            [y[first], y[first + 1]]
+        };
+        let mut from = 0.0;
+        if self.open.is_none() {
+            let (mut low, mut high) = (0.0, 1.0);
+            for _ in 0..if self.touches(at(0.0)[0]) { 0 } else { HALVINGS } {
+                let middle = 0.5 * (low + high);
+                if self.touches(at(middle)[0]) {
+                    high = middle;
+                } else {
+                    low = middle;
+                }
+            }
+            from = low;
+            let [x, v] = at(if low == 0.0 { 0.0 } else { high });
+            let at_b = x > 0.5 * self.stops.stroke;
+            let speed = if at_b { v } else { -v };
+            let energy = 0.5 * self.mass * v * v;
+            self.open = Some(Impact { time: t + low * h, at_b, speed, energy, depth: 0.0, force: 0.0 });
+        }
+        for k in 1..=POINTS {
+            let [x, v] = at(from + (1.0 - from) * f64::from(k) / f64::from(POINTS));
+            let (depth, force) = self.stops.pressed(x, v);
+            let open = self.open.as_mut().expect("a contact");
+            open.depth = open.depth.max(depth);
+            open.force = open.force.max(force);
+        }
+        if !self.touches(at(1.0)[0]) {
+            self.close();
+        }
+    }
+
+    fn close(&mut self) {
+        self.done.extend(self.open.take().filter(|impact| impact.speed >= LEAST_SPEED));
+    }
+
+    /// All impacts of the run, one that goes on included.
+    pub fn finish(mut self) -> Vec<Impact> {
+        self.close();
+        self.done
+    }
+}

@@ -1,0 +1,91 @@
+//! Samples, and whatever else follows the integration.
+
+use super::{Stepper, is_outside};
+use crate::dense::Step;
+use crate::stages::Block;
+use crate::system::System;
+use math::Lane;
+
+/// Receives samples while the integration runs.
+pub trait Output<R: Lane, Sys> {
+    /// The next time at which this lane wants a sample; infinity where it wants none.
+    fn due(&self, lane: usize) -> f64;
+    /// The state of this lane at the time that was due.
+    fn sample(&mut self, lane: usize, t: f64, y: &[R], system: &Sys);
+    /// A step of this lane from `t` of length `h`, once it is accepted.
+    #[inline(always)]
+    fn step(&mut self, _lane: usize, _t: f64, _h: f64, _states: &mut Accepted<'_, R>) {}
+}
+
+/// The states within one accepted step.
+pub struct Accepted<'a, R: Lane> {
+    pub(super) step: &'a mut Step<R>,
+    pub(super) u: &'a [Block<R>],
+}
+
+impl<R: Lane> Accepted<'_, R> {
+    /// Where the step begins.
+    pub fn before(&self) -> &[R] {
+        self.step.y0.as_flattened()
+    }
+    /// Where it ends.
+    pub fn after(&self) -> &[R] {
+        self.step.y1.as_flattened()
+    }
+    /// At a fraction of its length.
+    pub fn at(&mut self, theta: f64) -> &[R] {
+        self.step.prepare(self.u);
+        self.step.interpolate(theta)
+    }
+}
+
+/// No samples.
+pub struct NoOutput;
+
+impl<R: Lane, Sys> Output<R, Sys> for NoOutput {
+    fn due(&self, _lane: usize) -> f64 {
+        f64::INFINITY
+    }
+    fn sample(&mut self, _lane: usize, _t: f64, _y: &[R], _system: &Sys) {}
+}
+
+impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
+    /// The samples of one lane that are due before `t1`, the end of the step of length `h` from `t0`. One that
+    /// lies outside what the equations hold for is not given: the fraction of the step at which it lies.
+    #[inline(always)]
+    pub(super) fn give_samples(
+        &mut self,
+        lane: usize,
+        t0: f64,
+        h: f64,
+        t1: f64,
+        output: &mut impl Output<R, Sys>,
+    ) -> Option<f64> {
+        let n = self.structure.n();
+        while output.due(lane) <= t0 {
+            let y = &mut self.step.copy(&self.y)[..n];
+            self.system.settle(y);
+            output.sample(lane, t0, y, &self.system);
+        }
+        if output.due(lane) >= t1 {
+            return None;
+        }
+        self.step.prepare(&self.u);
+        let sure = self.system.surely_inside(&self.y.as_flattened()[..n], &self.step.spread()[..n]);
+        let sure = !is_outside::<R>(sure, lane);
+        let inverse_h = 1.0 / h;
+        loop {
+            let t = output.due(lane);
+            if t >= t1 {
+                return None;
+            }
+            let theta = ((t - t0) * inverse_h).clamp(0.0, 1.0);
+            let y = &mut self.step.interpolate(theta)[..n];
+            if !sure && is_outside::<R>(self.system.inside(y, &mut self.work), lane) {
+                return Some(theta);
+            }
+            self.system.settle(y);
+            output.sample(lane, t, y, &self.system);
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! What follows an attempt that is not taken: a shorter one, or the end of the lane.
+
+use super::{MIN_RELATIVE_STEP, Stepper};
+use crate::control::Failure;
+use crate::stages::S;
+use crate::system::System;
+use math::Lane;
+
+/// How near an obstacle the next attempt ends, as a share of the way.
+const SHORT_OF_OBSTACLE: f64 = 0.999;
+/// Near t = 0 a step counts as too small against this time, s.
+const LEAST_TIME: f64 = 1e-3;
+
+impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
+    /// After an attempt that failed by far: if the tangent of the solution meets an obstacle within its
+    /// length, the next attempt ends shortly before it.
+    pub(super) fn stop_before_obstacle(&mut self, lane: usize, h: f64) {
+        let n = self.structure.n();
+        self.system.obstacles(&self.y.as_flattened()[..n], &mut self.ahead);
+        let before: Vec<f64> = self.ahead.iter().map(|k| k.get(lane)).collect();
+        let (y, f0) = (self.y.as_flattened(), self.f0.as_flattened());
+        for ((end, y), f) in self.stage.as_flattened_mut().iter_mut().zip(y).zip(f0) {
+            *end = f.fma(R::c(h), *y);
+        }
+        self.system.obstacles(&self.stage.as_flattened()[..n], &mut self.ahead);
+        let mut first = 1.0_f64;
+        for (before, behind) in before.iter().zip(&self.ahead) {
+            let behind = behind.get(lane);
+            if *before > 0.0 && behind < 0.0 {
+                first = first.min(before / (before - behind));
+            }
+        }
+        let cut = SHORT_OF_OBSTACLE * first * h;
+        if first < 1.0 && cut > self.lanes[lane].wish {
+            self.lanes[lane].cut = Some(cut);
+        }
+    }
+
+    fn is_too_small(&self, lane: usize) -> bool {
+        self.lanes[lane].wish < MIN_RELATIVE_STEP * self.t[lane].abs().max(LEAST_TIME)
+    }
+
+    /// Fails a lane whose step has become too small.
+    pub(super) fn check_progress(&mut self, lane: usize, error: f64) {
+        if self.is_too_small(lane) {
+            let (t, state) = (self.t[lane], self.worst_state(lane));
+            let control = &mut self.lanes[lane];
+            control.failure = Some(if error.is_finite() {
+                Failure::StepTooSmall { t, h: control.wish, state }
+            } else {
+                Failure::NotFinite { t, state }
+            });
+        }
+    }
+
+    /// Fails a lane that no shorter step keeps within what its equations hold for.
+    pub(super) fn check_outside(&mut self, lane: usize) {
+        if self.is_too_small(lane) {
+            self.lanes[lane].failure = Some(Failure::Outside { t: self.t[lane] });
+        }
+    }
+
+    fn worst_state(&self, lane: usize) -> usize {
+        let errors = &self.u[(S - 1) * self.y.len()..].as_flattened()[..self.structure.n()];
+        let relative = |i: usize| {
+            let size = self.y.as_flattened()[i].get(lane).abs();
+            let ratio = errors[i].get(lane).abs() / (self.scale.as_flattened()[i].get(lane) + size);
+            if ratio.is_nan() { f64::INFINITY } else { ratio }
+        };
+        (0..errors.len()).max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)
+    }
+}
