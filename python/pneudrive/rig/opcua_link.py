@@ -263,7 +263,7 @@ class Link:
 
     async def _values(self, ids: list[Any]) -> list[Any]:
         ua = opcua("asyncua.ua")
-        return await self._request(self._client.uaclient.read_attributes(ids, ua.AttributeIds.Value))
+        return await self._request(self._connected().uaclient.read_attributes(ids, ua.AttributeIds.Value))
 
     async def _write(self, values: dict[str, Any]) -> None:
         ua = opcua("asyncua.ua")
@@ -273,9 +273,14 @@ class Link:
             variant = ua.Variant(self._to_raw(place, value), place.type)
             ids.append(place.ids[0])
             data.append(ua.DataValue(variant, StatusCode=None))  # PLCs refuse to have status or time stamp written
-        results = await self._request(self._client.uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
+        results = await self._request(self._connected().uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
         for name, node_id, status in zip(values, ids, results, strict=True):
             self._good(status, name, node_id)
+
+    def _connected(self) -> Any:  # noqa: ANN401 - asyncua's client
+        if self._client is None:  # another thread is just connecting again
+            raise LinkError(self.lost or "the connection is closed")
+        return self._client
 
     async def _request(self, request: Coroutine[Any, Any, Answer]) -> Answer:
         """Send a request; whatever ends the connection is one error."""
