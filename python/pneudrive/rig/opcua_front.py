@@ -47,8 +47,8 @@ LARGEST_REQUEST = 8192  # but for writing
 MOST_WRITTEN = 256  # nodes in one request
 QUEUED = 8  # requests of one connection that are read ahead
 BUFFERED = 1 << 20  # bytes of answers that wait to be sent
-MOST_SUBSCRIPTIONS, MOST_ITEMS = 4, 100  # of a session
-FASTEST_MS, SLOWEST_MS = 50.0, 60_000.0  # of a subscription
+MOST_SUBSCRIPTIONS, MOST_ITEMS = 2, 50  # of a session
+FASTEST_MS, SLOWEST_MS = 250.0, 60_000.0  # of a subscription
 #: What may be asked for without a session, and within one; asyncua could do more.
 OPENING = ("GetEndpoints", "FindServers", "CreateSession", "ActivateSession", "CloseSession", "CloseSecureChannel")
 SERVICES = (
