@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pneudrive.characterise.date_times import guess_form, looks_like_date_time
 from pneudrive.characterise.text_table import TextForm, decode, is_words, read_bytes, split_row, to_number
 from pneudrive.errors import RecordingError
+from pneudrive.files.content import check_file
 from pneudrive.files.packed import COMPRESSIONS
 from pneudrive.units import is_unit
 
@@ -42,13 +43,11 @@ class Reading:
 
 def sniff_format(path: Path) -> str:
     """Tell the format from the first bytes; ``csv`` where they are text."""
+    check_file(path, RecordingError)
     if path.suffix in COMPRESSIONS:
         return "csv"
-    try:
-        with path.open("rb") as file:
-            head = file.read(4)
-    except OSError:
-        return "csv"  # the reader says what is wrong
+    with path.open("rb") as file:
+        head = file.read(4)
     if head == b"\x89HDF" and path.suffix == ".mat":
         return "mat"
     return MAGIC.get(head, "csv")

@@ -11,6 +11,7 @@ import numpy as np
 
 from pneudrive.characterise.date_times import seconds
 from pneudrive.errors import RecordingError
+from pneudrive.files.bounds import bound, within
 from pneudrive.files.packed import pieces
 
 if TYPE_CHECKING:
@@ -52,7 +53,18 @@ def read_bytes(path: Path) -> bytes:
     data = b"".join(pieces(path, RecordingError, folder="name the files, as in folder/*.csv"))
     if not data.strip():
         raise RecordingError("the file is empty", where=str(path))
+    _check_lines(data, path)
     return data
+
+
+def _check_lines(data: bytes, path: Path) -> None:
+    """Refuse text in which a line does not end within the bound."""
+    most, begin = int(bound("line_bytes")), 0
+    while len(data) - begin > most and b"\0" not in data[:4096]:  # what is binary is refused elsewhere
+        end = max(data.rfind(sign, begin, begin + most) for sign in (b"\n", b"\r"))
+        if end < 0:
+            within("line_bytes", most + 1, f"a line is longer than {most:,} bytes", RecordingError, str(path))
+        begin = end + 1
 
 
 def decode(data: bytes, path: Path) -> str:

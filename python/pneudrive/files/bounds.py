@@ -41,6 +41,7 @@ BOUNDS: dict[str, Bound] = {
     "file_bytes": Bound(1e11, "bytes", "1e9 samples of 12 channels of 8 bytes"),
     "unpacked_ratio": Bound(200, "times the packed size", "measured columns shrink to a third or a twentieth"),
     "unpacked_bytes": Bound(1e10, "bytes", "1e8 rows of 100 characters"),
+    "line_bytes": Bound(1e6, "bytes", "a row of 50,000 columns"),
     "count": Bound(1e4, "", "10,000 levels, repeats or strokes take a rig months"),
     "cycles": Bound(1e6, "cycles", "a rig runs 1,000 cycles a day"),
     "samples": Bound(2e8, "samples", "a recording of 1e8 samples is a long one"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import Layout, characterise
+from pneudrive.characterise.propose import propose_layout
 from pneudrive.errors import RecordingError
 
 LAYOUT = Layout.loads("""
@@ -97,3 +98,20 @@ def test_a_few_broken_rows_are_counted_and_many_refused(tmp_path):
     write(tmp_path / "a.csv", rows)
     with pytest.raises(RecordingError, match=r"21 of 200 rows are not numbers.*line 1"):
         characterise(tmp_path / "a.csv", LAYOUT)
+
+
+def test_what_has_no_end_is_refused_before_it_is_read(tmp_path):
+    """A pipe that nobody writes to, a line without an end, a packed file that unpacks to gigabytes."""
+    import lzma
+    import os
+
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(RecordingError, match="a pipe or a device"):
+        propose_layout(tmp_path / "pipe.csv")
+    (tmp_path / "line.csv").write_bytes(b"1,2," * 500_000)
+    with pytest.raises(RecordingError, match="a line is longer than 1,000,000 bytes"):
+        propose_layout(tmp_path / "line.csv")
+    packer = lzma.LZMACompressor(preset=0)
+    (tmp_path / "bomb.csv.xz").write_bytes(packer.compress(b"0" * (1 << 27)) + packer.flush())
+    with pytest.raises(RecordingError, match="unpacks to"):
+        propose_layout(tmp_path / "bomb.csv.xz")
