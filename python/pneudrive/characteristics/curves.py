@@ -405,6 +405,7 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
                     cycles=counts,
                     excluded=excluded,
                     contains_air=contains_air,
+                    complete=fits.drift_share < CARRIED,
                 )
             )
     return tuple(curves)

@@ -73,7 +73,8 @@ def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
     path = check_target(path, (".parquet", ".csv"))
     rows: list[dict[str, Any]] = []
     for curve in found.curves:
-        common = {**vars(curve.condition), "direction": curve.direction, "contains_air": curve.contains_air}
+        of_curve = {name: getattr(curve, name) for name in ("direction", "contains_air", "complete")}
+        common = {**vars(curve.condition), **of_curve}
         rows += [
             {**common, **{name: getattr(curve, name)[i].item() for name in CURVE_COLUMNS}, "excluded": ""}
             for i in range(curve.speed_m_s.size)

@@ -144,6 +144,8 @@ class Curve(Shown):
     excluded : tuple of ExcludedPoint
     contains_air : bool
         Pressures were not measured in the chambers: part of it may be the force of the air.
+    complete : bool
+        False where time and speed went together: a drift (run-in, zero of the force sensor) is not in the band.
     """
 
     condition: Condition
@@ -158,6 +160,7 @@ class Curve(Shown):
     cycles: NDArray[np.int64]
     excluded: tuple[ExcludedPoint, ...] = ()
     contains_air: bool = False
+    complete: bool = True
 
     @property
     def statistical_low_n(self) -> Array:

@@ -74,3 +74,13 @@ def test_a_law_is_fitted_to_the_map(found):
         reach = 1.5 * (high - low)
         assert abs(fit.parameters[name] - true) < reach, name
     assert fit.parameters["coulomb_a"] == pytest.approx(2.0 / BAR, rel=0.15)
+
+
+def test_a_band_that_does_not_hold_the_drift_says_that_it_is_not_complete(found, tmp_path):
+    plan = {"friction": TRUE, "samples": 300, "repeats": 1, "sentinel_every": 0, "drift_share": -0.1}
+    blind = characteristics(write_campaign(tmp_path / "blind", World(order="ascending", **plan), 1), processes=1)
+    for one, complete in ((found, True), (blind, False)):
+        write_characteristics(one, tmp_path)
+        table = pl.read_parquet(tmp_path / "curves.parquet")
+        assert set(table.select("direction", "complete").unique().iter_rows()) == {(d, complete) for d in (0, 1, -1)}
+        assert any("not in the band" in s.text for s in one.statements if s.topic == "drift") != complete
