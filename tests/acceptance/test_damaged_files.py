@@ -286,9 +286,13 @@ def damaged(data: bytes, rng: random.Random, *, text: bool) -> bytes:
     return bytes(out)
 
 
+def same(found: list[np.ndarray], wanted: list[np.ndarray]) -> bool:
+    return all(np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in zip(found, wanted, strict=True))
+
+
 def by_python(path: Path) -> list[np.ndarray]:
     """Read three columns of a CSV file of ours by means of Python alone."""
-    first, *rows = [line.split(",") for line in path.read_text(encoding="utf-8-sig").splitlines()]
+    first, *rows = [line.split(",") for line in path.read_bytes().decode("latin-1").removesuffix("\n").split("\n")]
     places = [first.index(name) for name in ("time_s", "position_m", "pressure_a_pa")]
     missing = "nan"  # an empty field, and an empty line, are rows without values
     return [
@@ -320,11 +324,9 @@ def test_damaged_files_are_refused_in_words_or_read_as_they_are(sound, kind, mon
                 said.append(str(error))
                 continue
             if kind.proven and found:
-                assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(found, written, strict=True)), seed
+                assert same(found, written), seed
             if kind.name == "own.csv":
-                assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(found, by_python(path), strict=True)), (
-                    seed
-                )
+                assert same(found, by_python(path)), seed
     finally:
         path.write_bytes(data)
     if kind.proven and not kind.name.startswith("campaign/"):  # a folder tells of them among its problems

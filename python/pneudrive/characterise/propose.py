@@ -83,6 +83,8 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     else:
         names, columns, dates, units = read_all(form, path)
         reading = Reading(form, TextForm(), names, units, len(names), dates)
+    if max((column.size for column in columns), default=0) < 2:
+        raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
     watch.tell(1, STAGES, "looking at the columns")
     guesses = guess_columns(path, reading, columns)
     kind = _kind(path, reading, guesses)
