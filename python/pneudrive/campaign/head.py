@@ -113,6 +113,7 @@ _HEAD_TYPES = {
     "reason": _TEXT,
     "sha256": _TEXT,
 }
+_HEAD_FIELDS = {f.name for f in fields(Head)} - {"cycle"}
 _IDENTITY_TYPES = {
     "name": _TEXT,
     "area_a_m2": _NUMBER,
@@ -179,8 +180,7 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
     cycle = _cycle({k: v for k, v in inner.items() if k in _CYCLE_TYPES}, where)
     if data["index"] < 1:
         raise CampaignError(f"index = {data['index']}", where=where, rule="cycles are counted from 1")
-    names = {f.name for f in fields(Head)} - {"cycle"}
-    return Head(cycle=cycle, **{k: v for k, v in data.items() if k in names}), notes
+    return Head(cycle=cycle, **{k: v for k, v in data.items() if k in _HEAD_FIELDS}), notes
 
 
 def read_identity(text: str, where: str) -> tuple[Identity, list[str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +31,8 @@ class Opened:
 
     Attributes
     ----------
-    names : list of str
+    names : callable
+        Gives the names of the columns.
     get : callable
         ``get(names, dates, rows)`` reads some of them; where `dates` holds a name it gives texts or NumPy's
         ``datetime64`` for it, if it can. Rows (first, behind the last) None: all.
@@ -41,7 +43,7 @@ class Opened:
     close : callable
     """
 
-    names: list[str]
+    names: Callable[[], list[str]]
     get: Callable[[list[str], frozenset[str], Rows | None], dict[str, NDArray[Any]]]
     count: Callable[[], int | None]
     metadata: dict[str, str]
@@ -49,20 +51,22 @@ class Opened:
 
 
 def open_parquet(path: Path) -> Opened:
-    """Open a Parquet file."""
+    """Open a Parquet file; who asks for its metadata alone waits for nothing else (a campaign has 20,000 heads)."""
     import polars as pl
 
-    scan = pl.scan_parquet(path)
+    @cache
+    def scan() -> pl.LazyFrame:
+        return pl.scan_parquet(path)
 
     def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> dict[str, NDArray[Any]]:
-        table = scan.select(wanted)
+        table = scan().select(wanted)
         frame = (table if part is None else table.slice(part[0], part[1] - part[0])).collect()
         return {name: frame[name].to_numpy() for name in wanted}
 
     def count() -> int:
-        return int(scan.select(pl.len()).collect().item())
+        return int(scan().select(pl.len()).collect().item())
 
-    return Opened(scan.collect_schema().names(), get, count, pl.read_parquet_metadata(path), lambda: None)
+    return Opened(lambda: scan().collect_schema().names(), get, count, pl.read_parquet_metadata(path), lambda: None)
 
 
 def open_netcdf(path: Path) -> Opened:
@@ -87,7 +91,7 @@ def open_netcdf(path: Path) -> Opened:
 
     metadata = {str(key): value for key, value in data.attrs.items() if isinstance(value, str)}
     usual = sizes.pop() if len(sizes) == 1 else None
-    return Opened([str(n) for n in data.variables], get, lambda: usual, metadata, data.close)
+    return Opened(lambda: [str(n) for n in data.variables], get, lambda: usual, metadata, data.close)
 
 
 def open_tdms(path: Path) -> Opened:
@@ -115,7 +119,7 @@ def open_tdms(path: Path) -> Opened:
 
     said = {name: str(channel.properties.get("unit_string", "")).strip() for name, channel in channels.items()}
     units = {UNIT_OF + name: unit for name, unit in said.items() if unit}
-    return Opened([*(["time"] if timed else []), *channels], get, _no_tables, units, data.close)
+    return Opened(lambda: [*(["time"] if timed else []), *channels], get, _no_tables, units, data.close)
 
 
 def open_mf4(path: Path) -> Opened:
@@ -144,7 +148,7 @@ def open_mf4(path: Path) -> Opened:
         part = slice(*(rows or (None,)))
         return {name: column[part] for name, column in {**values, "time": base}.items()}
 
-    return Opened(["time", *sorted(places)], get, _no_tables, {}, close)
+    return Opened(lambda: ["time", *sorted(places)], get, _no_tables, {}, close)
 
 
 def open_mat(path: Path) -> Opened:
@@ -165,7 +169,7 @@ def open_mat(path: Path) -> Opened:
         part = slice(*(rows or (None,)))
         return {name: flat[name][part] if flat[name].ndim else flat[name] for name in wanted}
 
-    return Opened(list(flat), get, _no_tables, {}, flat.clear)
+    return Opened(lambda: list(flat), get, _no_tables, {}, flat.clear)
 
 
 #: Format of the layout file -> how it is opened, and what people call it.

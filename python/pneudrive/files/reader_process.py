@@ -63,7 +63,7 @@ def answer(request: dict[str, Any], files: _Files) -> tuple[dict[str, Any], list
     try:
         opened = files.open(form, request["path"])
         if request["ask"] == "names":
-            return {"names": opened.names, "metadata": opened.metadata}, []
+            return {"names": opened.names(), "metadata": opened.metadata}, []
         if request["ask"] == "count":
             return {"count": opened.count()}, []
         rows = request["rows"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import mmap
+import os
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 SEAL = "pneudrive-seal"
 BLANK = "0" * 64
 PARQUET = b"PAR1"
+MAPPED = 1 << 20  # bytes from which a file is mapped: reading a smaller one takes less
 TAIL = 8  # length of the footer and the mark of the format
 
 Bytes = bytes | mmap.mmap
@@ -70,12 +72,17 @@ def look(path: Path) -> tuple[str | None, bool]:
     OSError
         It cannot be read.
     """
-    with path.open("rb") as file:
-        if file.seek(0, 2) == 0:
-            return "the file is empty", False
+    with path.open("rb", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size < MAPPED:
+            return _look(file.read(size))
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            wrong = damage(data)
-            return wrong, wrong is None and has_seal(data)
+            return _look(data)
+
+
+def _look(parquet: Bytes) -> tuple[str | None, bool]:
+    wrong = damage(parquet)
+    return wrong, wrong is None and has_seal(parquet)
 
 
 def _footer(parquet: Bytes) -> int | None:

@@ -16,6 +16,7 @@ import socket
 import subprocess
 import threading
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,22 +51,27 @@ class Table:
     path : Path
     form : str
         Key of `FORMATS`.
-    names : list of str
-        Of the columns.
     metadata : dict
         Texts that the file carries.
     own : Opened or None
         What reads it in this process: a Parquet file of ours whose seal holds.
     kind : type of PneudriveError
         What is raised.
+    told : tuple of str
+        Names of the columns, as the reader process told them.
     """
 
     path: Path
     form: str
-    names: list[str]
     metadata: dict[str, str]
     own: Opened | None
     kind: type[PneudriveError]
+    told: tuple[str, ...] = ()
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of the columns."""
+        return list(self.told) if self.own is None else self.own.names()
 
     def get(
         self, wanted: Iterable[str], rows: tuple[int, int] | None = None, dates: frozenset[str] = frozenset()
@@ -138,9 +144,9 @@ def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingErro
             raise kind(wrong, where=str(path))
         if own:
             opened = formats.open_parquet(path)
-            return Table(path, form, opened.names, opened.metadata, opened, kind)
+            return Table(path, form, opened.metadata, opened, kind)
     told, _ = _reader.ask(path, {"ask": "names", "form": form}, kind)
-    return Table(path, form, told["names"], told["metadata"], None, kind)
+    return Table(path, form, told["metadata"], None, kind, tuple(told["names"]))
 
 
 def _column(told: dict[str, Any], places: list[int], memory: memoryview) -> NDArray[Any]:
