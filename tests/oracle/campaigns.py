@@ -104,6 +104,9 @@ class World:
     measured_at: str = "chamber"
     temperature_share_k: float = 0.0  # friction per kelvin; temperature rises by 4 K over the campaign
     wild: tuple[tuple[int, float], ...] = ()  # sweeps by their number from 0, and the factor on their friction
+    pressure_zeros_pa: tuple[float, float] = (0.0, 0.0)  # of the transducers, on every sample
+    pressure_gains: tuple[float, float] = (0.0, 0.0)  # of them, share of the gauge pressure
+    pressure_accuracy_pa: float = 100.0
     written_too_high_pa: float = 0.0  # by which the samples' pressures differ from those that the heads state
 
     def truth(self, speed: Array | float, gauge: tuple[float, float], direction: int = 0) -> Array:
@@ -193,8 +196,8 @@ def _identity(world: World) -> dict:
         identity["accuracy"] = {
             "force_n": max(world.gain_share, LEAST_ACCURACY) * world.range_n,
             "position_m": 5e-6,
-            "pressure_a_pa": 100.0,
-            "pressure_b_pa": 100.0,
+            "pressure_a_pa": world.pressure_accuracy_pa,
+            "pressure_b_pa": world.pressure_accuracy_pa,
             "bore_m": 1e-5,
         }
     return identity
@@ -249,8 +252,8 @@ def _standing(time: Array, world: World, state: _State) -> dict[str, NDArray]:
         "time_s": time,
         "position_m": np.full(time.size, 0.02 * world.stroke_m),
         "force_n": force,
-        "pressure_a_pa": ambient[0],
-        "pressure_b_pa": ambient[1],
+        "pressure_a_pa": ambient[0] + world.pressure_zeros_pa[0],
+        "pressure_b_pa": ambient[1] + world.pressure_zeros_pa[1],
         "temperature_k": np.full(time.size, _temperature(world, state)),
         "step": np.zeros(time.size, dtype=np.int64),
     }
@@ -279,13 +282,15 @@ def _sliding(
     held = -gauge[0] * world.area_a_m2 + gauge[1] * world.area_b_m2
     force = state.gain * (friction + world.mass_kg * a + air + held) + _zero(world, state) + _noise(time, world, state)
     shown = change if world.measured_at == "chamber" else 0.0 * change
-    pressures = world.pressure_noise_pa * rng.standard_normal((2, time.size))
+    errors = np.array(world.pressure_zeros_pa) + np.array(world.pressure_gains) * np.array(gauge)
+    errors = errors + world.written_too_high_pa
+    pressures = world.pressure_noise_pa * rng.standard_normal((2, time.size)) + errors[:, None]
     return {
         "time_s": time,
         "position_m": true_x + world.position_noise_m * rng.standard_normal(time.size),
         "force_n": force,
-        "pressure_a_pa": AMBIENT_PA + gauge[0] - shown + pressures[0] + world.written_too_high_pa,
-        "pressure_b_pa": AMBIENT_PA + gauge[1] + shown + pressures[1] + world.written_too_high_pa,
+        "pressure_a_pa": AMBIENT_PA + gauge[0] - shown + pressures[0],
+        "pressure_b_pa": AMBIENT_PA + gauge[1] + shown + pressures[1],
         "temperature_k": np.full(time.size, _temperature(world, state)),
         "step": np.repeat(np.array([0, 1]), once.size),
     }

@@ -20,6 +20,7 @@ from pneudrive.characterise.settling import Motion, SampleChoice
 from pneudrive.characterise.stick_slip import measure_stick_slip
 from pneudrive.characteristics.autocorrelation import stderr_of_mean
 from pneudrive.characteristics.basics import Condition
+from pneudrive.characteristics.pressure_zero import SIDES, Standing
 from pneudrive.characteristics.raw import recording_of, steps_of
 from pneudrive.errors import RecordingError
 from pneudrive.rig.interface import Hold
@@ -112,11 +113,15 @@ class CycleData:
     standing_n, standing_stderr_n, standing_sd_n : float
         Mean of force (vented: of the balance), its standard error and standard deviation while standing released: the
         sensor's zero and noise.
+    standing_pressures : dict
+        Chamber -> what its transducer shows in an open tare; empty where that was not measured.
     u_gain_n, u_hysteresis_n : float
         Standard systematic uncertainty of friction: in proportion to it, and of the share of the accuracy that is
         assumed to change with direction.
     u_offset_n, u_air_n : float
         The same of half the sum of both directions beside the zero, and of the chambers' force in half the difference.
+    u_pressures_n : dict
+        Chamber -> the part of its transducer in `u_offset_n`.
     assumed : bool
         Whether the accuracy of the force sensor is assumed.
     """
@@ -131,10 +136,12 @@ class CycleData:
     standing_n: float = float("nan")
     standing_stderr_n: float = float("nan")
     standing_sd_n: float = float("nan")
+    standing_pressures: dict[str, Standing] = field(default_factory=dict)
     u_gain_n: float = 0.0
     u_hysteresis_n: float = 0.0
     u_offset_n: float = 0.0
     u_air_n: float = 0.0
+    u_pressures_n: dict[str, float] = field(default_factory=dict)
     assumed: bool = False
 
 
@@ -213,6 +220,7 @@ def read_standing(file: CycleFile, identity: Identity) -> CycleData:
         raise RecordingError("too few samples of standing", where=recording.name, value=int(standing.sum()))
     vented = max(abs(p - identity.ambient_pressure_pa) for p in _pressures(file.head)) < PRESSURE_STEP_PA
     force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
+    shown = {c: Standing.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
     return CycleData(
         head=file.head,
         file=file.path.name,
@@ -223,6 +231,7 @@ def read_standing(file: CycleFile, identity: Identity) -> CycleData:
         standing_n=float(force.mean()),
         standing_stderr_n=stderr_of_mean(force),
         standing_sd_n=float(force.std()),
+        standing_pressures={c: known for c, known in shown.items() if known is not None},
     )
 
 
@@ -393,7 +402,7 @@ def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
     return tuple(np.bincount(place, weights=v, minlength=count)[known] / number[known] for v in (time_s, *values))
 
 
-def _systematic(recording: Recording, sides: dict[int, Side]) -> dict[str, float | bool]:
+def _systematic(recording: Recording, sides: dict[int, Side]) -> dict[str, float | bool | dict[str, float]]:
     """State the systematic standard uncertainties, and whether that of the force sensor is assumed."""
     only = next(iter(sides.values()))
     up, down = (sides.get(d, only).means() for d in (1, -1))
@@ -414,10 +423,12 @@ def _systematic(recording: Recording, sides: dict[int, Side]) -> dict[str, float
         "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, None),
         "bore (area)": 1.0,
     }
+    offsets = {e.source: e.offset_n * readings.get(e.source, 0.0) for e in shared}
     return {
         "u_gain_n": _root(e.friction_n for e in shared),
         "u_hysteresis_n": _root(changing),
-        "u_offset_n": _root(e.offset_n * readings.get(e.source, 0.0) for e in shared),
+        "u_offset_n": _root(offsets.values()),
+        "u_pressures_n": {c: offsets.get(f"pressure {c}: common error", 0.0) for c in SIDES},
         "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
         "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
     }

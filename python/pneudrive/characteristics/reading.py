@@ -13,6 +13,7 @@ from pneudrive.campaign.folder import CycleFile
 from pneudrive.characterise.pool import in_processes, workers
 from pneudrive.characteristics.cycle import BINS, CycleData, read_sliding, read_standing
 from pneudrive.characteristics.gain import Gain, corrected, sensor_gain
+from pneudrive.characteristics.pressure_zero import PressureZero, pressure_zeros, without_zeros
 from pneudrive.characteristics.result import Skipped
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.rig.interface import Identity, Move
@@ -48,8 +49,10 @@ class Reading:
     heads : tuple of Head
         Of all usable files, whatever they are for, in the order in which they were run.
     sliding, tares : tuple of CycleData
-        Gain of the force sensor corrected where known weights tell it.
+        Gain of the force sensor corrected where known weights tell it, zeros of the pressures where tares do.
     gain : Gain
+    pressure_zeros : dict
+        Chamber -> zero of its transducer, where tares show it.
     skipped : tuple of Skipped
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
@@ -64,6 +67,7 @@ class Reading:
     sliding: tuple[CycleData, ...]
     tares: tuple[CycleData, ...]
     gain: Gain
+    pressure_zeros: dict[str, PressureZero]
     skipped: tuple[Skipped, ...]
     notes: tuple[str, ...]
     edges_m: Array
@@ -131,13 +135,16 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     skipped += [s for s in found if isinstance(s, Skipped)]
     tares = [d for d in data if d.head.cycle.kind == "tare"]
     gain = sensor_gain(campaign.identity, [d for d in data if d.head.cycle.kind == "weight"], tares)
+    zeros = pressure_zeros(campaign.identity, tares)
+    sliding = corrected([d for d in data if d.head.cycle.kind in SLIDING], gain)
     return Reading(
         identity=campaign.identity,
         files=tuple(files),
         heads=tuple(file.head for file in files),
-        sliding=corrected([d for d in data if d.head.cycle.kind in SLIDING], gain),
-        tares=corrected(tares, gain),
+        sliding=without_zeros(sliding, zeros, campaign.identity),
+        tares=without_zeros(corrected(tares, gain), zeros, campaign.identity),
         gain=gain,
+        pressure_zeros=zeros,
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
         notes=tuple(notes),
         edges_m=edges,

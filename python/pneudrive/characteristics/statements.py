@@ -42,7 +42,8 @@ def statements(
         said.append(Statement("curve", text, carried=False, remedy="Add sweeps out and back at several speeds."))
         return tuple(said)
     said += [*_curves(found, reading, fits), *_scatter(found, reading, fits), *_drift(found, fits, causes)]
-    said += [*_directions(found), *_pressure(found), *_air(found), *_position(found), *_stick_slip(found)]
+    said += [*_pressure_zeros(reading), *_directions(found), *_pressure(found), *_air(found)]
+    said += [*_position(found), *_stick_slip(found)]
     return tuple(said)
 
 
@@ -285,6 +286,26 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
                 f"At {len(group)} conditions {text}: half the difference is {low:.3g} to {high:.3g} N (95 %: "
                 f"+-{half:.2g} N at most).",
             )
+
+
+def _pressure_zeros(reading: Reading) -> Iterator[Statement]:
+    for chamber, zero in reading.pressure_zeros.items():
+        sensor = f"The pressure sensor of chamber {chamber}"
+        if zero.tares:
+            text = (
+                f"{sensor} shows {zero.mean_pa:+.3g} Pa (+-{2 * zero.stderr_pa:.2g} Pa) beside ambient pressure in "
+                f"{zero.tares} tare(s) with open chambers: taken off all cycles as its zero."
+            )
+            yield Statement("zero", text)
+        for bad, what in (
+            (zero.far, "is off ambient pressure by more than its accuracy explains"),
+            (zero.unsteady, "was not steady"),
+        ):
+            if bad:
+                named = ", ".join(f"{key}: {value:+.3g} Pa" for key, value in list(bad.items())[:NAMED])
+                text = f"{sensor} {what} in {len(bad)} tare(s) ({named}): no zero is taken from them."
+                remedy = "Check that the chambers were open, ambient_pressure_pa, and the sensor; then repeat the tare."
+                yield Statement("zero", text, carried=False, remedy=remedy)
 
 
 def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
