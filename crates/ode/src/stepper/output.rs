@@ -61,10 +61,12 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         t1: f64,
         output: &mut impl Output<R, Sys>,
     ) -> Option<f64> {
-        let n = self.structure.n();
+        let (n, has_modes) = (self.structure.n(), !self.g0.is_empty());
         while output.due(lane) <= t0 {
             let y = &mut self.step.copy(&self.y)[..n];
-            self.system.settle(y);
+            if has_modes {
+                self.system.settle(y);
+            }
             output.sample(lane, t0, y, &self.system);
         }
         if output.due(lane) >= t1 {
@@ -84,7 +86,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             if !sure && is_outside::<R>(self.system.inside(y, &mut self.work), lane) {
                 return Some(theta);
             }
-            self.system.settle(y);
+            if has_modes {
+                self.system.settle(y);
+            }
             output.sample(lane, t, y, &self.system);
         }
     }
