@@ -25,20 +25,29 @@ def stderr_of_mean(values: NDArray[np.float64]) -> float:
         0 where fewer than four values are given, or all are equal.
     """
     series = np.asarray(values, dtype=float)
-    series = series[np.isfinite(series)]
-    if series.size > MOST_VALUES:  # means of neighbours keep what matters: the slow part
-        each = series.size // MOST_VALUES
-        series = series[: each * (series.size // each)].reshape(-1, each).mean(axis=1)
-    n = series.size
-    away = series - series.mean()
-    power = float(away @ away)
-    if n < 4 or power == 0.0:
-        return 0.0
-    spectrum = np.fft.rfft(away, 2 * n)
-    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[: n // 2] / power
-    first = np.flatnonzero(correlation <= 0.0)
-    reach = int(first[0]) if first.size else n // 2
-    lags = np.arange(1, reach)
-    factor = 1.0 + 2.0 * float(np.sum(correlation[1:reach] * (1.0 - lags / n)))
-    factor = min(factor, n / 3.0)
-    return float(np.sqrt(power / (n - factor) * factor / n))
+    return float(stderrs_of_means(series[np.isfinite(series)][None, :])[0])
+
+
+def stderrs_of_means(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Estimate what `stderr_of_mean` does for many series of one length, shape (m, n), all finite."""
+    if rows.shape[1] > MOST_VALUES:  # means of neighbours keep what matters: the slow part
+        each = rows.shape[1] // MOST_VALUES
+        count = rows.shape[1] // each
+        rows = rows[:, : each * count].reshape(-1, count, each).mean(axis=2)
+    n = rows.shape[1]
+    if n < 4:
+        return np.zeros(rows.shape[0])
+    away = rows - rows.mean(axis=1)[:, None]
+    power = np.array([row @ row for row in away])
+    moves = power > 0.0
+    away, power = away[moves], power[moves]
+    spectrum = np.fft.rfft(away, 2 * n, axis=1)
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2, axis=1)[:, : n // 2] / power[:, None]
+    below = correlation <= 0.0
+    reach = np.where(below.any(axis=1), below.argmax(axis=1), n // 2).tolist()
+    share = 1.0 - np.arange(1, n) / n
+    sums = [np.sum(row[1:end] * share[: end - 1]) for row, end in zip(correlation, reach, strict=True)]
+    factor = np.minimum(1.0 + 2.0 * np.array(sums), n / 3.0)
+    found = np.zeros(rows.shape[0])
+    found[moves] = np.sqrt(power / (n - factor) * factor / n)
+    return found

@@ -348,10 +348,15 @@ def _peaks(recording: Recording, motion: Motion, settled: NDArray[np.bool_], str
     dwells = [s.dwell_s for s in strokes if s.index > 0]
     rates = [p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]
     return {
-        "breakaway_n": float(np.median([p.friction_n for p in good])) if good else float("nan"),
-        "dwell_s": float(np.median(dwells)) if dwells else float("nan"),
-        "loading_rate_n_s": float(np.median(rates)) if rates else float("nan"),
+        "breakaway_n": _median([p.friction_n for p in good]) if good else float("nan"),
+        "dwell_s": _median(dwells) if dwells else float("nan"),
+        "loading_rate_n_s": _median(rates) if rates else float("nan"),
     }
+
+
+def _median(values: list[float]) -> float:
+    """Median of a few values, most often of one, for which NumPy takes long."""
+    return values[0] if len(values) == 1 else float(np.median(values))
 
 
 def _ripple(
@@ -381,11 +386,11 @@ def _ripple(
     seen = max((found, behind), key=lambda slips: sum(s.found for s in slips))
     slipping = sum(s.found for s in seen) > 0.5 * len(seen)
     return slipping, {
-        "ripple": float(np.median([s.ripple for s in found])),
-        "period_s": float(np.median([s.period_s for s in seen])) if slipping else nothing,
-        "step_m": float(np.median([s.step_m for s in seen])) if slipping else nothing,
-        "swing_n": float(np.median(swings)),
-        "piston_ripple": float(np.median([s.ripple for s in behind])) if behind else nothing,
+        "ripple": _median([s.ripple for s in found]),
+        "period_s": _median([s.period_s for s in seen]) if slipping else nothing,
+        "step_m": _median([s.step_m for s in seen]) if slipping else nothing,
+        "swing_n": _median(swings),
+        "piston_ripple": _median([s.ripple for s in behind]) if behind else nothing,
     }
 
 

@@ -60,7 +60,7 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
     width = float(position[1] - position[0])
     length = position.size * width
     waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
-    coefficients = np.array([_fit(position, row, waves, length) for row in rows])
+    coefficients = _fits(position, rows, waves, length)
     trend = _trend(position, rows, slowness, waves, length)[0]
     harmonics = tuple(
         _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
@@ -81,7 +81,7 @@ def _trend(
     from scipy.optimize import nnls
     from scipy.special import stdtr
 
-    slopes = np.array([_fit(position, row, waves, length)[1] for row in rows])
+    slopes = _fits(position, rows, waves, length)[:, 1]
     if slowness.max() < APART * slowness.min() or slopes.size < FEWEST_CYCLES + 1:
         return mean_estimate(slopes, "1/m"), 0.0
     usual = float(np.median(slowness))
@@ -144,11 +144,11 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
     return waves
 
 
-def _fit(position: Array, row: Array, waves: Sequence[float], length: float) -> Array:
-    """Fit mean, trend and waves to one cycle."""
-    known = np.isfinite(row)
-    columns = _columns(position, waves, length)[known]
-    return np.asarray(np.linalg.lstsq(columns, row[known], rcond=None)[0], dtype=float)
+def _fits(position: Array, rows: Array, waves: Sequence[float], length: float) -> Array:
+    """Fit mean, trend and waves to each cycle, shape (cycles, 2 + 2 waves)."""
+    columns, known = _columns(position, waves, length), np.isfinite(rows)
+    cycles = zip(rows, known, strict=True)
+    return np.array([np.linalg.lstsq(columns[here], row[here], rcond=None)[0] for row, here in cycles], dtype=float)
 
 
 def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Harmonic:

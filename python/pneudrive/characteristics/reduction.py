@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.autocorrelation import stderr_of_mean
+from pneudrive.characteristics.autocorrelation import stderrs_of_means
 from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:
@@ -196,8 +196,11 @@ def _mean(values: Array, axis: int) -> Array:
 
 def _within(rest: Array, common: NDArray[np.bool_], speed: Array) -> Array:
     """Estimate the standard error of each row's mean by noise, shrunk towards its trend over speed."""
-    used = _used(rest, common)
-    own = np.array([stderr_of_mean(row[use]) for row, use in zip(rest, used, strict=True)])
+    used = _used(rest, common) & np.isfinite(rest)
+    count, own = used.sum(axis=1), np.zeros(rest.shape[0])
+    for number in np.unique(count[count > 0]).tolist():
+        members = count == number
+        own[members] = stderrs_of_means(rest[members][used[members]].reshape(-1, number))
     known = own > 0.0
     if known.sum() < ENOUGH_CYCLES:
         return own

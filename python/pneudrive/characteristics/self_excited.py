@@ -40,9 +40,11 @@ def _reason(d: CycleData, floor: float, identity: Identity) -> str:
     sides = list(d.sides.values())
     if any(s.ripple > RIPPLE_LIMIT for s in sides):
         return "stick-slip" if any(s.stick_slip for s in sides) else UNNAMED
-    scatter = max(float(np.nan_to_num(s.scatter_n)) for s in sides)
+    scatter = max(0.0 if np.isnan(s.scatter_n) else s.scatter_n for s in sides)
+    if scatter < SWING_FLOOR * floor:
+        return ""
     level = float(np.nanmean([abs(np.nanmean(s.balance_n)) for s in sides]))
-    if scatter < max(SWING_SHARE * level, SWING_FLOOR * floor):
+    if scatter < SWING_SHARE * level:
         return ""
     if any(s.piston_ripple > RIPPLE_LIMIT for s in sides):
         return "stick-slip" if any(s.stick_slip for s in sides) else UNNAMED
