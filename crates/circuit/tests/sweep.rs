@@ -108,9 +108,6 @@ fn friction(draw: &mut Draw, laws: &[&str], push: f64, supply: f64) -> Value {
         friction["position"] = json!({ "harmonics": [wave], "slope_per_m": draw.linear(-0.3, 0.3) });
         friction["direction"] = json!({ "positive": draw.linear(0.8, 1.2), "negative": 1.0 });
         friction["side_load"] = json!({ "force_n": coulomb, "coefficient": 0.1 });
-    } else if (OF_STATES.contains(&law) || law == "armstrong") && draw.chance(0.4) {
-        friction["direction"] =
-            json!({ "positive": draw.linear(0.5, 1.7), "negative": draw.linear(0.5, 1.7) });
     }
     friction
 }
