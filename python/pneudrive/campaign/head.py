@@ -125,6 +125,7 @@ _IDENTITY_TYPES = {
     "accuracy": _TABLE,
     "limits": _TABLE,
     "resolution": _TABLE,
+    "bandwidth_hz": _TABLE,
     "calibration": _TABLE,
     "labels": _TABLE,
     "chambers": _TEXT,
@@ -208,6 +209,9 @@ def read_identity(text: str, where: str) -> tuple[Identity, list[str]]:
         for channel, value in known.get(name, {}).items():
             if not _IS[_NUMBER](value) or value < 0.0:
                 raise CampaignError(f"{name}.{channel} = {value}", where=where, rule="a number, not negative")
+    for channel, value in known.get("bandwidth_hz", {}).items():
+        if not _IS[_NUMBER](value) or not 0.0 < value < math.inf:
+            raise CampaignError(f"bandwidth_hz.{channel} = {value}", where=where, rule="a frequency is positive")
     return Identity(**{"name": "unnamed rig", **known}), notes
 
 

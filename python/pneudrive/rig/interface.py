@@ -222,6 +222,8 @@ class Identity:
         ``chamber``, or ``regulator``: then the force of the air cannot be separated from that of the seal.
     synthetic : bool
         A simulated rig.
+    bandwidth_hz : dict
+        Channel -> frequency at which the sensor, of first order, shows 71 % of an amplitude; of ``force_n`` it is used.
     """
 
     name: str
@@ -239,6 +241,7 @@ class Identity:
     chambers: str = "held"
     pressure_measured_at: str = "chamber"
     synthetic: bool = False
+    bandwidth_hz: dict[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Give plain data that JSON can hold."""

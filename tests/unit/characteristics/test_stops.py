@@ -1,11 +1,13 @@
 """Stops: what was written into a campaign by hand (relaxation, breakaway, way back) comes out with its interval."""
 
+import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import polars as pl
 import pytest
+from scipy.signal import lfilter
 
 from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
 from pneudrive.campaign.cycle import Cycle
@@ -15,6 +17,7 @@ from pneudrive.characteristics.stops.breakaway import find_breakaway
 from pneudrive.characteristics.stops.dwell_law import fit_dwell
 from pneudrive.characteristics.stops.phases import Phases, find_phases
 from pneudrive.characteristics.stops.stop import find_stops
+from pneudrive.errors import CampaignError
 from pneudrive.rig.interface import Sampling
 
 
@@ -62,6 +65,40 @@ def test_a_sharp_corner_is_not_cut():
     away = np.array([p.friction_n for p in peaks]) - 32.0
     assert abs(away.mean()) < 0.016  # 0.025 when smoothed
     assert np.mean(np.abs(away) < 2.0 * np.array([p.stderr_n for p in peaks])) > 0.7
+
+
+@pytest.mark.parametrize("bandwidth_hz", [60.0, 200.0, 500.0])
+def test_what_the_lag_of_the_sensor_takes_off_a_peak_is_in_its_doubt(bandwidth_hz):
+    step, rng = 2e-6, np.random.default_rng(3)
+    fine = np.arange(0.0, 0.3, step)
+    way = 1e-3 * fine
+    true = np.minimum(25.0 + 2.5e5 * way, 30.0 + 2.0 * np.exp(-np.maximum(way - 2.8e-5, 0.0) / 1e-4))
+    share = -np.expm1(-2.0 * np.pi * bandwidth_hz * step)
+    shown, time = lfilter([share], [1.0, share - 1.0], true - 25.0)[::100] + 25.0, fine[::100]
+    hits, added = {None: [], bandwidth_hz: []}, []
+    for _ in range(10):
+        samples = shown + 0.02 * rng.standard_normal(time.size)
+        peaks = {hz: find_breakaway(time, 1e-3 * time, samples, 30.0, None, hz) for hz in hits}
+        assert peaks[None].friction_n == peaks[bandwidth_hz].friction_n
+        for hz, peak in peaks.items():
+            hits[hz].append(abs(peak.friction_n - 32.0) < 2.0 * peak.stderr_n)
+        added.append(np.sqrt(peaks[bandwidth_hz].stderr_n ** 2 - peaks[None].stderr_n ** 2))
+    assert np.mean(hits[None]) <= 0.5
+    assert np.mean(hits[bandwidth_hz]) >= 0.8
+    assert 0.5 * (32.0 - shown.max()) < np.mean(added) < 1.3 * (32.0 - shown.max())
+
+
+def test_the_bandwidth_is_read_from_the_rig_file(tmp_path):
+    folder = write_stops(tmp_path / "stops", StopWorld(durations_s=(10.0,), repeats=1, samples=400), 1)
+    rig = json.loads((folder / "rig.json").read_text())
+    doubts = []
+    for bandwidth in ({}, {"bandwidth_hz": {"force_n": 20.0}}):
+        (folder / "rig.json").write_text(json.dumps(rig | bandwidth))
+        doubts.append([s.breakaway_stderr_n for s in find_stops(Campaign.open(folder), 1)[0]])
+    assert all(after > before for before, after in zip(*doubts, strict=True))
+    (folder / "rig.json").write_text(json.dumps(rig | {"bandwidth_hz": {"force_n": 0.0}}))
+    with pytest.raises(CampaignError, match=r"bandwidth_hz\.force_n"):
+        Campaign.open(folder)
 
 
 def test_a_stop_gives_relaxation_breakaway_and_way_back(tmp_path):

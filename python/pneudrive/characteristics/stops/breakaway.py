@@ -15,7 +15,7 @@ import numpy as np
 
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.spread import robust_deviation
-from pneudrive.characteristics.stops.corner import corner_height
+from pneudrive.characteristics.stops.corner import corner_height, lag_loss
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,7 +83,12 @@ class Breakaway:
 
 
 def find_breakaway(
-    time_s: Array, travel_m: Array, friction_n: Array, running_n: float, stiffness_n_m: float | None = None
+    time_s: Array,
+    travel_m: Array,
+    friction_n: Array,
+    running_n: float,
+    stiffness_n_m: float | None = None,
+    bandwidth_hz: float | None = None,
 ) -> Breakaway:
     """Find the first peak after a restart.
 
@@ -95,6 +100,8 @@ def find_breakaway(
         Level of uninterrupted sliding there.
     stiffness_n_m : float, optional
         Of the rig, where it is known.
+    bandwidth_hz : float, optional
+        Of the force sensor, where it is known: what its lag takes off the peak is in the standard error.
     """
     noise = Noise.of(friction_n)
     end, peaked = _search_end(travel_m, friction_n, running_n, noise, stiffness_n_m)
@@ -105,6 +112,10 @@ def find_breakaway(
     if corner is not None:
         # What smoothing would have cut is put right, and stays in doubt.
         value, stderr = corner[0], float(np.hypot(corner[1], corner[0] - value))
+    if bandwidth_hz is not None:
+        near = slice(*np.searchsorted(time, (at - width, at + width)).tolist())  # a wide parabola is off a corner
+        turn = float(time[near][np.argmax(_quick(friction[near]))]) if time[near].size else at
+        stderr = float(np.hypot(stderr, lag_loss(time_s, friction_n, turn, bandwidth_hz)))
     index = int(np.argmin(np.abs(time_s[:end] - at)))
     low, high = _rise(_quick(friction_n[: index + 1]))
     span = float(time_s[high] - time_s[low])

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.motion import straight_line
 from pneudrive.characteristics.separable import scan
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ ROUNDNESS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # samples
 SHARP = 1.0  # samples: a corner that is rounder is smoothed without a loss, and better told by parabolas
 FITS = 1.3  # squared residual over that of the noise, above which a corner describes the samples no more
 FINE = 8  # points per sample at which the highest of a fitted corner is looked for
+#: Times of the sensor's lag before and behind a peak between which its rise and its fall are taken, where the lag has
+#: died away; a lag of less than so many samples is taken as that many, or noise would be taken for slopes.
+RISE_LAGS, FALL_LAGS, FEWEST_ON_A_SIDE, LEAST_LAG = (1.0, 6.0), (2.0, 7.0), 3, 3.0
 
 
 def corner_height(
@@ -65,6 +69,32 @@ def corner_height(
         if found is not None:
             return found
     return None
+
+
+def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float) -> float:
+    """Give what a sensor of first order lacks of a peak, N: of a corner exactly, of a round one at most.
+
+    A rise r that turns into a fall q at a corner is shown lower by q tau ln(1 + r / q), tau = 1 / (2 pi f): the largest
+    value of the lag's response to two ramps.
+
+    Parameters
+    ----------
+    time_s, friction_n : ndarray, shape (n,)
+    at_s : float
+        Time of the peak as shown.
+    bandwidth_hz : float
+        f, at which the sensor shows 71 % of an amplitude.
+    """
+    lag = 1.0 / (2.0 * np.pi * bandwidth_hz)
+    unit = max(lag, LEAST_LAG * float(np.median(np.diff(time_s)))) if time_s.size > 1 else lag
+
+    def slope(begin: float, end: float) -> float:
+        part = slice(*np.searchsorted(time_s, (at_s + begin * unit, at_s + end * unit)).tolist())
+        few = time_s[part].size < FEWEST_ON_A_SIDE
+        return 0.0 if few else straight_line(time_s[part], friction_n[part])[0]
+
+    rise, fall = slope(-RISE_LAGS[1], -RISE_LAGS[0]), -slope(*FALL_LAGS)
+    return float(fall * lag * np.log1p(rise / fall)) if rise > 0.0 and fall > 0.0 else 0.0
 
 
 def _window(friction: Array, top: int, depth: float) -> slice | None:

@@ -177,7 +177,7 @@ def _read(file: CycleFile, identity: Identity, others: Sequence[Stroke]) -> Stop
     running = running_level(recording, friction, phases, own, others, condition_of(file.head))
     time, travel, after = _restart(recording, friction, phases)
     level = running.level_n if np.isfinite(running.level_n) else float(np.median(after[after.size // 2 :]))
-    peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m)
+    peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m, identity.bandwidth_hz.get("force_n"))
     at_peak = phases.restart.start + peak.index
     shift = float(running.shape(recording.position_m[[at_peak]])[0])
     relaxation = None
