@@ -325,8 +325,13 @@ class Campaign(Shown):
 
     def problems(self) -> list[Problem]:
         """Check every file to its last sample and say what is wrong: by its seal, or by reading its samples."""
+        return self.checked()[1]
+
+    def checked(self) -> tuple[list[CycleFile], list[Problem]]:
+        """Give the cycles that are usable to their last sample, and what `problems` finds."""
         files, problems = self.scan()
-        return problems + [problem for file in files if not file.sealed and (problem := _damage_of(file))]
+        damaged = {file.path: problem for file in files if not file.sealed and (problem := _damage_of(file))}
+        return [file for file in files if file.path not in damaged], [*problems, *damaged.values()]
 
 
 def _damage_of(file: CycleFile) -> Problem | None:
@@ -386,13 +391,14 @@ def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
             with clear_errors("the campaign folder cannot be tidied", path):
                 path.unlink()
             done.append(f"removed {path.name}: it was not finished")
-    for problem in campaign.problems():
+    files, problems = campaign.checked()
+    for problem in problems:
         if problem.lost and problem.where.startswith(f"{CYCLES}/"):
             path = campaign.path / problem.where
             with clear_errors("the campaign folder cannot be tidied", path):
                 path.replace(_free_name(path))
             done.append(f"put aside {problem}")
-    return campaign.scan()[0], done
+    return files, done
 
 
 def _free_name(path: Path) -> Path:
