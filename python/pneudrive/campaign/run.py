@@ -266,7 +266,8 @@ def _go_on(
     plan = plan_of(campaign)
     with FolderLock(folder) as lock, _bench_again(campaign, rig, plan, pace, allow_code) as (bench, source):
         _same_rig(campaign, bench.identity(), source)
-        lay_out(plan.protocol, campaign.identity, bench.limits())  # pre-flight: the rig may allow less than it did
+        if (limits := bench.limits()) != plan.envelope:
+            lay_out(plan.protocol, campaign.identity, limits)  # pre-flight: the rig may allow less than it did
         options = _with_operator(options, str(campaign.about.get("operator", "")))
         return _run(campaign, plan, bench, options, lock, audience)
 
