@@ -75,20 +75,20 @@ def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, capsys, monke
     ("arguments", "words"),
     [
         (["none.csv"], "no such file"),
-        (["empty.csv", "--layout", "layout.toml"], "the file is empty"),
-        (["binary.csv", "--layout", "layout.toml"], "binary"),
-        (["empty.csv", "--layout", "none.toml"], "there is no file"),
-        (["empty.csv", "--layout", "bad.toml"], "bad.toml:1"),
-        (["empty.csv"], "no layout says how to read"),
-        (["empty.csv", "--protocol", "setled"], "Did you mean 'settled'"),
-        (["empty.csv", "--law", "coulom"], "Did you mean 'coulomb'"),
-        (["empty.csv", "--layout", "layout.toml", "--out", "binary.csv"], "cannot be written to"),
+        (["empty_1bar.csv", "--layout", "layout.toml"], "the file is empty"),
+        (["binary_1bar.csv", "--layout", "layout.toml"], "binary"),
+        (["empty_1bar.csv", "--layout", "none.toml"], "there is no file"),
+        (["empty_1bar.csv", "--layout", "bad.toml"], "bad.toml:1"),
+        (["empty_1bar.csv"], "no layout says how to read"),
+        (["empty_1bar.csv", "--protocol", "setled"], "Did you mean 'settled'"),
+        (["empty_1bar.csv", "--law", "coulom"], "Did you mean 'coulomb'"),
+        (["empty_1bar.csv", "--layout", "layout.toml", "--out", "binary_1bar.csv"], "cannot be written to"),
     ],
 )
 def test_wrong_input_is_one_message_and_status_2(tmp_path, capsys, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
-    Path("empty.csv").touch()
-    Path("binary.csv").write_bytes(bytes(range(256)) * 8)
+    Path("empty_1bar.csv").touch()
+    Path("binary_1bar.csv").write_bytes(bytes(range(256)) * 8)
     Path("layout.toml").write_text((DATA / "layout.toml").read_text())
     if "--layout" not in arguments:
         Path("layout.toml").unlink()
