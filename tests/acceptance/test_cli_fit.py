@@ -136,7 +136,7 @@ def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
         (["fit", "{map}", "--direction", "up"], "both, +x or -x"),
         (["fit", "{map}", "--out", "fit.txt"], "a fit cannot be written there"),
         (["fit", "{map}", "--by", "seals"], "no column 'seals'"),
-        (["design", "nothing.toml"], "the fit cannot be read"),
+        (["design", "nothing.toml"], "there is no file nothing.toml"),
         (["design", "{fit}", "--points", "5", "--time", "1 h"], "cannot be given together"),
         (["design", "{fit}", "--criterion", "A"], "there is no criterion 'A'"),
         (["design", "{fit}", "--speeds", "1 mm/s .. 90 m/s"], "beyond what the rig reaches"),
