@@ -82,13 +82,14 @@ def test_a_drive_takes_the_law_with_intervals_that_hold_what_rows_share(pressed)
     drive = pn.Drive.load("catalogue:reference").replace({"friction": {"law": "coulomb", "coulomb": "1 N"}})
     after = pressed.apply(drive)
     assert after.friction.formula == pressed.model.friction.formula
-    assert after.friction.parameters["coulomb"] == pytest.approx(pressed.parameters["coulomb"], abs=1e-3)
     assert after.friction.parameters["film_time"] == pressed.model.friction.parameters["film_time"]
     assert set(after.provenance) == {f"friction.{name}" for name in pressed.parameters}
     origin = after.provenance["friction.coulomb"]
     assert "recording 0" in origin.source
     low, high = (float(end.split()[0]) for end in origin.interval)
     assert high - low > 2.0, "1 N that all rows share is 1.96 N each way"
+    written = 0.01 * (high - low)  # digits that the interval carries
+    assert after.friction.parameters["coulomb"] == pytest.approx(pressed.parameters["coulomb"], abs=written)
     again = pressed.apply(after)  # the same law: only what is determined changes
     assert again.friction == after.friction
     pn.simulate(after, "0 s: 0.6", duration="0.1 s")
