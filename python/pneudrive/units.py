@@ -14,18 +14,11 @@ from decimal import Decimal
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:
     import pint
-
-# Normal litre: a volume of air at the standard reference atmosphere (100 kPa, 20 degC, 65 % relative humidity)
-# [iso8778-2003].
-ANR_PRESSURE_PA = 1.0e5
-ANR_TEMPERATURE_K = 293.15
-
-#: Standard atmosphere, exact by definition: the surroundings of drives, recordings and rigs that say nothing of them.
-STANDARD_ATMOSPHERE_PA = 101325.0
 
 _BAR, _PSI, _L_MIN = 1.0e5, 6894.757293168361, 1.0e-3 / 60.0  # psi: 0.45359237 kg * 9.80665 m/s2 / (25.4 mm)2
 
@@ -44,7 +37,7 @@ _TABLE: dict[str, tuple[str, float, float]] = {
     **{u: ("m/s", f, 0.0) for u, f in {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "um/s": 1e-6}.items()},
     **{u: ("m/s^2", f, 0.0) for u, f in {"m/s2": 1.0, "mm/s2": 1e-3}.items()},
     **{u: ("rad", f, 0.0) for u, f in {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}.items()},
-    **{u: ("K", 1.0, o) for u, o in {"K": 0.0, "degC": 273.15, "°C": 273.15}.items()},
+    **{u: ("K", 1.0, o) for u, o in {"K": 0.0, "degC": ZERO_CELSIUS_K, "°C": ZERO_CELSIUS_K}.items()},
     **{
         u: ("Pa", f, 0.0) for u, f in {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": _BAR, "psi": _PSI}.items()
     },

@@ -6,6 +6,7 @@
 mod parameter;
 
 pub mod chamber;
+pub mod constants;
 pub mod flow;
 pub mod friction;
 pub mod gas;
@@ -14,6 +15,3 @@ pub mod mechanics;
 
 pub use gas::IdealGas;
 pub use parameter::{Bounds, Parameter, above, any, at_least, between};
-
-/// Standard acceleration of gravity, m/s2 (exact by definition). Source: [bipm2019].
-pub const STANDARD_GRAVITY: f64 = 9.806_65;

@@ -4,7 +4,8 @@
 
 use math::{Dual, Real};
 use physics::IdealGas;
-use physics::flow::{Iso6358, RHO_0, T_0};
+use physics::constants::{RHO_0, T_0};
+use physics::flow::Iso6358;
 
 fn air() -> IdealGas<f64> {
     IdealGas::new(1.4, 287.05)

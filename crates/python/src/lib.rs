@@ -7,8 +7,10 @@ mod rig;
 mod tank;
 
 use physics::IdealGas;
+use physics::constants as c;
 use physics::flow::{Iso6358, LINEAR_ABOVE, choked_factor};
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
 
 /// Flow through a component over its choked flow, at the ratio of downstream to upstream pressure.
 #[pyfunction]
@@ -23,6 +25,19 @@ fn choked_flow_factor(heat_capacity_ratio: f64) -> f64 {
     choked_factor(heat_capacity_ratio)
 }
 
+/// The numbers of nature and of standards that the core calculates with, by name, in SI.
+#[pyfunction]
+fn constants() -> BTreeMap<&'static str, f64> {
+    BTreeMap::from([
+        ("STANDARD_GRAVITY_M_S2", c::STANDARD_GRAVITY),
+        ("ANR_DENSITY_KG_M3", c::RHO_0),
+        ("ANR_TEMPERATURE_K", c::T_0),
+        ("ANR_PRESSURE_PA", c::P_0),
+        ("AIR_HEAT_CAPACITY_RATIO", c::AIR_HEAT_CAPACITY_RATIO),
+        ("AIR_GAS_CONSTANT_J_KG_K", c::AIR_GAS_CONSTANT),
+    ])
+}
+
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<drive::PyDrive>()?;
@@ -34,5 +49,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(friction::steady_friction_sensitivity, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;
     m.add_function(wrap_pyfunction!(choked_flow_factor, m)?)?;
+    m.add_function(wrap_pyfunction!(constants, m)?)?;
     Ok(())
 }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pneudrive.campaign.order import ordered_blocks, ordered_cells
 from pneudrive.campaign.points import Builder, Cell, Pair, Way, cycle_count, cycle_samples, cycle_time_s, pairs
 from pneudrive.campaign.protocol_values import AMBIENT
-from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
+from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Hold, Move

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.campaign.cautions import cautions
 from pneudrive.campaign.points import Way
-from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
+from pneudrive.constants import STANDARD_GRAVITY_M_S2, ZERO_CELSIUS_K
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.rig.interface import Changeable, Hold, Move
 
@@ -317,4 +317,4 @@ def _bar(value_pa: float) -> str:
 
 
 def _celsius(span_k: tuple[float, float]) -> str:
-    return f"{span_k[0] - 273.15:.4g} to {span_k[1] - 273.15:.4g} degC"
+    return f"{span_k[0] - ZERO_CELSIUS_K:.4g} to {span_k[1] - ZERO_CELSIUS_K:.4g} degC"

@@ -12,6 +12,7 @@ import numpy as np
 
 from pneudrive.campaign.folder import ABOUT, CYCLES, TRUTH, Campaign
 from pneudrive.campaign.replay import SAME_POSITION_M, ReplayRig, Take, Tolerance
+from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.errors import RecordingError, RigError
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Samples
 from pneudrive.rig.rig_file import RigFile, envelope_of, read_identity, read_limits
@@ -30,7 +31,6 @@ KEYS = {
 }  # fmt: skip
 # Of a rig of which only recordings are known (assumed): they decide where a plan expects its ramps to end.
 ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
-NOT_MEASURED_K = 293.15
 ANY_TEMPERATURE_K = (0.0, 1000.0)
 NO_LIMIT_N = 1e9
 STROKE_SLACK = 0.05  # share of the travel by which a stroke may end elsewhere
@@ -207,7 +207,7 @@ def _strokes_as(steps: Sequence[Step], first: int, recording: Recording, strokes
         force_n=recording.force_n[rows],
         pressure_a_pa=recording.pressure_a_pa[rows],
         pressure_b_pa=recording.pressure_b_pa[rows],
-        temperature_k=np.full(time.size, NOT_MEASURED_K),
+        temperature_k=np.full(time.size, ANR_TEMPERATURE_K),  # not measured
         step=step,
     )
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.constants import ZERO_CELSIUS_K
+
 if TYPE_CHECKING:
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Rig, RigState, Samples
@@ -98,4 +100,4 @@ def look(rig: Rig, bounds: Bounds) -> str:
 
 
 def _celsius(kelvin: float) -> str:
-    return f"{kelvin - 273.15:.4g} degC"
+    return f"{kelvin - ZERO_CELSIUS_K:.4g} degC"

@@ -22,10 +22,11 @@ from pneudrive.characterise.layout import (
     where_pattern_ends,
 )
 from pneudrive.characterise.text_table import TextForm
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.geometry import KINDS, piston_areas
 from pneudrive.errors import DescriptionError, LayoutError, nearest
 from pneudrive.files.tables import FORMATS
-from pneudrive.units import STANDARD_ATMOSPHERE_PA, parse, parse_pressure, parse_range
+from pneudrive.units import parse, parse_pressure, parse_range
 
 if TYPE_CHECKING:
     from collections.abc import Callable

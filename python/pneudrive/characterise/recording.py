@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RecordingError
 from pneudrive.show import Shown
-from pneudrive.units import STANDARD_ATMOSPHERE_PA
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-STANDARD_GRAVITY_M_S2 = 9.80665  # exact by definition [bipm2019]
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
 

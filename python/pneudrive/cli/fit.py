@@ -115,7 +115,7 @@ def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
     import numpy as np
     import xarray as xr
 
-    from pneudrive.units import STANDARD_ATMOSPHERE_PA
+    from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 
     ambient = [float(one.attrs.get("ambient_pressure_pa", STANDARD_ATMOSPHERE_PA)) for one in maps]
     common = [str(name) for name in maps[0] if all(name in one for one in maps)]
@@ -166,7 +166,8 @@ def _averaged(curves: xr.Dataset, by: str) -> list[str]:
 
 def _ambient(curves: xr.Dataset, said: str) -> float:
     """Ambient pressure from the option, from the map, or standard: that is then said."""
-    from pneudrive.units import STANDARD_ATMOSPHERE_PA, parse_pressure
+    from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+    from pneudrive.units import parse_pressure
 
     if said:
         with option("--ambient"):

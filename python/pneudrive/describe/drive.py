@@ -78,7 +78,7 @@ class Drive(Described):
 
     @model_validator(mode="after")
     def _origins_fit(self) -> Drive:
-        provenance.check(self)
+        provenance.check(self, self.provenance)
         return self
 
     @classmethod
@@ -147,7 +147,7 @@ class Drive(Described):
         tables = merge(self.to_dict(), nested)
         tables.pop("provenance", None)
         after = type(self).model_validate(tables)
-        known = provenance.kept(self, after) | origins if self.provenance or origins else {}
+        known = provenance.kept(self, after, self.provenance) | origins if self.provenance or origins else {}
         return type(self).model_validate(tables | {"provenance": known}) if known else after
 
     @property

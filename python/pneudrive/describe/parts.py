@@ -7,6 +7,12 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from pneudrive import units
+from pneudrive.constants import (
+    AIR_GAS_CONSTANT_J_KG_K,
+    AIR_HEAT_CAPACITY_RATIO,
+    ANR_TEMPERATURE_K,
+    STANDARD_ATMOSPHERE_PA,
+)
 from pneudrive.describe import valve_flow
 from pneudrive.describe.base import (
     Angle,
@@ -37,9 +43,9 @@ class Gas(Described):
     """The ideal gas in the drive; dry air where nothing is said."""
 
     table_name: ClassVar[str] = "gas"
-    heat_capacity_ratio: Annotated[float, Quantity("", bounds=Bounds(above=1.0, below=2.0))] = 1.4
+    heat_capacity_ratio: Annotated[float, Quantity("", bounds=Bounds(above=1.0, below=2.0))] = AIR_HEAT_CAPACITY_RATIO
     gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = Field(
-        default=287.05, alias="gas_constant"
+        default=AIR_GAS_CONSTANT_J_KG_K, alias="gas_constant"
     )
 
 
@@ -48,9 +54,9 @@ class Ambient(Described):
 
     table_name: ClassVar[str] = "ambient"
     pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
-        units.STANDARD_ATMOSPHERE_PA, gauge=False
+        STANDARD_ATMOSPHERE_PA, gauge=False
     )
-    temperature_k: Temperature = Field(default=293.15, alias="temperature")
+    temperature_k: Temperature = Field(default=ANR_TEMPERATURE_K, alias="temperature")
 
     @property
     def pressure_pa(self) -> float:

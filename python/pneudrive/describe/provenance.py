@@ -20,9 +20,7 @@ from pneudrive.describe.friction import Friction, parameter_quantities
 from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pneudrive.describe.drive import Drive
+    from collections.abc import Iterator, Mapping
 
 #: Of a value that is written with all its digits and read again.
 ROUNDING = 1e-9
@@ -91,7 +89,7 @@ class Value(NamedTuple):
     si: float
 
 
-def values(drive: Drive) -> dict[str, Value]:
+def values(drive: Described) -> dict[str, Value]:
     """Every number that a drive gives, by its dotted name in the drive file.
 
     Examples
@@ -103,7 +101,7 @@ def values(drive: Drive) -> dict[str, Value]:
     return dict(_walk(drive, ""))
 
 
-def marks(drive: Drive) -> dict[str, Quantity | StatedPressure | None]:
+def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
     """How every number is written that a drive gives, or could give: another size of its valve, a wall temperature."""
     out: dict[str, Quantity | StatedPressure | None] = {}
     for table, field in type(drive).model_fields.items():
@@ -137,17 +135,17 @@ def _walk(part: Described, path: str) -> Iterator[tuple[str, Value]]:
             yield here, Value(mark, value)
 
 
-def check(drive: Drive) -> None:
+def check(drive: Described, origins: Mapping[str, Origin]) -> None:
     """Refuse the origin of a value that there is not, or that lies outside its interval: it was changed by hand.
 
     Raises
     ------
     DescriptionError
     """
-    if not drive.provenance:
+    if not origins:
         return
     known = values(drive)
-    for key, origin in drive.provenance.items():
+    for key, origin in origins.items():
         full = f"provenance.{key}"
         if key not in known:
             raise wrong(full, f'[provenance."{key}"] is not a value of this drive', remedy=nearest(key, known))
@@ -167,11 +165,11 @@ def check(drive: Drive) -> None:
             )
 
 
-def kept(before: Drive, after: Drive) -> dict[str, Any]:
-    """Return the origins of values that are the same in both, as plain tables."""
+def kept(before: Described, after: Described, origins: Mapping[str, Origin]) -> dict[str, Any]:
+    """Return those of the origins whose values are the same in both drives, as plain tables."""
     old, new = values(before), values(after)
     return {
         key: origin.to_dict()
-        for key, origin in before.provenance.items()
+        for key, origin in origins.items()
         if key in old and key in new and old[key].si == new[key].si
     }

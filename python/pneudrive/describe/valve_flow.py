@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.units import ANR_PRESSURE_PA, ANR_TEMPERATURE_K
+from pneudrive.constants import (
+    AIR_GAS_CONSTANT_J_KG_K,
+    AIR_HEAT_CAPACITY_RATIO,
+    ANR_DENSITY_KG_M3,
+    ANR_PRESSURE_PA,
+    ANR_TEMPERATURE_K,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-# Air at the reference atmosphere of ISO 6358 [iso6358-2013]: 65 % humid, hence not p/(R T) of dry air.
-AIR_DENSITY_KG_M3 = 1.185
-AIR_GAS_CONSTANT_J_KG_K = 287.05
-AIR_HEAT_CAPACITY_RATIO = 1.4
 
 WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
 BAR_PA = 1.0e5
@@ -57,7 +58,7 @@ def conductance_from_kv(kv_m3_h: float) -> float:
     """
     area = kv_m3_h / 3600.0 * math.sqrt(WATER_DENSITY_KG_M3 / (2.0 * BAR_PA))
     choked = _core.choked_flow_factor(AIR_HEAT_CAPACITY_RATIO) / math.sqrt(AIR_GAS_CONSTANT_J_KG_K * ANR_TEMPERATURE_K)
-    return area * choked / AIR_DENSITY_KG_M3
+    return area * choked / ANR_DENSITY_KG_M3
 
 
 def conductance_from_cv(cv: float) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.campaign.folder import Campaign
+from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import CampaignError
 from pneudrive.report.campaign_curves import picture
 from pneudrive.report.page import Items, Section, Table, Text
@@ -106,7 +107,7 @@ def _ranges(found: CampaignCharacteristics) -> Table:
         ("speed, mm/s", *(_or_none(1e3 * v, ".4g") for v in r.speed_m_s)),
         ("pressure a, bar gauge", *(_or_none(v / 1e5, ".3g") for v in r.gauge_a_pa)),
         ("pressure b, bar gauge", *(_or_none(v / 1e5, ".3g") for v in r.gauge_b_pa)),
-        ("temperature, °C", *(_or_none(v - 273.15, ".1f") for v in r.temperature_k)),
+        ("temperature, °C", *(_or_none(v - ZERO_CELSIUS_K, ".1f") for v in r.temperature_k)),
     )
     head = ("range of the sweeps", "lowest", "highest")
     return Table(head, rows, "Outside of these friction over speed and pressure is an extrapolation")

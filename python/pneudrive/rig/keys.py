@@ -5,6 +5,7 @@ The parameters of friction are those of the law, which the core knows; what acts
 
 from __future__ import annotations
 
+from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.describe.geometry import KINDS
 from pneudrive.rig.reader import Key, not_negative, positive, word
 from pneudrive.rig.sensors import CLOCKS
@@ -40,7 +41,7 @@ KEYS: dict[str, dict[str, Key]] = {
     },
     "ambient": {
         "pressure": positive("abs", "pressure of the room"),
-        "temperature": positive("K", "temperature of room, air and walls", 293.15),
+        "temperature": positive("K", "temperature of room, air and walls", ANR_TEMPERATURE_K),
     },
     "servo": {
         "acceleration": positive("m/s^2", "largest acceleration"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.recording import STANDARD_GRAVITY_M_S2
+from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
 from pneudrive.rig.conditions import Past, friction_in_force
 from pneudrive.rig.core import core_rig, steady_friction_n

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import SimulationError
 from pneudrive.rig.core import steady_friction_n
 
@@ -29,7 +30,7 @@ SAMPLES, RTOL = 20000, 1e-6
 #: Time in which the axis comes to its speed, in periods of the piston on the spring.
 START_PERIODS = 2.0
 #: Any will do: the force of the air is taken off again.
-AMBIENT_PA, AREA_M2 = 101325.0, 1e-4
+AREA_M2 = 1e-4
 
 
 @dataclass(frozen=True)
@@ -94,13 +95,13 @@ def drag_swinging(
     start = START_PERIODS * period
     jerk = speed_m_s / (0.5 * start) ** 2
     cruise = max(STRETCHES * steady / stiffness_n_m / speed_m_s, PERIODS * period)
-    pressures = [AMBIENT_PA + gauge for gauge in gauges_pa]
+    pressures = [STANDARD_ATMOSPHERE_PA + gauge for gauge in gauges_pa]
     rig = {
         "friction": friction,
         "area_a_m2": AREA_M2,
         "area_b_m2": AREA_M2,
         "moving_mass_kg": mass_kg,
-        "ambient_pressure_pa": AMBIENT_PA,
+        "ambient_pressure_pa": STANDARD_ATMOSPHERE_PA,
         "pressure_a_pa": pressures[0],
         "pressure_b_pa": pressures[1],
         "stroke_m": 1.0,

@@ -6,8 +6,7 @@ use crate::lifted::Lifted;
 use crate::specification::{self, Valve};
 use math::Lane;
 use physics::IdealGas;
-use physics::STANDARD_GRAVITY;
-use physics::flow::{P_0, T_0};
+use physics::constants::{P_0, STANDARD_GRAVITY, T_0};
 use physics::mechanics::EndStop;
 
 /// Share of the dead length (dead volume over area) that a stop may take up (assumed).

@@ -95,7 +95,7 @@ impl Rig {
         let friction = friction_law(&spec.friction)?;
         let inner = friction.states();
         let gas = IdealGas::air();
-        let room_k = spec.temperature_k.unwrap_or(physics::flow::T_0);
+        let room_k = spec.temperature_k.unwrap_or(physics::constants::T_0);
         let mut circuit = Circuit::new(&gas, spec.ambient_pressure_pa, room_k);
         let axis = circuit.axis(spec.moving_mass_kg, spec.incline_rad, 0.0, Some(friction));
         let air = match &spec.chambers {

@@ -130,7 +130,7 @@ impl<P: Lane> Shootable<P> for Tank<P> {
 mod tests {
     use super::*;
     use ode::Options;
-    use physics::flow::{RHO_0, T_0};
+    use physics::constants::{RHO_0, T_0};
 
     const P_A: f64 = 1e5;
     const T_A: f64 = 293.15;

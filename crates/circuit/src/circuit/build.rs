@@ -4,8 +4,9 @@ use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId, Topol
 use crate::part::*;
 use math::{Deps, Lane, Over};
 use ode::{Structure, System};
+use physics::IdealGas;
+use physics::constants::STANDARD_GRAVITY;
 use physics::friction::Contact;
-use physics::{IdealGas, STANDARD_GRAVITY};
 use std::sync::Arc;
 
 impl<R: Lane> Circuit<R> {

@@ -4,7 +4,7 @@ use crate::net::{GasNode, Net};
 use math::{Lane, Over, Real};
 use physics::chamber::{AsPrinted, EnergyBalance, Exchange};
 // The standard reference atmosphere: of the error scales, and where entropy is zero.
-use physics::flow::{P_0, T_0};
+use physics::constants::{P_0, T_0};
 use physics::heat;
 
 /// Share of the dead volume at which the piston has reached the cover: a gap of no height cannot be filled.

@@ -1,13 +1,7 @@
+use crate::constants::{P_0, RHO_0, T_0};
 use crate::gas::IdealGas;
 use math::{Over, Real};
 
-/// Density of the standard reference atmosphere of ISO 8778 (20 degC, 100 kPa, 65 % relative
-/// humidity), kg/m3, to which a sonic conductance refers. Source: [iso6358-2013].
-pub const RHO_0: f64 = 1.185;
-/// Temperature of the standard reference atmosphere, K. Source: [iso6358-2013].
-pub const T_0: f64 = 293.15;
-/// Pressure of the standard reference atmosphere, Pa. Source: [iso6358-2013].
-pub const P_0: f64 = 1e5;
 /// Pressure ratio above which the flow is linear, unless a drive says otherwise (assumed).
 pub const LINEAR_ABOVE: f64 = 0.999;
 

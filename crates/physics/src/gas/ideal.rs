@@ -1,3 +1,4 @@
+use crate::constants::{AIR_GAS_CONSTANT, AIR_HEAT_CAPACITY_RATIO};
 use math::Real;
 
 crate::parameters! {
@@ -23,20 +24,15 @@ crate::parameters! {
     }
 }
 
-/// Dry air: ratio of specific heats, -, and specific gas constant, J/(kg K). Conductances of components
-/// are measured with it. Source: [assumed], the usual values.
-const AIR: (f64, f64) = (1.4, 287.05);
-
 impl IdealGas<f64> {
     /// Dry air.
     pub fn air() -> Self {
-        let (heat_capacity_ratio, gas_constant) = AIR;
-        IdealGas::new(heat_capacity_ratio, gas_constant)
+        IdealGas::new(AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT)
     }
 
     /// Whether this is exactly the gas of [`IdealGas::air`].
     pub fn is_air(&self) -> bool {
-        (self.heat_capacity_ratio, self.gas_constant) == AIR
+        (self.heat_capacity_ratio, self.gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT)
     }
 }
 

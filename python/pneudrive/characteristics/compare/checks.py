@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.constants import ZERO_CELSIUS_K
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -15,7 +17,6 @@ if TYPE_CHECKING:
 #: Shares by which values may differ, and differences that do no harm (assumed).
 STIFFNESS_SHARE, AREA_SHARE, MASS_SHARE, RATE_SHARE = 0.1, 0.005, 0.1, 0.25
 AMBIENT_PA, TEMPERATURE_K = 2000.0, 3.0
-ZERO_CELSIUS_K = 273.15
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,20 @@
+"""Numbers of nature and of standards, each once in Python; those that the core has too equal the core's by a test."""
+
+#: Standard acceleration of gravity, exact by definition [bipm2019].
+STANDARD_GRAVITY_M_S2 = 9.80665
+
+#: Standard atmosphere, exact by definition: the surroundings of drives, recordings and rigs that say nothing of them.
+STANDARD_ATMOSPHERE_PA = 101325.0
+
+#: 0 degrees Celsius, exact by definition [bipm2019].
+ZERO_CELSIUS_K = 273.15
+
+#: Standard reference atmosphere of a normal litre (ANR) and of a sonic conductance: 65 % relative humidity, hence not
+#: p/(R T) of dry air [iso8778-2003], [iso6358-2013].
+ANR_PRESSURE_PA = 1.0e5
+ANR_TEMPERATURE_K = 293.15
+ANR_DENSITY_KG_M3 = 1.185
+
+#: Dry air, the usual values (assumed).
+AIR_HEAT_CAPACITY_RATIO = 1.4
+AIR_GAS_CONSTANT_J_KG_K = 287.05

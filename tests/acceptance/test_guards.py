@@ -1,0 +1,107 @@
+"""What the project says of itself is true: its pages, its layers, its constants."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pneudrive as pn
+from pneudrive import _core, constants
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "python/pneudrive"
+ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+# Where a path of ARCHITECTURE.md may begin.
+BEGIN = (ROOT, ROOT / "crates", PACKAGE)
+
+
+def test_paths_of_the_architecture_exist():
+    said = set(re.findall(r"`([\w./]+(?:/|\.rs|\.py|\.toml|\.md)[\w./]*)`", ARCHITECTURE))
+    assert len(said) > 30
+    assert not {path for path in said if not any((begin / path).exists() for begin in BEGIN)}
+
+
+def test_layers_are_those_of_the_linter():
+    contract = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"][0]
+    block = re.search(r"```layers\n(.*?)```", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.DOTALL)
+    assert block is not None
+    assert block[1].splitlines() == [layer.replace("pneudrive.", "") for layer in contract["layers"]]
+
+
+def test_names_that_the_pages_promise_are_exported():
+    pages = [ROOT / "CHANGELOG.md", ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    promised = {
+        (name, page.name) for page in pages for name in re.findall(r"\bpn\.(\w+)", page.read_text("utf-8", "replace"))
+    }
+    assert len(promised) > 20
+    assert not {(name, page) for name, page in promised if not hasattr(pn, name)}
+
+
+def test_crates_know_what_the_architecture_says():
+    """What each crate's row calls known is among its dependencies, and nothing that is not known through those."""
+    rows = re.findall(r"^\| `crates/(\w+)` \|.*\| ([\w, ]+) \|$", ARCHITECTURE, re.MULTILINE)
+    said = {crate: set() if knows == "nothing" else set(knows.split(", ")) for crate, knows in rows}
+    told = subprocess.run(
+        ["cargo", "metadata", "--format-version", "1", "--no-deps", "--offline"],
+        cwd=ROOT, capture_output=True, check=True,
+    )  # fmt: skip
+    packages = json.loads(told.stdout)["packages"]
+    folder = {package["name"]: Path(package["manifest_path"]).parent.name for package in packages}
+    depends = {
+        folder[package["name"]]: {
+            folder[one["name"]] for one in package["dependencies"] if one["kind"] is None and one["name"] in folder
+        }
+        for package in packages
+    }
+    assert depends.keys() == said.keys()
+
+    def known(crate: str) -> set[str]:
+        return said[crate].union(*(known(one) for one in said[crate]))
+
+    for crate, needs in depends.items():
+        assert said[crate] <= needs <= known(crate), crate
+
+
+def _imports(module: str, path: Path, modules: set[str]) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {f"{node.module}.{name.name}" for name in node.names} | {node.module}
+    return (found & modules) - {module}
+
+
+def test_describe_has_no_circles():
+    """Imports for type checkers only included; the package itself is not asked, it names its contents lazily."""
+    paths = {
+        ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts): path
+        for path in (PACKAGE / "describe").glob("*.py")
+        if path.name != "__init__.py"
+    }
+    graph = {module: _imports(module, path, set(paths)) for module, path in paths.items()}
+    assert any(graph.values())
+    while leaves := {module for module, needs in graph.items() if not needs}:
+        graph = {module: needs - leaves for module, needs in graph.items() if module not in leaves}
+    assert not graph, f"these import each other: {sorted(graph)}"
+
+
+def test_constants_are_those_of_the_core():
+    core = _core.constants()
+    assert len(core) >= 6
+    assert {name: getattr(constants, name) for name in core} == core
+
+
+def test_a_constant_stands_once():
+    """No other file of the package writes a number of `constants.py` again."""
+    numbers = {value for name, value in vars(constants).items() if name.isupper()} - {1.4, 1e5}
+    for path in PACKAGE.rglob("*.py"):
+        text = path.read_text("utf-8")
+        if path.name == "constants.py" or not any(str(number) in text for number in numbers):
+            continue
+        written = {node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant)}
+        assert not {value for value in written if isinstance(value, float)} & numbers, path
