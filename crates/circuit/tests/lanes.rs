@@ -97,6 +97,9 @@ fn lanes_equal_scalars(spec: &specification::Drive, least_events: u64) {
         [-0.01, 0.004, 0.008, 0.004, -0.004, -0.05, 1.0, 0.002],
     ];
     let (together, statistics) = run::<L>(&drives, &x0, &commands);
+    let bits = together.states.concat().concat();
+    let what = if spec.friction.dwell.is_some() { "-and-everything" } else { "" };
+    pinned(&format!("lanes/{}{what}", spec.friction.law), bits.into_iter().map(f64::from_bits));
     let mut events = 0;
     for lane in 0..4 {
         let (alone, own) = run::<f64>(&drives[lane..=lane], &x0[lane..=lane], &commands[lane..=lane]);

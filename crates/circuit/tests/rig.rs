@@ -188,6 +188,7 @@ fn books_close_while_it_moves_waits_gives_way_and_is_shut_off() {
             ("shut", travel(-0.1, 0.2, 0.05), How { released: false, shut: true }),
         ];
         let mut state: Option<Vec<f64>> = None;
+        let mut all = Vec::new();
         for (what, plan, how) in plans {
             let from = state.as_deref().map_or(Start::Rest(0.02), Start::State);
             let (run, end) = run(&rig, &plan, how, from, 1e-9);
@@ -208,8 +209,11 @@ fn books_close_while_it_moves_waits_gives_way_and_is_shut_off() {
             // As exact as the integral of a rate with a kink, where a motion turns round.
             let least = -1e-9 * balance.turnover / ROOM - 1e-15;
             assert!(balance.least_production > least, "{name} {what}: {:e}", balance.least_production);
+            all.extend(run.columns.concat());
+            all.extend(&end.state);
             state = Some(end.state);
         }
+        pinned(&format!("rig/{name}"), all);
     }
 }
 

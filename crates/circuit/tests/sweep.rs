@@ -6,6 +6,7 @@ mod support;
 
 use circuit::{Drive, Error, Run, specification as spec};
 use ode::Options;
+use physics::friction::LAWS;
 use serde_json::{Value, json};
 use support::*;
 
@@ -23,7 +24,7 @@ impl Draw {
         low + (high - low) * self.unit()
     }
     fn log(&mut self, low: f64, high: f64) -> f64 {
-        low * (high / low).powf(self.unit())
+        low * math::elementary::pow(high / low, self.unit())
     }
     fn one<T: Copy>(&mut self, of: &[T]) -> T {
         of[(self.unit() * of.len() as f64) as usize]
@@ -238,6 +239,35 @@ fn errors(seed: u64) -> (f64, f64) {
         }
     }
     (position, pressure)
+}
+
+/// The bits of what member `seed` does under one law, or of why it stops.
+fn moved(seed: u64, law: &'static str) -> Vec<f64> {
+    let member = Member::new(seed, &[law]);
+    let drive = Drive::assemble(&member.drive, true).expect("assembles");
+    match member.run(&drive, 1e-6, 100.0) {
+        Ok(run) => run.columns.concat(),
+        Err(error) => error.to_string().bytes().map(f64::from).collect(),
+    }
+}
+
+/// So many drives under every law.
+fn pin_all(name: &str, drives: u64) {
+    for meta in LAWS {
+        let all = (0..drives).flat_map(|seed| moved(seed, meta.key));
+        pinned(&format!("{name}/{}", meta.key), all.collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn a_few_drives_under_every_law_move_as_they_did() {
+    pin_all("sweep-of-4", 4);
+}
+
+#[test]
+#[ignore = "a minute: for a change that is to move nothing"]
+fn many_drives_under_every_law_move_as_they_did() {
+    pin_all("sweep-of-200", 200);
 }
 
 #[test]

@@ -2,12 +2,16 @@
 
 #![allow(dead_code)] // every contract uses its own part
 
+mod pins;
+
 use circuit::{Circuit, Net, specification};
 use ode::{NoOutput, Options, Output, Paused, Stepper, System};
 use physics::flow::Iso6358;
 use physics::friction::{AnyLaw, Choices, LAWS, Meta};
 use physics::mechanics::EndStop;
 use physics::{IdealGas, Parameter};
+
+pub use pins::{pinned, sha256};
 
 pub const K: f64 = 1.4;
 pub const R: f64 = 287.05;
