@@ -6,6 +6,7 @@ import json
 import math
 import random
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -13,11 +14,11 @@ import pytest
 
 from campaign.fake_rig import FakeRig, contents, protocol
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.folder import Campaign, CycleFile, Head, create, read_head, tidy, write_cycle
+from pneudrive.campaign.folder import Campaign, CycleFile, Head, create, read_head, read_samples, tidy, write_cycle
 from pneudrive.campaign.motion import steps_from_motion
 from pneudrive.campaign.status import status_of
 from pneudrive.errors import CampaignError
-from pneudrive.files import seal
+from pneudrive.files import formats, seal, tables
 from pneudrive.rig.interface import Move, Samples, Sampling
 
 CYCLE = Cycle("b1/sweep/v50/r1", "sweep", (Move(0.1, 0.05), Move(0.0, 0.05)), Sampling(), 2e5, 1.5e5, speed_m_s=0.05)
@@ -207,3 +208,82 @@ def test_status_says_whose_samples_no_seal_proves(folder):
     head = pl.read_parquet_metadata(path)["pneudrive"]
     pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": head})
     assert "1 of 3 carry no seal" in str(status_of(folder).problems[0])
+
+
+def _foreign(path):
+    """Write a cycle's file again without its seal, as somebody else would."""
+    head = pl.read_parquet_metadata(path)["pneudrive"]
+    pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": head})
+
+
+def _messages(monkeypatch, crash=""):
+    """Record which files each message to the reader process asks for; one that asks for `crash` ends it."""
+    asked, exchange = [], tables._Reader._exchange
+
+    def recorded(reader, line):
+        asked.append([Path(path).name for path in json.loads(line)["paths"]])
+        if any(crash and crash in name for name in asked[-1]):
+            if reader._process is not None:
+                reader._process.kill()
+            return None
+        return exchange(reader, line)
+
+    monkeypatch.setattr(tables._Reader, "_exchange", recorded)
+    return asked
+
+
+def test_many_files_without_a_seal_are_few_messages(folder, monkeypatch):
+    """Heads and samples of n files take n / MOST_FILES messages each: a campaign of 20,000 takes 200, not 40,000."""
+    campaign = Campaign.open(folder)
+    before = contents(folder)
+    for path in campaign.files():
+        _foreign(path)
+    monkeypatch.setattr(tables, "MOST_FILES", 2)
+    asked = _messages(monkeypatch)
+    files, _ = campaign.scan()
+    assert [len(names) for names in asked] == [2, 1]
+    samples = list(read_samples(files))
+    assert [len(names) for names in asked] == [2, 1, 2, 1]
+    assert contents(folder) == before
+    assert all(np.array_equal(s.force_n, f.samples().force_n) for s, f in zip(samples, files, strict=True))
+
+
+def test_a_file_that_crashes_its_reader_costs_no_other(folder, monkeypatch):
+    """A message that ends the process is asked again file by file, so that the one that did it is named alone."""
+    campaign = Campaign.open(folder)
+    for path in campaign.files()[:2]:
+        _foreign(path)
+    asked = _messages(monkeypatch, crash="00002")
+    files, problems = campaign.scan()
+    assert [file.head.index for file in files] == [1, 3]
+    assert [problem.where for problem in problems] == ["cycles/00002-b1_sweep_v2_r1.parquet"]
+    assert "crashed" in problems[0].what
+    assert [len(names) for names in asked] == [2, 1, 1]
+
+
+def test_cycles_of_our_own_are_read_with_one_query(folder, monkeypatch):
+    """One query costs more than the samples of a short cycle. One file with other columns costs only the haste."""
+    calls = []
+    alike = formats._read_alike
+    monkeypatch.setattr(formats, "_read_alike", lambda paths, wanted: calls.append(len(paths)) or alike(paths, wanted))
+    files, _ = Campaign.open(folder).scan()
+    together = list(read_samples(files))
+    assert calls == [3]
+    head = replace(files[1].head, sha256="")
+    frame = pl.read_parquet(files[1].path).drop("temperature_k")
+    files[1].path.write_bytes(seal.sealed_parquet(frame, {"pneudrive": head.to_json()}))
+    files[1] = CycleFile(files[1].path, head, sealed=True)
+    again = list(read_samples(files))
+    for one, other in zip(together, again, strict=True):
+        assert np.array_equal(one.time_s, other.time_s)
+        assert np.array_equal(one.force_n, other.force_n)
+    assert np.isnan(again[1].temperature_k).all()
+
+
+def test_the_head_of_a_sealed_file_is_found_without_a_library(folder):
+    path = Campaign.open(folder).files()[0]
+    data = path.read_bytes()
+    assert seal.sealed_text(data, "pneudrive") == pl.read_parquet_metadata(path)["pneudrive"]
+    assert seal.sealed_text(data, "pneumatic") is None
+    twice = seal.sealed_parquet(pl.DataFrame({"a": [1]}), {"x": "\x18\x09pneudrive\x18", "pneudrive": "{}"})
+    assert seal.sealed_text(twice, "pneudrive") is None

@@ -20,22 +20,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.bulk import many_objects
 from pneudrive.campaign.control import FOLDER as CONTROL
 from pneudrive.campaign.head import SCHEMA, Head, plain, read_identity
 from pneudrive.campaign.head import read_head as parse_head
 from pneudrive.campaign.motion import steps_from_motion
 from pneudrive.campaign.storage import PART, clear_errors, make_folder, write_whole
-from pneudrive.errors import CampaignError
+from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
-from pneudrive.files.tables import Table, open_table
+from pneudrive.files.tables import read_columns, read_texts
 from pneudrive.rig.interface import CHANNELS, Identity, Samples
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
+
+    from pneudrive.files.tables import Text
 
 HEAD = "pneudrive"
 COLUMNS = (*CHANNELS, "step")
@@ -96,23 +99,50 @@ class CycleFile(Shown):
         CampaignError
             If the file is damaged or lacks a column.
         """
-        where = str(self.path)
-        table = open_table(self.path, "parquet", CampaignError)
-        columns = table.get(name for name in COLUMNS if name in table.names)
-        channels = {name: _number_column(columns[name], name, where) for name in CHANNELS if name in columns}
-        step = _step_column(columns["step"], where) if "step" in columns else None
-        found = digest(channels, step)
-        if self.head.sha256 and self.head.sha256 != found:
-            raise CampaignError("the samples are damaged: they do not have the SHA-256 of their head", where=where)
-        missing = [name for name in REQUIRED_COLUMNS if name not in channels]
-        if missing:
-            raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="SI units in the name")
-        for name in ("pressure_a_pa", "pressure_b_pa"):
-            channels.setdefault(name, np.full(channels["time_s"].size, getattr(self.head.cycle, name)))
-        channels.setdefault("temperature_k", np.full(channels["time_s"].size, np.nan))
-        if step is None:
-            step = steps_from_motion(channels["time_s"], channels["position_m"], self.head.cycle.stop_s)
-        return Samples(**channels, step=step)
+        (samples,) = read_samples([self])
+        if isinstance(samples, CampaignError):
+            raise samples
+        return samples
+
+
+def read_samples(files: Sequence[CycleFile]) -> Iterator[Samples | CampaignError]:
+    """Read the raw samples of many files, see `CycleFile.samples`; what cannot be read gives its error."""
+    columns = read_columns([file.path for file in files], COLUMNS, CampaignError)
+    for file, found in zip(files, columns, strict=True):
+        samples: Samples | CampaignError
+        try:
+            samples = _samples(file, found)
+        except CampaignError as error:
+            samples = error
+        yield samples
+
+
+def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError) -> Samples:
+    """Make samples of a file's columns.
+
+    Raises
+    ------
+    CampaignError
+        If they could not be read, or are damaged, or one is missing.
+    """
+    where = str(file.path)
+    if isinstance(columns, PneudriveError):
+        raise columns
+    channels = {name: _number_column(columns[name], name, where) for name in CHANNELS if name in columns}
+    step = _step_column(columns["step"], where) if "step" in columns else None
+    if file.head.sha256 and file.head.sha256 != digest(channels, step):
+        raise CampaignError("the samples are damaged: they do not have the SHA-256 of their head", where=where)
+    missing = [name for name in REQUIRED_COLUMNS if name not in channels]
+    if missing:
+        raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="SI units in the name")
+    for name in ("pressure_a_pa", "pressure_b_pa"):
+        if name not in channels:
+            channels[name] = np.full(channels["time_s"].size, getattr(file.head.cycle, name))
+    if "temperature_k" not in channels:
+        channels["temperature_k"] = np.full(channels["time_s"].size, np.nan)
+    if step is None:
+        step = steps_from_motion(channels["time_s"], channels["position_m"], file.head.cycle.stop_s)
+    return Samples(**channels, step=step)
 
 
 def digest(channels: dict[str, NDArray[np.float64]], step: NDArray[np.int64] | None) -> str:
@@ -186,21 +216,30 @@ def read_head(path: Path) -> Head:
 
 def read_noted_head(path: Path) -> tuple[CycleFile, list[str]]:
     """Read the head and notes on what in it was not understood; see `read_head`."""
-    table = open_table(path, "parquet", CampaignError)
-    number, _, key = path.stem.partition("-")
-    head, notes = parse_head(_head_of(table), str(path), index=int(number) if number.isdigit() else None, key=key)
-    return CycleFile(path, head, table.own is not None), notes
+    (found,) = read_texts([path], HEAD, CampaignError)
+    return _file_of(path, found)
 
 
-def _head_of(table: Table) -> str:
-    """Give the text of a cycle's head."""
-    if HEAD not in table.metadata:
+def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[str]]:
+    """Make sense of what a cycle's file carries.
+
+    Raises
+    ------
+    CampaignError
+        If it could not be read, or has no meaning.
+    """
+    if isinstance(found, PneudriveError):
+        raise found
+    if found.text is None:
         raise CampaignError(
             f'the file has no head: "{HEAD}" in its Parquet metadata',
-            where=str(table.path),
+            where=str(path),
             remedy="See docs/reference/campaign-folder.md.",
         )
-    return table.metadata[HEAD]
+    number, _, key = path.stem.partition("-")
+    index = int(number) if number.isdigit() else None
+    head, notes = parse_head(found.text, str(path), index=index, key=key)
+    return CycleFile(path, head, found.sealed), notes
 
 
 def _number_column(values: NDArray[Any], name: str, where: str) -> NDArray[np.float64]:
@@ -298,15 +337,16 @@ class Campaign(Shown):
         """
         found: list[CycleFile] = []
         problems = [Problem(RIG, note, lost=False) for note in self.notes]
-        for path in self.files():
-            where = f"{CYCLES}/{path.name}"
-            try:
-                file, notes = read_noted_head(path)
-            except CampaignError as error:
-                problems.append(Problem(where, _one_line(error)))
-                continue
-            problems += [Problem(where, note, lost=False) for note in notes]
-            found.append(file)
+        paths = self.files()
+        with many_objects():
+            for path, text in zip(paths, read_texts(paths, HEAD, CampaignError), strict=True):
+                try:
+                    file, notes = _file_of(path, text)
+                except CampaignError as error:
+                    problems.append(Problem(f"{CYCLES}/{path.name}", _one_line(error)))
+                    continue
+                problems += [Problem(f"{CYCLES}/{path.name}", note, lost=False) for note in notes]
+                found.append(file)
         found.sort(key=lambda file: (file.head.index, file.path.name))
         unique: list[CycleFile] = []
         keys: dict[str, str] = {}
@@ -330,16 +370,13 @@ class Campaign(Shown):
     def checked(self) -> tuple[list[CycleFile], list[Problem]]:
         """Give the cycles that are usable to their last sample, and what `problems` finds."""
         files, problems = self.scan()
-        damaged = {file.path: problem for file in files if not file.sealed and (problem := _damage_of(file))}
+        foreign = [file for file in files if not file.sealed]
+        damaged = {
+            file.path: Problem(f"{CYCLES}/{file.path.name}", _one_line(samples))
+            for file, samples in zip(foreign, read_samples(foreign), strict=True)
+            if isinstance(samples, CampaignError)
+        }
         return [file for file in files if file.path not in damaged], [*problems, *damaged.values()]
-
-
-def _damage_of(file: CycleFile) -> Problem | None:
-    try:
-        file.samples()
-    except CampaignError as error:
-        return Problem(f"{CYCLES}/{file.path.name}", _one_line(error))
-    return None
 
 
 def _one_line(error: CampaignError) -> str:

@@ -133,6 +133,8 @@ _IDENTITY_TYPES = {
     "synthetic": _FLAG,
 }
 _ENDLESS = (math.inf, -math.inf)  # a rigid rig, a sensor without limits
+#: What JSON makes of a value that is right, where nothing else need be asked.
+_USUAL = {_WHOLE: int, _TEXT: str, _FLAG: bool, _TABLE: dict, _LIST: list}
 _IS = {
     _NUMBER: lambda v: isinstance(v, int | float) and not isinstance(v, bool) and (abs(v) <= LARGEST or v in _ENDLESS),
     _WHOLE: lambda v: isinstance(v, int) and not isinstance(v, bool),
@@ -227,7 +229,7 @@ def _check_types(data: dict[str, Any], types: dict[str, str], where: str, path: 
     for name, value in data.items():
         if name not in types:
             notes.append(f"{path}{name} is ignored: there is no such key. {nearest(name, types)}")
-        elif value is not None and not _IS[types[name]](value):
+        elif value is not None and type(value) is not _USUAL.get(types[name]) and not _IS[types[name]](value):
             raise CampaignError(f"{path}{name} = {json.dumps(value)[:80]}", where=where, rule=f"it is {types[name]}")
     return notes
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from pneudrive.bulk import many_objects
 from pneudrive.campaign.order import ordered_blocks, ordered_cells
 from pneudrive.campaign.points import Builder, Cell, Pair, Way, cycle_count, cycle_samples, cycle_time_s, pairs
 from pneudrive.campaign.protocol_values import AMBIENT
@@ -152,7 +153,8 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     count = cycle_count(protocol)
     within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
     layout = _Layout(protocol, Builder(protocol, identity, envelope))
-    planned = layout.run()
+    with many_objects():
+        planned = layout.run()
     seen: set[str] = set()
     for one in planned:
         if one.cycle.key in seen:
@@ -178,6 +180,7 @@ class _Layout:
         self.protocol, self.make = protocol, builder
         self.way: Way = builder.way
         self.planned: list[Planned] = []
+        self._takes: dict[str, tuple[float, int]] = {}  # cell or key -> time on the axis, samples
         self.at = VENTED.absolute_pa(builder.ambient_pa)
         highest = [
             max(side, key=lambda p: p.absolute_pa(builder.ambient_pa))
@@ -268,8 +271,11 @@ class _Layout:
         if now != self.at:
             wait_s += self.protocol.pressure.settling_s
             self.at = now
-        limits = self.way.limits
-        self.planned.append(Planned(cycle, cycle_time_s(cycle, limits), wait_s, cycle_samples(cycle, limits), cell))
+        name = cell.name if cell is not None else cycle.key
+        if name not in self._takes:
+            self._takes[name] = cycle_time_s(cycle, self.way.limits), cycle_samples(cycle, self.way.limits)
+        axis_s, samples = self._takes[name]
+        self.planned.append(Planned(cycle, axis_s, wait_s, samples, cell))
 
 
 __all__ = ["Plan", "Planned", "cell_name", "draft", "lay_out", "pairs"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.cycle import Cycle
@@ -69,7 +69,7 @@ class Cell:
     released: bool = False
     place: Place | None = None
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Names the cell within its block, for good: it is the middle of a key."""
         speed = f"v{1e3 * self.speed_m_s:.6g}"
@@ -195,14 +195,16 @@ class Builder:
         self.way = Way.on(protocol, envelope)
         self.first = pairs(protocol)[0]
         self.sampling = protocol.sampling
+        self._steps: dict[str, tuple[Step, ...]] = {}
 
     def point(self, cell: Cell, block: int, repeat: int, levels: dict[str, str]) -> Cycle:
         """Make the cycle that measures a cell; another speed than the protocol's is `dataclasses.replace` away."""
-        steps = self._sweep(cell) if cell.place is None else self._stop(cell)
+        if cell.name not in self._steps:
+            self._steps[cell.name] = self._sweep(cell) if cell.place is None else self._stop(cell)
         return self._cycle(
             f"b{block}/{cell.name}/r{repeat}",
             cell.kind,
-            steps,
+            self._steps[cell.name],
             cell.pressures,
             block=block,
             repeat=repeat,

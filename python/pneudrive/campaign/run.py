@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 from pneudrive import own_code
 from pneudrive.campaign.control import ABORT, LOOK_S, PAUSE, RESUME, STOP, Requests
 from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
+from pneudrive.campaign.folder_plan import plan_of
 from pneudrive.campaign.head import plain
 from pneudrive.campaign.journal import Journal
 from pneudrive.campaign.live import Guarded, Silent
@@ -23,10 +24,9 @@ from pneudrive.campaign.options import Options
 from pneudrive.campaign.plan import Plan, lay_out
 from pneudrive.campaign.preflight import check_levels
 from pneudrive.campaign.prompt import Terminal, go_on
-from pneudrive.campaign.protocol import Protocol, parse_protocol, read_protocol
+from pneudrive.campaign.protocol import Protocol, read_protocol
 from pneudrive.campaign.storage import make_folder
 from pneudrive.errors import CampaignError, CommandError, RigError
-from pneudrive.rig.interface import Envelope
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -193,32 +193,6 @@ def can_be_resumed(error: BaseException) -> bool:
 def _mark(error: BaseException) -> None:
     """Mark an error for `can_be_resumed`."""
     error.while_running = True  # type: ignore[attr-defined]
-
-
-def plan_of(campaign: Campaign) -> Plan:
-    """Lay out the plan of a campaign folder anew, from what the folder says of protocol and rig.
-
-    Raises
-    ------
-    CampaignError
-        If the folder does not say it: somebody else has written it.
-    """
-    text, limits = campaign.protocol, campaign.about.get("envelope")
-    if not text or not isinstance(limits, dict):
-        raise CampaignError(
-            "the folder does not say what was planned",
-            where=str(campaign.path),
-            rule="campaign.toml and campaign.json: envelope",
-        )
-    protocol = parse_protocol(text, str(campaign.path / "campaign.toml"))
-    try:
-        given: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in limits.items()}
-        envelope = Envelope(**given)
-    except TypeError as error:
-        raise CampaignError(
-            "the rig's envelope is not one", where=str(campaign.path / ABOUT), value=str(error)
-        ) from None
-    return lay_out(protocol, campaign.identity, envelope)
 
 
 def _begin(
@@ -509,7 +483,6 @@ __all__ = [
     "Result",
     "can_be_resumed",
     "need_bluesky",
-    "plan_of",
     "resume_campaign",
     "run_campaign",
 ]

@@ -6,10 +6,9 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pneudrive.campaign.adaptive import Finished, measure, needless
 from pneudrive.campaign.folder import CYCLES, Campaign, Problem
+from pneudrive.campaign.folder_plan import plan_of
 from pneudrive.campaign.lock import Holder, holder
-from pneudrive.campaign.run import plan_of
 from pneudrive.errors import CampaignError, ProtocolError
 from pneudrive.show import Shown
 
@@ -76,7 +75,7 @@ def status_of(folder: str | Path) -> Status:
     done = {file.head.cycle.key for file in files}
     planned, remaining, extra = None, None, 0
     try:
-        plan = plan_of(campaign)
+        plan = plan_of(campaign, checked=False)  # it was, before the first cycle
     except (CampaignError, ProtocolError):
         pass  # written by somebody else: nothing is known of a plan
     else:
@@ -94,6 +93,8 @@ def _needless(plan: Plan, campaign: Campaign, files: list[CycleFile]) -> set[str
     rules = plan.protocol.adaptive
     if rules is None or rules.interval_n is None:
         return set()
+    from pneudrive.campaign.adaptive import Finished, measure, needless
+
     finished = [
         Finished(f.head.cycle, f.head.flags, measure(f.samples(), f.head.cycle, campaign.identity)) for f in files
     ]

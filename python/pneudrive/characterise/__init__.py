@@ -7,14 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.characterise.characterisation import Characterisation, characterise_recordings
-from pneudrive.characterise.friction_map import read_map, write_map
-from pneudrive.characterise.layout import Layout
-from pneudrive.characterise.load import load_recordings
-from pneudrive.characterise.recording import Recording
-from pneudrive.characterise.settling import Settled, SourcePaper
-from pneudrive.characterise.stick_slip import StickSlip, find_stick_slip
-from pneudrive.characterise.trajectories import from_run
+from pneudrive.lazy import lazy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +15,14 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.characterise.settling import SampleChoice
+    from pneudrive.characterise.characterisation import Characterisation, characterise_recordings
+    from pneudrive.characterise.friction_map import read_map, write_map
+    from pneudrive.characterise.layout import Layout
+    from pneudrive.characterise.load import load_recordings
+    from pneudrive.characterise.recording import Recording
+    from pneudrive.characterise.settling import SampleChoice, Settled, SourcePaper
+    from pneudrive.characterise.stick_slip import StickSlip, find_stick_slip
+    from pneudrive.characterise.trajectories import from_run
 
 __all__ = [
     "Characterisation",
@@ -39,6 +39,20 @@ __all__ = [
     "read_map",
     "write_map",
 ]
+
+__getattr__ = lazy(
+    __name__,
+    {
+        "characterisation": ["Characterisation", "characterise_recordings"],
+        "friction_map": ["read_map", "write_map"],
+        "layout": ["Layout"],
+        "load": ["load_recordings"],
+        "recording": ["Recording"],
+        "settling": ["Settled", "SourcePaper"],
+        "stick_slip": ["StickSlip", "find_stick_slip"],
+        "trajectories": ["from_run"],
+    },
+)
 
 
 def characterise(
@@ -67,4 +81,6 @@ def characterise(
     RecordingError, LayoutError
         A file or recording that cannot be used; what, where, value, rule and remedy.
     """
+    from pneudrive.characterise.characterisation import characterise_recordings
+
     return characterise_recordings(recordings, layout, protocol).friction_map

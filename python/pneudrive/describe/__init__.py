@@ -1,18 +1,25 @@
 """What a drive is: quantities with units, checked, from Python or from TOML."""
 
-from pneudrive.describe.dependences import (
-    DirectionDependence,
-    Dwell,
-    Harmonic,
-    PositionDependence,
-    Relaxation,
-    SealPressure,
-    SideLoad,
-)
-from pneudrive.describe.drive import Drive
-from pneudrive.describe.friction import Friction, friction_laws
-from pneudrive.describe.law import FrictionLaw
-from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Spring, Supply, Valve
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pneudrive.lazy import lazy
+
+if TYPE_CHECKING:
+    from pneudrive.describe.dependences import (
+        DirectionDependence,
+        Dwell,
+        Harmonic,
+        PositionDependence,
+        Relaxation,
+        SealPressure,
+        SideLoad,
+    )
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.friction import Friction, friction_laws
+    from pneudrive.describe.law import FrictionLaw
+    from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Spring, Supply, Valve
 
 __all__ = [
     "Ambient",
@@ -36,3 +43,22 @@ __all__ = [
     "Valve",
     "friction_laws",
 ]
+
+__getattr__ = lazy(
+    __name__,
+    {
+        "dependences": [
+            "DirectionDependence",
+            "Dwell",
+            "Harmonic",
+            "PositionDependence",
+            "Relaxation",
+            "SealPressure",
+            "SideLoad",
+        ],
+        "drive": ["Drive"],
+        "friction": ["Friction", "friction_laws"],
+        "law": ["FrictionLaw"],
+        "parts": ["Ambient", "Cylinder", "EndStop", "Gas", "Initial", "Load", "Spring", "Supply", "Valve"],
+    },
+)

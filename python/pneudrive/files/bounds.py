@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, nearest
@@ -66,6 +67,7 @@ def bound(name: str) -> float:
     return _raised(os.environ.get(VARIABLE, "")).get(name, BOUNDS[name].value)
 
 
+@lru_cache(maxsize=8)
 def _raised(text: str) -> dict[str, float]:
     out = {}
     for entry in filter(None, map(str.strip, text.split(","))):

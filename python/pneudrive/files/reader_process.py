@@ -57,22 +57,28 @@ class _Files:
             opened.close()
 
 
-def answer(request: dict[str, Any], files: _Files) -> tuple[dict[str, Any], list[NDArray[Any]]]:
-    """Do what is asked; what goes wrong in a library is an answer too."""
+def answer(request: dict[str, Any], path: str, files: _Files) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Do what is asked of a file; what goes wrong in a library is an answer too."""
     form = request["form"]
     try:
-        opened = files.open(form, request["path"])
+        opened = files.open(form, path)
+        if request["ask"] == "metadata":
+            return {"metadata": opened.metadata}, {}
         if request["ask"] == "names":
-            return {"names": opened.names(), "metadata": opened.metadata}, []
+            return {"names": opened.names(), "metadata": opened.metadata}, {}
         if request["ask"] == "count":
-            return {"count": opened.count()}, []
-        rows = request["rows"]
-        found = opened.get(request["wanted"], frozenset(request["dates"]), tuple(rows) if rows else None)
+            return {"count": opened.count()}, {}
+        rows, wanted = request["rows"], request["wanted"]
+        if request["ask"] == "some columns":
+            names = set(opened.names())
+            wanted = [name for name in wanted if name in names]
+        found = opened.get(wanted, frozenset(request["dates"]), tuple(rows) if rows else None)
         columns = {name: np.asarray(values) for name, values in found.items()}
         if not rows:
             files.close()
+        return {}, columns
     except PneudriveError as error:
-        return {"error": {key: getattr(error, key) for key in FIELDS}}, []
+        return {"error": {key: getattr(error, key) for key in FIELDS}}, {}
     except BaseException as error:  # libraries raise whatever they like; a panic of Rust is a BaseException
         if isinstance(error, (KeyboardInterrupt, SystemExit)):
             raise
@@ -81,25 +87,31 @@ def answer(request: dict[str, Any], files: _Files) -> tuple[dict[str, Any], list
             reason = f"{type(error).__name__}: {reason}"
         files.close()
         what = f"the file cannot be read as {OPENERS[form][0]}"
-        return {"error": {"what": what, "value": reason[:LONGEST_REASON]}}, []
-    arrays, told = [], {}
-    for name, column in columns.items():
-        if column.dtype.kind in "iufbMm":
-            told[name] = {"dtype": column.dtype.str, "shape": column.shape, "array": len(arrays)}
-            arrays.append(np.ascontiguousarray(column))
-        else:
-            texts = [None if v is None else str(v) for v in column.ravel().tolist()]
-            told[name] = {"texts": texts, "shape": column.shape, "dtype": str(column.dtype)}
-    return {"columns": told}, arrays
+        return {"error": {"what": what, "value": reason[:LONGEST_REASON]}}, {}
 
 
-def send(connection: socket.socket, told: dict[str, Any], arrays: list[NDArray[Any]]) -> None:
-    """Send an answer: memory that the other process maps."""
-    places, end = [], 0
-    for array in arrays:
-        places.append(end)
-        end += -(-array.nbytes // ALIGNED) * ALIGNED
-    text = json.dumps({**told, "places": places}).encode()
+def answers(request: dict[str, Any], files: _Files) -> tuple[list[dict[str, Any]], list[NDArray[Any]]]:
+    """Answer for each file; the arrays of all of them go together, each told with its place."""
+    each, arrays = [], []
+    end = 0
+    for path in request["paths"]:
+        told, columns = answer(request, path, files)
+        each.append(told)
+        told["columns"] = {}
+        for name, column in columns.items():
+            if column.dtype.kind in "iufbMm":
+                told["columns"][name] = {"dtype": column.dtype.str, "shape": column.shape, "place": end}
+                arrays.append(np.ascontiguousarray(column))
+                end += -(-arrays[-1].nbytes // ALIGNED) * ALIGNED
+            else:
+                texts = [None if v is None else str(v) for v in column.ravel().tolist()]
+                told["columns"][name] = {"texts": texts, "shape": column.shape, "dtype": str(column.dtype)}
+    return each, arrays
+
+
+def send(connection: socket.socket, each: list[dict[str, Any]], arrays: list[NDArray[Any]]) -> None:
+    """Send the answers: memory that the other process maps."""
+    text = json.dumps({"each": each}).encode()
     head = -(-(8 + len(text)) // ALIGNED) * ALIGNED
     descriptor = _memory()
     with os.fdopen(descriptor, "wb", buffering=0) as file:
@@ -138,6 +150,5 @@ def main() -> None:
     files = _Files()
     for request in _requests(connection):
         signal.alarm(request["seconds"])  # its default ends the process, whatever a library is doing
-        told, arrays = answer(request, files)
-        send(connection, told, arrays)
+        send(connection, *answers(request, files))
         signal.alarm(0)

@@ -2,8 +2,8 @@
 
 A Parquet file that carries a seal which holds (`pneudrive.files.seal`: campaigns, maps and trajectories of ours) has
 the bytes that polars wrote, and is read here. Everything else is read in `reader_process`. Measured on two cores: the
-first file costs the start of a process and the import of its library (0.2 to 0.6 s), each further one 0.3 ms and the
-copy of its columns into memory that both processes see.
+first file costs the start of a process and the import of its library (0.2 to 0.6 s), each further message 0.3 ms and
+the copy of the columns into memory that both processes see; so many small files are one message.
 """
 
 from __future__ import annotations
@@ -22,21 +22,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import RecordingError
+from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files import child, formats, seal
 from pneudrive.files.bounds import VARIABLE, bound
 from pneudrive.files.content import check_file, unreadable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.errors import PneudriveError
     from pneudrive.files.formats import Opened
+
+    Answer = tuple[dict[str, Any], memoryview]
 
 #: Format of the layout file -> what people call it.
 FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
+#: Files, and bytes of files, that are read at a time where there are many.
+MOST_FILES, MOST_BYTES = 100, 1 << 25
 ALIGNED = 64  # bytes: where the arrays of an answer begin
 BYTES_PER_SECOND = 1e7
 ALARM = -14  # status of a process that its alarm ended
@@ -101,9 +104,8 @@ class Table:
         if self.own is not None:
             return self.own.get(names, dates, rows)
         request = {"ask": "columns", "form": self.form, "wanted": names, "rows": rows, "dates": sorted(dates)}
-        told, memory = _reader.ask(self.path, request, self.kind)
-        columns = told["columns"]
-        return {name: _column(columns[name], told["places"], memory) for name in names if name in columns}
+        columns = _columns(*_reader.ask(self.path, request, self.kind))
+        return {name: columns[name] for name in names if name in columns}
 
     def count(self) -> int | None:
         """Give the number of rows; None where channels may differ in length.
@@ -134,22 +136,127 @@ def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingErro
     RecordingError
         There is no such file, it is damaged, too large, not of this format, or its library is not there.
     """
-    check_file(path, kind)
-    if form == "parquet":
-        try:
-            wrong, own = seal.look(path)
-        except OSError as error:
-            raise unreadable(path, error, kind) from None
-        if wrong:
-            raise kind(wrong, where=str(path))
-        if own:
-            opened = formats.open_parquet(path)
-            return Table(path, form, opened.metadata, opened, kind)
+    if form == "parquet" and _look(path, kind).own:
+        opened = formats.open_parquet(path)
+        return Table(path, form, opened.metadata, opened, kind)
     told, _ = _reader.ask(path, {"ask": "names", "form": form}, kind)
     return Table(path, form, told["metadata"], None, kind, tuple(told["names"]))
 
 
-def _column(told: dict[str, Any], places: list[int], memory: memoryview) -> NDArray[Any]:
+def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> Iterator[Text | PneudriveError]:
+    """Read a text that many Parquet files carry.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+    key : str
+        Under which their metadata hold it.
+    kind : type of PneudriveError
+
+    Yields
+    ------
+    Text or PneudriveError
+        For each file in turn; the error, of `kind`, is what `open_table` would raise.
+    """
+    request = {"ask": "metadata", "form": "parquet"}
+    for some in _batches(paths, kind):
+        foreign = [one for one in some if one.foreign]
+        size = sum(one.size for one in foreign)
+        others = _reader.ask_each([one.path for one in foreign], size, request, kind)
+        for one in some:
+            if one.error is not None:
+                yield one.error
+            elif one.foreign:
+                answer = next(others)
+                yield answer if isinstance(answer, PneudriveError) else Text(answer[0]["metadata"].get(key), False)
+            else:
+                found = seal.sealed_text(one.parquet, key) if one.parquet else None
+                yield Text(found or formats.parquet_metadata(one.path).get(key), True)
+
+
+def read_columns(
+    paths: Iterable[Path], wanted: Sequence[str], kind: type[PneudriveError]
+) -> Iterator[dict[str, NDArray[Any]] | PneudriveError]:
+    """Read columns of many Parquet files, of each those of `wanted` that it has; see `read_texts`."""
+    request = {"ask": "some columns", "form": "parquet", "wanted": list(wanted), "rows": None, "dates": []}
+    for some in _batches(paths, kind):
+        foreign = [one for one in some if one.foreign]
+        size = sum(one.size for one in foreign)
+        others = _reader.ask_each([one.path for one in foreign], size, request, kind)
+        own = iter(formats.read_parquets([one.path for one in some if one.own], wanted))
+        for one in some:
+            if one.error is not None:
+                yield one.error
+            elif one.foreign:
+                answer = next(others)
+                yield answer if isinstance(answer, PneudriveError) else _columns(*answer)
+            else:
+                yield next(own)
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text that a Parquet file carries, if it does; ``sealed``: the bytes of the file are those that were written."""
+
+    text: str | None
+    sealed: bool
+
+
+@dataclass(frozen=True)
+class _File:
+    """A Parquet file of a batch: it cannot be read, or is one of ours, or somebody else's."""
+
+    path: Path
+    size: int
+    error: PneudriveError | None = None
+    own: bool = False
+    parquet: bytes = b""
+
+    @property
+    def foreign(self) -> bool:
+        return self.error is None and not self.own
+
+
+def _batches(paths: Iterable[Path], kind: type[PneudriveError]) -> Iterator[list[_File]]:
+    """Look at files, so many at a time that neither a message nor what they hold is large."""
+    batch: list[_File] = []
+    size = 0
+    for path in paths:
+        try:
+            batch.append(_look(path, kind))
+        except kind as error:
+            batch.append(_File(path, 0, error))
+        size += batch[-1].size
+        if len(batch) >= MOST_FILES or size >= MOST_BYTES:
+            yield batch
+            batch, size = [], 0
+    if batch:
+        yield batch
+
+
+def _look(path: Path, kind: type[PneudriveError]) -> _File:
+    """Look at a Parquet file.
+
+    Raises
+    ------
+    PneudriveError
+        Of `kind`: there is no such file, it is damaged, too large, or no Parquet file.
+    """
+    size = check_file(path, kind)
+    try:
+        looked = seal.look(path)
+    except OSError as error:
+        raise unreadable(path, error, kind) from None
+    if looked.wrong:
+        raise kind(looked.wrong, where=str(path))
+    return _File(path, size, None, looked.own, looked.parquet)
+
+
+def _columns(told: dict[str, Any], memory: memoryview) -> dict[str, NDArray[Any]]:
+    return {name: _column(column, memory) for name, column in told["columns"].items()}
+
+
+def _column(told: dict[str, Any], memory: memoryview) -> NDArray[Any]:
     shape = tuple(told["shape"])
     if "texts" in told:
         return np.array(told["texts"], dtype=object).reshape(shape)
@@ -157,7 +264,7 @@ def _column(told: dict[str, Any], places: list[int], memory: memoryview) -> NDAr
     count = int(np.prod(shape, dtype=np.int64))
     if not count:
         return np.zeros(shape, dtype)
-    return np.frombuffer(memory, dtype, count, places[told["array"]]).reshape(shape)
+    return np.frombuffer(memory, dtype, count, told["place"]).reshape(shape)
 
 
 class _Reader:
@@ -169,7 +276,7 @@ class _Reader:
         self._connection: socket.socket | None = None
         self._owner = 0
 
-    def ask(self, path: Path, request: dict[str, Any], kind: type[PneudriveError]) -> tuple[dict[str, Any], memoryview]:
+    def ask(self, path: Path, request: dict[str, Any], kind: type[PneudriveError]) -> Answer:
         """Send a request and map the answer.
 
         Raises
@@ -177,23 +284,37 @@ class _Reader:
         PneudriveError
             Of `kind`: what the library said, or that it crashed, or took too long.
         """
-        size = check_file(path, kind)
-        request = {**request, "path": str(Path.cwd() / path), "seconds": _seconds(size)}
+        (answer,) = self.ask_each([path], check_file(path, kind), request, kind)
+        if isinstance(answer, PneudriveError):
+            raise answer
+        return answer
+
+    def ask_each(
+        self, paths: Sequence[Path], size: int, request: dict[str, Any], kind: type[PneudriveError]
+    ) -> Iterator[Answer | PneudriveError]:
+        """Ask the same of several files, of so many bytes in all: in one message, and one by one where that crashes."""
+        if not paths:
+            return
+        seconds = _seconds(size)
+        message = {**request, "paths": [str(Path.cwd() / path) for path in paths], "seconds": seconds}
         with self._lock:
             try:
-                answer = self._exchange(json.dumps(request).encode() + b"\n")
+                answer = self._exchange(json.dumps(message).encode() + b"\n")
             except BaseException:  # Ctrl-C too: what comes later would be the answer to this
                 self.stop()
                 raise
             status = None if answer is not None else self._ended()
-        if answer is None:
-            raise _crashed(path, request, status, kind)
-        told, memory = answer
-        if "error" in told:
-            raise kind(**told["error"], where=str(path))
-        return told, memory
+        if answer is not None:
+            told, memory = answer
+            for path, one in zip(paths, told["each"], strict=True):
+                yield kind(**one["error"], where=str(path)) if "error" in one else (one, memory)
+        elif len(paths) > 1:
+            for path in paths:
+                yield from self.ask_each([path], size, request, kind)
+        else:
+            yield _crashed(paths[0], request["form"], seconds, status, kind)
 
-    def _exchange(self, line: bytes) -> tuple[dict[str, Any], memoryview] | None:
+    def _exchange(self, line: bytes) -> Answer | None:
         if self._connection is None or self._owner != os.getpid():
             self._start()
         assert self._connection is not None
@@ -248,11 +369,11 @@ def _seconds(size: int) -> int:
     return int(bound("reader_seconds") + size / BYTES_PER_SECOND)
 
 
-def _crashed(path: Path, request: dict[str, Any], status: int | None, kind: type[PneudriveError]) -> PneudriveError:
-    name = FORMATS[request["form"]]
+def _crashed(path: Path, form: str, seconds: int, status: int | None, kind: type[PneudriveError]) -> PneudriveError:
+    name = FORMATS[form]
     if status == ALARM:
         return kind(
-            f"the file was not read as {name} within {request['seconds']} s",
+            f"the file was not read as {name} within {seconds} s",
             where=str(path),
             rule="a sound file is read in less (reader_seconds)",
             remedy=f'Where it is sound, allow more: {VARIABLE}="reader_seconds=600".',

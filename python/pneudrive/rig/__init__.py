@@ -25,6 +25,9 @@ reads them by the sensors, `measure` does both, `sweep` over speeds and pressure
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from pneudrive.lazy import lazy
 from pneudrive.rig.interface import (
     Changeable,
     Envelope,
@@ -37,12 +40,14 @@ from pneudrive.rig.interface import (
     Samples,
     Sampling,
 )
-from pneudrive.rig.loading import load_rig, shipped_rigs
-from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, uniform_in_position
-from pneudrive.rig.sampling import schedule
-from pneudrive.rig.sensors import AnalogSensor, Encoder, EncoderClock, TimeClock
-from pneudrive.rig.session import RigSession
-from pneudrive.rig.simulated import SimulatedRig, Trace, sweep
+
+if TYPE_CHECKING:
+    from pneudrive.rig.loading import load_rig, shipped_rigs
+    from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, uniform_in_position
+    from pneudrive.rig.sampling import schedule
+    from pneudrive.rig.sensors import AnalogSensor, Encoder, EncoderClock, TimeClock
+    from pneudrive.rig.session import RigSession
+    from pneudrive.rig.simulated import SimulatedRig, Trace, sweep
 
 __all__ = [
     "AnalogSensor",
@@ -73,3 +78,15 @@ __all__ = [
     "sweep",
     "uniform_in_position",
 ]
+
+__getattr__ = lazy(
+    __name__,
+    {
+        "loading": ["load_rig", "shipped_rigs"],
+        "motion": ["Limits", "Motion", "cycles", "dwell", "move", "uniform_in_position"],
+        "sampling": ["schedule"],
+        "sensors": ["AnalogSensor", "Encoder", "EncoderClock", "TimeClock"],
+        "session": ["RigSession"],
+        "simulated": ["SimulatedRig", "Trace", "sweep"],
+    },
+)
