@@ -11,6 +11,7 @@ use math::{Lane, Over, Real};
 use ode::{Structure, System};
 use physics::IdealGas;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A gas node of a circuit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,12 +19,21 @@ pub struct GasId(pub(crate) usize);
 /// An axis of a circuit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AxisId(pub(crate) usize);
-/// A restriction of a circuit, to set its opening.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RestrictionId(pub(crate) usize);
-/// A carriage of a circuit, to set its jerk.
+/// A carriage of a circuit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CarriageId(pub(crate) usize);
+
+impl CarriageId {
+    /// Its jerk, m/s3.
+    pub fn jerk(self) -> InputId {
+        InputId { kind: PartKind::Carriage, index: self.0, input: 0 }
+    }
+
+    /// One lets it give way to the force on it, zero keeps it on its command.
+    pub fn giving_way(self) -> InputId {
+        InputId { input: 1, ..self.jerk() }
+    }
+}
 
 /// What a volume has too little of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,6 +109,14 @@ pub struct Circuit<P> {
     open: Vec<usize>,
     gas_nodes: usize,
     axis_nodes: usize,
+    /// The number of what its reservoirs hold: no other values have it, in any circuit.
+    filled: u64,
+}
+
+/// A number that was never given before.
+fn next_filling() -> u64 {
+    static LAST: AtomicU64 = AtomicU64::new(0);
+    LAST.fetch_add(1, Ordering::Relaxed) + 1
 }
 
 impl<R: Lane> Circuit<R> {
@@ -123,30 +141,50 @@ impl<R: Lane> Circuit<R> {
             },
             gas_nodes: each[0].gas_nodes,
             axis_nodes: each[0].axis_nodes,
+            filled: next_filling(),
         }
     }
 
-    /// Opens a restriction in one lane: 0 closed, 1 full.
-    pub fn set_opening(&mut self, id: RestrictionId, lane: usize, opening: f64) {
-        let restriction = &mut self.parts.restrictions[id.0].1;
-        restriction.opening.put(lane, opening);
-        let is_open = (0..R::L).any(|lane| restriction.opening.get(lane) != 0.0);
-        // Kept in order: sums of flows do not depend on when an edge opened.
-        match (self.open.binary_search(&id.0), is_open) {
-            (Err(at), true) => self.open.insert(at, id.0),
-            (Ok(at), false) => drop(self.open.remove(at)),
+    /// Every input: its name with that of its part, its unit and its bounds.
+    pub fn inputs(&self) -> Vec<(InputId, String, &'static Input)> {
+        self.parts.inputs()
+    }
+
+    /// Sets an input in one lane, derivatives included.
+    pub fn set_input(&mut self, id: InputId, lane: usize, value: R) {
+        let input = self.parts.input_mut(id).1;
+        input.take(lane, &value);
+        match id.kind {
+            PartKind::Restriction => {
+                let is_open = (0..R::L).any(|lane| input.get(lane) != 0.0)
+                    || (1..=R::DIRECTIONS).any(|direction| input.part(direction) != 0.0);
+                // Kept in order: sums of flows do not depend on when an edge opened.
+                match (self.open.binary_search(&id.index), is_open) {
+                    (Err(at), true) => self.open.insert(at, id.index),
+                    (Ok(at), false) => drop(self.open.remove(at)),
+                    _ => {}
+                }
+            }
+            PartKind::Reservoir => self.filled = next_filling(),
             _ => {}
         }
     }
 
-    /// Sets the jerk of a carriage in one lane, m/s3.
-    pub fn set_jerk(&mut self, id: CarriageId, lane: usize, jerk: f64) {
-        self.parts.carriages[id.0].1.jerk.put(lane, jerk);
+    /// The input that is the external force on an axis, N in +x.
+    pub fn external_force(&self, axis: AxisId) -> InputId {
+        let (kind, index) = match self.find(axis) {
+            Mover::Axis(i) => (PartKind::Axis, i),
+            Mover::Cylinder(i) => (PartKind::Cylinder, i),
+            Mover::OtherCylinder(i) => (PartKind::OtherCylinder, i),
+        };
+        InputId { kind, index, input: 0 }
     }
 
-    /// Lets a carriage give way to the force on it in one lane, or keeps it on its command.
-    pub fn set_giving_way(&mut self, id: CarriageId, lane: usize, giving_way: bool) {
-        self.parts.carriages[id.0].1.giving_way.put(lane, f64::from(giving_way));
+    /// The inputs that are pressure, Pa absolute, and temperature, K, of a reservoir.
+    pub fn boundary(&self, reservoir: GasId) -> [InputId; 2] {
+        let index = self.parts.reservoirs.iter().position(|(_, part)| part.node == reservoir.0);
+        let index = index.expect("a reservoir of this circuit");
+        [0, 1].map(|input| InputId { kind: PartKind::Reservoir, index, input })
     }
 
     /// The commanded position of a carriage at state `y`, m.
@@ -208,6 +246,7 @@ impl<R: Lane> Circuit<R> {
 
     /// The nodes at state `y`, with flows, forces and accelerations.
     pub fn observe(&self, y: &[R], net: &mut Net<R>) {
+        self.renew(net);
         let mut rates = std::mem::take(&mut net.rates);
         rates.resize(self.topology.n_states, R::zero());
         self.evaluate(y, net);
@@ -347,10 +386,17 @@ impl<R: Lane> System<R> for Circuit<R> {
 
     fn work<S: Over<R>>(&self) -> Net<S> {
         let mut net = Net::new(self.gas_nodes, self.axis_nodes, S::from(self.common.gas.cp));
-        for (_, reservoir) in &self.parts.reservoirs {
-            reservoir.fill(&mut net);
-        }
+        self.renew(&mut net);
         net
+    }
+
+    fn renew<S: Over<R>>(&self, net: &mut Net<S>) {
+        if net.filled != self.filled {
+            for (_, reservoir) in &self.parts.reservoirs {
+                reservoir.fill(net);
+            }
+            net.filled = self.filled;
+        }
     }
 
     #[inline(never)]

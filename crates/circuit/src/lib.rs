@@ -18,11 +18,12 @@ pub use assembly::{
     ALONG, ByStart, DIRECTIONS, Drive, End, Motion, Record, Restart, Rig, Servo, Shooting, Shot, Start, Tank,
     friction_law, own_law, steady_sensitivity,
 };
-pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
+pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide};
 pub use impacts::Impact;
 pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};
 pub use part::{
-    Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Link, Part, Reservoir, Restriction, Spring, Volume,
+    Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Input, InputId, Link, Part, Reservoir, Restriction,
+    Spring, Volume,
 };
 pub use run::{Error, Look, Recorder, Run, advance, budget, sample_times};

@@ -56,11 +56,19 @@ pub struct Net<S> {
     pub cp: S,
     /// Room for rates that nobody reads, when only the nodes are observed.
     pub(crate) rates: Vec<S>,
+    /// Which values of the reservoirs it holds: see `Circuit::filled`.
+    pub(crate) filled: u64,
 }
 
 impl<S: Real> Net<S> {
     pub(crate) fn new(gas: usize, axes: usize, cp: S) -> Self {
-        Net { gas: vec![GasNode::empty(); gas], axis: vec![AxisNode::at_rest(); axes], cp, rates: Vec::new() }
+        Net {
+            gas: vec![GasNode::empty(); gas],
+            axis: vec![AxisNode::at_rest(); axes],
+            cp,
+            rates: Vec::new(),
+            filled: 0,
+        }
     }
 }
 

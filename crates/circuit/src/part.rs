@@ -14,7 +14,7 @@ pub(crate) mod volume;
 use crate::ledger::{Channel, Kind};
 use crate::net::Net;
 use math::{Lane, Over, Real};
-use physics::IdealGas;
+use physics::{Bounds, IdealGas};
 use std::collections::BTreeMap;
 
 pub use axis::Axis;
@@ -35,6 +35,22 @@ pub struct State {
     pub unit: &'static str,
     /// Absolute error scale, in the unit.
     pub scale: f64,
+}
+
+/// An input of a part: a number that may change at any time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Input {
+    pub name: &'static str,
+    pub unit: &'static str,
+    pub bounds: Bounds,
+}
+
+/// An input of a circuit: the kind of part, which of them, and which of its inputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputId {
+    pub(crate) kind: PartKind,
+    pub(crate) index: usize,
+    pub(crate) input: usize,
 }
 
 /// What every part shares with the circuit.
@@ -100,6 +116,15 @@ pub trait Part<P: Real> {
     fn states(&self) -> Vec<State> {
         Vec::new()
     }
+    /// The part's inputs.
+    fn inputs(&self) -> &'static [Input] {
+        &[]
+    }
+    /// The value of one of them.
+    fn input_mut(&mut self, input: usize) -> &mut P {
+        unreachable!("there is no input {input}")
+    }
+
     #[inline(always)]
     fn place<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
     #[inline(always)]
@@ -192,6 +217,12 @@ macro_rules! parts {
         }
     };
     (@storage $($field:ident: $part:ident),* $(,)?) => {
+        /// The kinds of part.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(crate) enum PartKind {
+            $($part,)*
+        }
+
         /// The parts of a circuit by kind, each with the place of its states.
         #[derive(Clone, Debug)]
         pub(crate) struct Parts<P> {
@@ -228,6 +259,31 @@ macro_rules! parts {
                     }));
                 })*
                 (states, channels)
+            }
+        }
+
+        impl<P: Real> Parts<P> {
+            /// Every input, with the name of its part: "Cylinder 0: external force".
+            pub fn inputs(&self) -> Vec<(InputId, String, &'static Input)> {
+                let (mut all, mut named) = (Vec::new(), Names::default());
+                $(for (index, (_, part)) in self.$field.iter().enumerate() {
+                    let owner = named.next(stringify!($part));
+                    all.extend(Part::<P>::inputs(part).iter().enumerate().map(|(input, what)| {
+                        let id = InputId { kind: PartKind::$part, index, input };
+                        (id, format!("{owner}: {}", what.name), what)
+                    }));
+                })*
+                all
+            }
+
+            /// What an input is, and its value.
+            pub fn input_mut(&mut self, id: InputId) -> (&'static Input, &mut P) {
+                match id.kind {
+                    $(PartKind::$part => {
+                        let part = &mut self.$field[id.index].1;
+                        (&Part::<P>::inputs(part)[id.input], part.input_mut(id.input))
+                    })*
+                }
             }
         }
 

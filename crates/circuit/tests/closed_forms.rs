@@ -23,7 +23,7 @@ fn tank(reservoir: (f64, f64), from: (f64, f64), wall: f64) -> (Circuit<f64>, Ga
     let tank = circuit.volume(ChamberLaw::EnergyBalance, TANK, 1.0, wall, ROOM);
     let orifice = circuit.restriction(orifice(C), outside, tank);
     let mut circuit = circuit.build(false);
-    circuit.set_opening(orifice, 0, 1.0);
+    circuit.set_input(orifice, 0, 1.0);
     let y = circuit.initial(&[(tank, from.0, from.1)], &[]);
     (circuit, tank, y)
 }
@@ -85,7 +85,7 @@ fn two_tanks_share_their_energy() {
     let two = circuit.volume(ChamberLaw::EnergyBalance, 3.0 * TANK, 0.0, 0.0, ROOM);
     let pipe = circuit.restriction(orifice(C), one, two);
     let mut circuit = circuit.build(false);
-    circuit.set_opening(pipe, 0, 1.0);
+    circuit.set_input(pipe, 0, 1.0);
     let y = circuit.initial(&[(one, 8e5, 300.0), (two, 2e5, 280.0)], &[]);
     let net = now(&run(&circuit, &y, 20.0, PRECISE));
     // No heat, no work: U1 + U2 stays, so p = (8 * 1 + 2 * 3)/4 bar; what stays in 1 has expanded.

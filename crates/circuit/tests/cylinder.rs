@@ -3,12 +3,12 @@
 
 mod support;
 
-use circuit::{AxisId, ChamberLaw, Circuit, GasId, RestrictionId, balance};
+use circuit::{AxisId, ChamberLaw, Circuit, GasId, InputId, balance};
 use ode::Stepper;
 use physics::friction::{Composition, Contact, Dwell, Growth, SealLips};
 use support::*;
 
-type Edges = [RestrictionId; 4];
+type Edges = [InputId; 4];
 
 /// With `split`, each face is two half faces, which no part evaluates together. Laws of bristles other than
 /// LuGre come with an age of the contact.
@@ -64,7 +64,7 @@ fn run(split: bool, key: &str) -> (Vec<[f64; 8]>, [f64; 3]) {
     for (i, u) in [0.8, -0.8, 0.05, 0.0].into_iter().enumerate() {
         let (extend, retract) = (f64::max(u, 0.0), f64::max(-u, 0.0));
         for (edge, opening) in edges.iter().zip([extend, retract, retract, extend]) {
-            stepper.system_mut().set_opening(*edge, 0, opening);
+            stepper.system_mut().set_input(*edge, 0, opening);
         }
         advance(&mut stepper, 0.4 * (i + 1) as f64, &mut trace);
     }

@@ -43,7 +43,7 @@ fn run<R: Lane>(drives: &[Drive], x0: &[f64], commands: &[[f64; 8]]) -> (LaneTra
         if segment > 0 {
             let system = stepper.system_mut();
             for (lane, plan) in commands.iter().enumerate() {
-                drives[lane].set_command(system, lane, plan[segment]);
+                drives[lane].set_command(system, lane, R::c(plan[segment]));
             }
         }
         let paused = stepper.advance(0.25 * (segment + 1) as f64, 100_000, &mut trace);

@@ -34,7 +34,7 @@ fn table(contact: Contact<f64>, mass: f64, force: f64, link: Link, speed: f64, a
 impl Table {
     /// Goes on for `duration` s with this jerk of the carriage, m/s3.
     fn go(&mut self, duration: f64, jerk: f64) {
-        self.stepper.system_mut().set_jerk(self.carriage, 0, jerk);
+        self.stepper.system_mut().set_input(self.carriage.jerk(), 0, jerk);
         let until = self.stepper.time(0) + duration;
         advance(&mut self.stepper, until, &mut NoOutput);
     }

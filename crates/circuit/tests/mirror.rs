@@ -3,13 +3,13 @@
 
 mod support;
 
-use circuit::{AxisId, ChamberLaw, Circuit, Drive, RestrictionId, specification};
+use circuit::{AxisId, ChamberLaw, Circuit, Drive, InputId, specification};
 use ode::Stepper;
 use physics::friction::AnyLaw;
 use support::*;
 
 /// A piston in the middle of its cylinder, x from the middle; `side` = -1 is the mirror image.
-fn piston(friction: &AnyLaw<f64>, side: f64) -> (Circuit<f64>, AxisId, [RestrictionId; 4], Vec<f64>) {
+fn piston(friction: &AnyLaw<f64>, side: f64) -> (Circuit<f64>, AxisId, [InputId; 4], Vec<f64>) {
     let mut circuit = empty();
     let supply = circuit.reservoir(7e5, 310.0);
     let exhaust = circuit.reservoir(AMBIENT, ROOM);
@@ -37,7 +37,7 @@ fn motion(friction: &AnyLaw<f64>, side: f64) -> (Vec<[f64; 4]>, Vec<u64>) {
     for (i, u) in [0.04, -0.03, 0.0, 0.02].into_iter().enumerate() {
         let (extend, retract) = (f64::max(u, 0.0), f64::max(-u, 0.0));
         for (edge, opening) in edges.iter().zip([extend, retract, retract, extend]) {
-            stepper.system_mut().set_opening(*edge, 0, opening);
+            stepper.system_mut().set_input(*edge, 0, opening);
         }
         advance(&mut stepper, 0.3 * (i + 1) as f64, &mut trace);
     }

@@ -95,7 +95,7 @@ fn breakaway(stop: f64) -> (f64, f64, f64) {
     let mut stepper = Stepper::new(circuit, 0.0, &y, options(1e-9));
     let mut trace = Trace::every(1.0, 0.0);
     let mut run = |stepper: &mut Stepper<f64, Circuit<f64>>, jerk: f64, until: f64| {
-        stepper.system_mut().set_jerk(carriage, 0, jerk);
+        stepper.system_mut().set_input(carriage.jerk(), 0, jerk);
         advance(stepper, until, &mut trace);
     };
     run(&mut stepper, 0.0, 0.2);
@@ -167,7 +167,7 @@ fn below_breakaway_armstrong_is_a_spring_that_comes_back() {
     let y = circuit.initial(&[], &[(axis, 0.0, 0.0), (node, 0.0, 0.0)]);
     let mut stepper = Stepper::new(circuit, 0.0, &y, options(1e-9));
     let mut at = |jerk: f64, until: f64| {
-        stepper.system_mut().set_jerk(carriage, 0, jerk);
+        stepper.system_mut().set_input(carriage.jerk(), 0, jerk);
         advance(&mut stepper, until, &mut ode::NoOutput);
         (now(&stepper)[axis].x, now(&stepper)[axis].force, stepper.system().mode(axis))
     };

@@ -46,7 +46,7 @@ impl Pulled {
         let mut until = stepper.time(0);
         for sign in [1.0, -1.0, -1.0, 1.0].into_iter().cycle().take(4 * periods as usize) {
             until += 0.25 * period;
-            stepper.system_mut().set_jerk(self.drive, 0, sign * jerk);
+            stepper.system_mut().set_input(self.drive.jerk(), 0, sign * jerk);
             advance(stepper, until, &mut NoOutput);
             still &= self.motion(stepper) == (0.0, 0.0);
         }

@@ -4,7 +4,7 @@
 
 mod support;
 
-use circuit::{AxisId, ChamberLaw, Circuit, GasId, RestrictionId, balance};
+use circuit::{AxisId, ChamberLaw, Circuit, GasId, InputId, balance};
 use ode::Stepper;
 use physics::friction::{Composition, Contact, SealLips};
 use support::*;
@@ -12,13 +12,13 @@ use support::*;
 struct Drive {
     axis: AxisId,
     chambers: [GasId; 2],
-    edges: [RestrictionId; 4],
+    edges: [InputId; 4],
 }
 
 struct Plant {
     circuit: Circuit<f64>,
     tank: GasId,
-    filter: RestrictionId,
+    filter: InputId,
     drives: [Drive; 2],
 }
 
@@ -80,7 +80,7 @@ fn plant(ledger: bool) -> (Plant, Vec<f64>) {
 fn command(circuit: &mut Circuit<f64>, drive: &Drive, u: f64) {
     let (extend, retract) = (u.max(0.0), (-u).max(0.0));
     for (edge, opening) in drive.edges.iter().zip([extend, retract, retract, extend]) {
-        circuit.set_opening(*edge, 0, opening);
+        circuit.set_input(*edge, 0, opening);
     }
 }
 
@@ -91,7 +91,7 @@ fn work(plan: &[(f64, f64)], ledger: bool) -> (Plant, Stepper<f64, Circuit<f64>>
     let mut trace = Trace::every(1e-3, 0.4 * plan.len() as f64);
     for (i, &(one, two)) in plan.iter().enumerate() {
         let circuit = stepper.system_mut();
-        circuit.set_opening(plant.filter, 0, 1.0);
+        circuit.set_input(plant.filter, 0, 1.0);
         command(circuit, &plant.drives[0], one);
         command(circuit, &plant.drives[1], two);
         advance(&mut stepper, 0.4 * (i + 1) as f64, &mut trace);

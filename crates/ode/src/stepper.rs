@@ -185,6 +185,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     fn refresh(&mut self) {
         let structure = self.structure.clone();
         let n = structure.n();
+        self.system.renew(&mut self.work);
+        self.system.renew(&mut self.dual_work);
         let t = R::from_lanes(|lane| self.t[lane]);
         for pass in &structure.passes {
             if self.seeded {

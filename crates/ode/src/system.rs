@@ -11,6 +11,9 @@ pub trait System<R: Lane> {
 
     fn work<S: Over<R>>(&self) -> Self::Work<S>;
 
+    /// Brings what `work` holds of the inputs up to date; asked for after every step and change of the system.
+    fn renew<S: Over<R>>(&self, _work: &mut Self::Work<S>) {}
+
     /// Writes `f(t, y)` into `dy`; both have one entry for each state.
     fn rhs<S: Over<R>>(&self, t: S, y: &[S], dy: &mut [S], work: &mut Self::Work<S>);
 

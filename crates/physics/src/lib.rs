@@ -14,4 +14,4 @@ pub mod heat;
 pub mod mechanics;
 
 pub use gas::IdealGas;
-pub use parameter::{Bounds, Parameter, above, any, at_least, between};
+pub use parameter::{Bounds, Parameter, above, any, at_least, between, within};

@@ -50,6 +50,11 @@ pub const fn between(lower: f64, upper: f64) -> Bounds {
     Bounds { lower, upper, open: true, open_above: true }
 }
 
+/// From `lower` to `upper`, both included.
+pub const fn within(lower: f64, upper: f64) -> Bounds {
+    Bounds { lower, upper, open: false, open_above: false }
+}
+
 /// Any finite number.
 pub const fn any() -> Bounds {
     Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY, open: true, open_above: true }

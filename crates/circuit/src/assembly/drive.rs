@@ -1,11 +1,12 @@
 use super::end_stop::{end_stop, impact_warning, stop_warning};
 use super::friction::{contact, friction_law};
 use super::leak::leak;
-use crate::circuit::{AxisId, Circuit, GasId, PistonSide, RestrictionId};
+use crate::circuit::{AxisId, Circuit, GasId, PistonSide};
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
 use crate::net::Net;
 use crate::part::ChamberLaw;
+use crate::part::InputId;
 use crate::run::{Error, Look, Recorder, Run, States, advance, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over, Real};
@@ -24,7 +25,7 @@ pub struct Drive<P = f64> {
     a: GasId,
     b: GasId,
     /// Edges of the valve: supply to a, a to exhaust, supply to b, b to exhaust.
-    edges: [RestrictionId; 4],
+    edges: [InputId; 4],
     stop: EndStop<P>,
     /// The larger area of the piston, m2, and the stroke, m.
     area: P,
@@ -169,7 +170,7 @@ where
             .then(|| circuit.restriction(leak(lifted.number(leakage), &gas, is_air(lifted.value)), a, b));
         let mut circuit = circuit.build(ledger);
         if let Some(gap) = gap {
-            circuit.set_opening(gap, 0, 1.0);
+            circuit.set_input(gap, 0, P::one());
         }
         let (warnings, citations) = (Vec::new(), Vec::new());
         Ok(Drive { circuit, axis, a, b, edges, stop, area, stroke, columns, warnings, citations })
@@ -188,10 +189,10 @@ impl<P: Lane> Drive<P> {
     }
 
     /// Opens the valve of one lane: u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
-    pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: f64) {
-        let (extend, retract) = (u.max(0.0), (-u).max(0.0));
+    pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: R) {
+        let (extend, retract) = (u.max(R::zero()), (-u).max(R::zero()));
         for (edge, opening) in self.edges.iter().zip([extend, retract, retract, extend]) {
-            circuit.set_opening(*edge, lane, opening);
+            circuit.set_input(*edge, lane, opening);
         }
     }
 
@@ -238,7 +239,7 @@ impl<P: Lane> Drive<P> {
     /// Pa and temperature K in a and b, then the inner states of friction.
     pub(crate) fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {
         let mut circuit = self.circuit.clone();
-        self.set_command(&mut circuit, 0, u);
+        self.set_command(&mut circuit, 0, P::c(u));
         let y = circuit.initial_within(
             &[(self.a, start[2], start[3]), (self.b, start[4], start[5])],
             &[(self.axis, start[0], start[1])],
@@ -287,7 +288,7 @@ impl Drive {
     /// Opens each edge of the valve by itself: supply to a, a to exhaust, supply to b, b to exhaust.
     pub(super) fn set_openings(&self, circuit: &mut Circuit<f64>, openings: [f64; 4]) {
         for (edge, opening) in self.edges.iter().zip(openings) {
-            circuit.set_opening(*edge, 0, opening);
+            circuit.set_input(*edge, 0, opening);
         }
     }
 

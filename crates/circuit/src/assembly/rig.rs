@@ -1,7 +1,8 @@
 use super::{friction_law, leak::leak};
-use crate::circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId};
+use crate::circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide};
 use crate::ledger::Balance;
 use crate::net::Net;
+use crate::part::InputId;
 use crate::part::{Carriage, ChamberLaw};
 use crate::run::{Error, Look, Recorder, Run, advance};
 use crate::specification::{self, AirSupply, Orifice};
@@ -24,8 +25,8 @@ pub struct Rig {
     room_k: f64,
     initial_age: f64,
     /// What is always open, and what shutting off the supply closes.
-    open: Vec<RestrictionId>,
-    supply: Vec<RestrictionId>,
+    open: Vec<InputId>,
+    supply: Vec<InputId>,
     columns: Vec<String>,
 }
 
@@ -84,8 +85,8 @@ pub struct End {
 struct Air {
     gas: [GasId; 4],
     filling: Vec<(GasId, f64)>,
-    open: Vec<RestrictionId>,
-    supply: Vec<RestrictionId>,
+    open: Vec<InputId>,
+    supply: Vec<InputId>,
 }
 
 impl Rig {
@@ -147,12 +148,12 @@ impl Rig {
     fn start(&self, from: Start, motion: &Motion) -> Result<(Circuit<f64>, Vec<f64>), Error> {
         let mut circuit = self.circuit.clone();
         for &id in &self.open {
-            circuit.set_opening(id, 0, 1.0);
+            circuit.set_input(id, 0, 1.0);
         }
         for &id in &self.supply {
-            circuit.set_opening(id, 0, if motion.shut { 0.0 } else { 1.0 });
+            circuit.set_input(id, 0, if motion.shut { 0.0 } else { 1.0 });
         }
-        circuit.set_giving_way(self.carriage, 0, motion.released);
+        circuit.set_input(self.carriage.giving_way(), 0, f64::from(motion.released));
         let filled: Vec<_> = self.filling.iter().map(|&(id, p)| (id, p, self.room_k)).collect();
         let at = if let Start::Rest(position) = from { position } else { 0.0 };
         let axes = [(self.axis, at, 0.0), (self.carriage_axis, at, 0.0)];
@@ -190,7 +191,7 @@ impl Rig {
         let mut look = Look::new(interrupted);
         for (&duration, &jerk) in motion.durations.iter().zip(motion.jerks) {
             until += duration;
-            stepper.system_mut().set_jerk(self.carriage, 0, jerk);
+            stepper.system_mut().set_input(self.carriage.jerk(), 0, jerk);
             advance(&mut stepper, until, &mut recorder, &mut look)?;
         }
         recorder.finish(stepper.system(), stepper.state());

@@ -144,7 +144,7 @@ impl<P: Lane> Shootable<P> for Drive<P> {
     }
 
     fn set_command(&self, circuit: &mut Circuit<P>, u: f64) {
-        Drive::set_command(self, circuit, 0, u);
+        Drive::set_command(self, circuit, 0, P::c(u));
     }
 
     fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {

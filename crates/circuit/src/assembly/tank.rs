@@ -1,9 +1,10 @@
 use super::leak::leak;
 use super::shoot::{Shootable, Shooting, Shot, shoot_with};
-use crate::circuit::{Circuit, GasId, RestrictionId};
+use crate::circuit::{Circuit, GasId};
 use crate::lifted::{Lifted, tangents};
 use crate::net::Net;
 use crate::part::ChamberLaw;
+use crate::part::InputId;
 use crate::run::Error;
 use crate::specification;
 use math::{Deps, Lane, Over};
@@ -21,7 +22,7 @@ const STARTS: [&str; 2] = ["pressure_pa", "temperature_k"];
 pub struct Tank<P = f64> {
     circuit: Circuit<P>,
     gas: GasId,
-    line: Option<RestrictionId>,
+    line: Option<InputId>,
     columns: Vec<String>,
 }
 
@@ -64,7 +65,7 @@ where
             leaks.then(|| circuit.restriction(leak(lifted.number(leakage), &gas, is_air), tank, around));
         let mut circuit = circuit.build(false);
         if let Some(gap) = gap {
-            circuit.set_opening(gap, 0, 1.0);
+            circuit.set_input(gap, 0, P::one());
         }
         Tank { circuit, gas: tank, line, columns: COLUMNS.map(Into::into).to_vec() }
     }
@@ -103,7 +104,7 @@ impl<P: Lane> Shootable<P> for Tank<P> {
 
     fn set_command(&self, circuit: &mut Circuit<P>, u: f64) {
         if let Some(line) = self.line {
-            circuit.set_opening(line, 0, u);
+            circuit.set_input(line, 0, P::c(u));
         }
     }
 

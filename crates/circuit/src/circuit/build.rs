@@ -1,6 +1,6 @@
 //! A circuit from its parts: adding them, joining them, and the state that they start from.
 
-use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, RestrictionId, Topology};
+use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, Topology, next_filling};
 use crate::part::*;
 use math::{Deps, Lane, Over};
 use ode::{Structure, System};
@@ -26,6 +26,7 @@ impl<R: Lane> Circuit<R> {
             open: Vec::new(),
             gas_nodes: 0,
             axis_nodes: 0,
+            filled: next_filling(),
         }
     }
 
@@ -43,6 +44,7 @@ impl<R: Lane> Circuit<R> {
     pub fn reservoir(&mut self, pressure: R, temperature: R) -> GasId {
         let node = self.next_gas();
         self.parts.reservoirs.push((Place::default(), Reservoir { pressure, temperature, node }));
+        self.filled = next_filling();
         GasId(node)
     }
 
@@ -67,8 +69,8 @@ impl<R: Lane> Circuit<R> {
         self.parts.reservoirs.iter().any(|(_, part)| part.node == id.0)
     }
 
-    /// A restriction between two gas nodes, closed at first.
-    pub fn restriction(&mut self, law: physics::flow::Iso6358<R>, from: GasId, to: GasId) -> RestrictionId {
+    /// A restriction between two gas nodes, closed at first: its opening, 0 closed, 1 full.
+    pub fn restriction(&mut self, law: physics::flow::Iso6358<R>, from: GasId, to: GasId) -> InputId {
         let part = Restriction {
             law,
             opening: R::zero(),
@@ -78,7 +80,7 @@ impl<R: Lane> Circuit<R> {
             to_boundary: self.is_reservoir(to),
         };
         self.parts.restrictions.push((Place::default(), part));
-        RestrictionId(self.parts.restrictions.len() - 1)
+        InputId { kind: PartKind::Restriction, index: self.parts.restrictions.len() - 1, input: 0 }
     }
 
     /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.

@@ -1,4 +1,4 @@
-use super::{Common, Own, OwnRates, Part, State};
+use super::{Common, Input, Own, OwnRates, Part, State};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
@@ -8,7 +8,7 @@ use physics::friction::{At, Contact, MOST_INNER};
 ///
 ///   dx/dt = v,   m dv/dt = sum of forces - friction                   [N], +x
 ///
-/// The weight m g sin(incline) and a constant external force act on it; pressures, springs and end
+/// The weight m g sin(incline) and an external force act on it; pressures, springs and end
 /// stops are parts of their own. In the stick mode of a law that has one, v = 0 exactly.
 #[derive(Clone, Debug)]
 pub struct Axis<P> {
@@ -20,7 +20,7 @@ pub struct Axis<P> {
     pub inverse_mass: P,
     /// Weight along the axis, N, positive where it pulls towards -x.
     pub weight: P,
-    /// Constant external force in +x, N.
+    /// External force in +x, N: an input.
     pub external_force: P,
     pub friction: Option<Contact<P>>,
     /// -1, 0 or +1: see [`physics::friction`].
@@ -216,6 +216,14 @@ impl<P: Real> Part<P> for Axis<P> {
             }));
         }
         states
+    }
+
+    fn inputs(&self) -> &'static [Input] {
+        const { &[Input { name: "external force", unit: "N", bounds: physics::any() }] }
+    }
+
+    fn input_mut(&mut self, _input: usize) -> &mut P {
+        &mut self.external_force
     }
 
     #[inline(always)]

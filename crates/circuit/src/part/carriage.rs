@@ -1,4 +1,4 @@
-use super::{Common, Own, OwnRates, Part, State};
+use super::{Common, Input, Own, OwnRates, Part, State};
 use crate::net::Net;
 use math::{Over, Real};
 
@@ -131,6 +131,19 @@ impl<P: Real> Part<P> for Carriage<P> {
             ]);
         }
         states
+    }
+
+    fn inputs(&self) -> &'static [Input] {
+        const {
+            &[
+                Input { name: "jerk", unit: "m/s3", bounds: physics::any() },
+                Input { name: "giving way", unit: "-", bounds: physics::within(0.0, 1.0) },
+            ]
+        }
+    }
+
+    fn input_mut(&mut self, input: usize) -> &mut P {
+        if input == 0 { &mut self.jerk } else { &mut self.giving_way }
     }
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-use super::{Axis, Common, EndStops, Face, Own, OwnRates, Part, State, Volume};
+use super::{Axis, Common, EndStops, Face, Input, Own, OwnRates, Part, State, Volume};
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Lane, Over, Real};
@@ -88,6 +88,14 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
         }
         states.extend_from_slice(&axis[2..]);
         states
+    }
+
+    fn inputs(&self) -> &'static [Input] {
+        Part::<P>::inputs(&self.axis)
+    }
+
+    fn input_mut(&mut self, input: usize) -> &mut P {
+        self.axis.input_mut(input)
     }
 
     #[inline(always)]

@@ -1,10 +1,10 @@
-use super::Part;
+use super::{Input, Part};
 use crate::net::Net;
 use math::{Over, Real};
 
 physics::parameters! {
     /// Gas at constant pressure and temperature: supply, ambient, or a chamber held by a regulator.
-    /// Its node is filled once, when the net is made; no flow changes it.
+    /// Its node is filled when the net is made and when an input changes; no flow changes it.
     pub struct Reservoir {
         /// Absolute pressure
         pressure: "Pa", physics::above(0.0);
@@ -22,4 +22,17 @@ impl<P: Real> Reservoir<P> {
     }
 }
 
-impl<P: Real> Part<P> for Reservoir<P> {}
+impl<P: Real> Part<P> for Reservoir<P> {
+    fn inputs(&self) -> &'static [Input] {
+        const {
+            &[
+                Input { name: "pressure", unit: "Pa", bounds: physics::above(0.0) },
+                Input { name: "temperature", unit: "K", bounds: physics::above(0.0) },
+            ]
+        }
+    }
+
+    fn input_mut(&mut self, input: usize) -> &mut P {
+        if input == 0 { &mut self.pressure } else { &mut self.temperature }
+    }
+}

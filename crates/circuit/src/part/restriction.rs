@@ -1,5 +1,5 @@
 use super::{
-    Common, Own, Part,
+    Common, Input, Own, Part,
     volume::{log, specific_entropy},
 };
 use crate::ledger::Kind;
@@ -61,6 +61,14 @@ impl<P: Real> Restriction<P> {
 }
 
 impl<P: Real> Part<P> for Restriction<P> {
+    fn inputs(&self) -> &'static [Input] {
+        const { &[Input { name: "opening", unit: "-", bounds: physics::within(0.0, 1.0) }] }
+    }
+
+    fn input_mut(&mut self, _input: usize) -> &mut P {
+        &mut self.opening
+    }
+
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         vec![
             ("mass over the boundary", Kind::Mass),

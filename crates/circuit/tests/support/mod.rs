@@ -1,8 +1,8 @@
 //! What the contracts of circuits share: gas, restrictions, runs with samples, descriptions to vary.
 
-#![allow(dead_code)] // every contract uses its own part
+#![allow(dead_code, unused_imports)] // every contract uses its own part
 
-mod pins;
+pub mod pins;
 
 use circuit::{Circuit, Net, specification};
 use ode::{NoOutput, Options, Output, Paused, Stepper, System};
@@ -11,7 +11,7 @@ use physics::friction::{AnyLaw, Choices, LAWS, Meta};
 use physics::mechanics::EndStop;
 use physics::{IdealGas, Parameter};
 
-pub use pins::{pinned, sha256};
+pub use pins::pinned;
 
 pub const K: f64 = 1.4;
 pub const R: f64 = 287.05;
