@@ -153,12 +153,16 @@ def condition_of(head: Head) -> Condition:
     return Condition(a, b, **levels)
 
 
-def read_sliding(file: CycleFile, identity: Identity, choice: SampleChoice, edges_m: Array) -> CycleData:
-    """Read a cycle that slides.
+def read_sliding(
+    file: CycleFile, samples: Samples, identity: Identity, choice: SampleChoice, edges_m: Array
+) -> CycleData:
+    """Make sense of a cycle that slides.
 
     Parameters
     ----------
     file : CycleFile
+    samples : Samples
+        Its raw samples.
     identity : Identity
         Of the rig.
     choice : SampleChoice
@@ -169,9 +173,8 @@ def read_sliding(file: CycleFile, identity: Identity, choice: SampleChoice, edge
     Raises
     ------
     CampaignError, RecordingError
-        If it cannot be read, does not move, or has no settled part.
+        If more than half of it is damaged, it does not move, or has no settled part.
     """
-    samples = file.samples()
     recording, flags = recording_of(file, identity, samples)
     strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
     _one_speed(recording, strokes)
@@ -200,15 +203,14 @@ def read_sliding(file: CycleFile, identity: Identity, choice: SampleChoice, edge
     )
 
 
-def read_standing(file: CycleFile, identity: Identity) -> CycleData:
-    """Read a tare or a known weight: the mean force while the axis stands released, and how sure it is.
+def read_standing(file: CycleFile, samples: Samples, identity: Identity) -> CycleData:
+    """Make sense of a tare or a known weight: the mean force while the axis stands released, and how sure it is.
 
     Raises
     ------
     CampaignError, RecordingError
-        If it cannot be read, or has too few samples.
+        If more than half of it is damaged, or it has too few samples.
     """
-    samples = file.samples()
     recording, flags = recording_of(file, identity, samples)
     steps = steps_of(recording, samples)
     holds = [(i, step) for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold)]

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.campaign.folder import CycleFile
+from pneudrive.bulk import many_objects
+from pneudrive.campaign.folder import CycleFile, read_samples
 from pneudrive.characterise.pool import in_processes, workers
 from pneudrive.characteristics.cycle import BINS, CycleData, read_sliding, read_standing
 from pneudrive.characteristics.gain import Gain, corrected, sensor_gain
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from pneudrive.campaign.folder import Campaign
     from pneudrive.campaign.head import Head
     from pneudrive.characterise.settling import SampleChoice
+    from pneudrive.rig.interface import Samples
 
     Array = NDArray[np.float64]
 
@@ -156,14 +158,22 @@ def read_part(
     files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array
 ) -> list[CycleData | Skipped]:
     """Read some cycles one after the other; one that cannot be used leaves its reason."""
-    return [_read(file, identity, choice, edges_m) for file in files]
+    with many_objects():
+        return [
+            _read(file, samples, identity, choice, edges_m)
+            for file, samples in zip(files, read_samples(files), strict=True)
+        ]
 
 
-def _read(file: CycleFile, identity: Identity, choice: SampleChoice, edges_m: Array) -> CycleData | Skipped:
+def _read(
+    file: CycleFile, samples: Samples | CampaignError, identity: Identity, choice: SampleChoice, edges_m: Array
+) -> CycleData | Skipped:
     try:
+        if isinstance(samples, CampaignError):
+            raise samples
         if file.head.cycle.kind in STANDING:
-            return read_standing(file, identity)
-        return read_sliding(file, identity, choice, edges_m)
+            return read_standing(file, samples, identity)
+        return read_sliding(file, samples, identity, choice, edges_m)
     except PneudriveError as error:
         reason = f"{error.what} ({error.value})" if error.value is not None else error.what
     except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
