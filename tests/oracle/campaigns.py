@@ -23,6 +23,7 @@ BAR = 1e5
 LAWS = ("gauss", "exponential", "lorentz", "viscous")
 ROOM_K = 293.15
 HOUR_S = 3600.0
+TARE_S, PAUSE_S = 5.0, 2.0
 LEAST_ACCURACY = 1e-4  # of the range, that is stated of a force sensor without a gain error
 
 
@@ -95,6 +96,7 @@ class World:
     range_n: float = 200.0
     zero_n: float = 1.0
     zero_drift_n: float = 0.0  # over the campaign
+    zero_with_clock: bool = False  # it drifts with time, in slow cycles too; else from cycle to cycle
     state_accuracy: bool = True
     # position: (share, periods over the stroke, phase)
     ripple: tuple[tuple[float, float, float], ...] = ()
@@ -129,6 +131,7 @@ class _State:
     gain: float = 1.0
     block: float = 0.0
     wild: float = 1.0
+    lasts_s: float = 1.0  # all cycles together
 
 
 def plan(world: World, rng: np.random.Generator) -> Iterator[dict]:
@@ -164,7 +167,9 @@ def write_campaign(folder: str | Path, world: World, seed: int) -> Path:
     (folder / "cycles").mkdir(parents=True)
     rng = np.random.default_rng(seed)
     cycles = list(plan(world, rng))
-    state = _State(rng, gain=1.0 + world.gain_share * rng.standard_normal())
+    state = _State(
+        rng, gain=1.0 + world.gain_share * rng.standard_normal(), lasts_s=sum(_lasts(c, world) for c in cycles)
+    )
     (folder / "rig.json").write_text(json.dumps(_identity(world)))
     (folder / "campaign.json").write_text(json.dumps({"schema": 1, "name": "oracle", "seed": seed}))
     (folder / "campaign.toml").write_text('schema = 1\nname = "oracle"\n')
@@ -178,6 +183,11 @@ def write_campaign(folder: str | Path, world: World, seed: int) -> Path:
         state.share_done = (index - 1) / max(len(cycles) - 1, 1)
         _write(folder, index, cycle, world, state)
     return folder
+
+
+def _lasts(cycle: dict, world: World) -> float:
+    """Time of a cycle, about."""
+    return PAUSE_S + (TARE_S if cycle.get("speed") is None else 2.0 * 0.96 * world.stroke_m / cycle["speed"])
 
 
 def _identity(world: World) -> dict:
@@ -208,7 +218,7 @@ def _write(folder: Path, index: int, cycle: dict, world: World, state: _State) -
     frame = pl.DataFrame(columns)
     name = f"{index:05d}-{head['cycle']['key']}.parquet"
     frame.write_parquet(folder / "cycles" / name, metadata={"pneudrive": json.dumps(head)})
-    state.clock_s += float(columns["time_s"][-1]) + 2.0
+    state.clock_s += float(columns["time_s"][-1]) + PAUSE_S
     state.travel_m += float(np.abs(np.diff(columns["position_m"])).sum())
 
 
@@ -216,8 +226,8 @@ def _cycle(index: int, cycle: dict, world: World, state: _State) -> tuple[dict, 
     speed, gauge = cycle.get("speed"), cycle["gauge"]
     low, high = 0.02 * world.stroke_m, 0.98 * world.stroke_m
     if speed is None:
-        steps: list[dict] = [{"duration_s": 5.0, "released": True}]
-        time = np.arange(0.0, 5.0, 0.01)
+        steps: list[dict] = [{"duration_s": TARE_S, "released": True}]
+        time = np.arange(0.0, TARE_S, 0.01)
         columns = _standing(time, world, state)
     else:
         steps = [{"to_m": high, "speed_m_s": speed}, {"to_m": low, "speed_m_s": speed}]
@@ -246,7 +256,7 @@ def _cycle(index: int, cycle: dict, world: World, state: _State) -> tuple[dict, 
 
 
 def _standing(time: Array, world: World, state: _State) -> dict[str, NDArray]:
-    force = _zero(world, state) + _noise(time, world, state)
+    force = _zero(time, world, state) + _noise(time, world, state)
     ambient = AMBIENT_PA + world.pressure_noise_pa * state.rng.standard_normal((2, time.size))
     return {
         "time_s": time,
@@ -280,7 +290,11 @@ def _sliding(
     change = world.air_pa_s_m * v * direction
     air = change * (world.area_a_m2 + world.area_b_m2)
     held = -gauge[0] * world.area_a_m2 + gauge[1] * world.area_b_m2
-    force = state.gain * (friction + world.mass_kg * a + air + held) + _zero(world, state) + _noise(time, world, state)
+    force = (
+        state.gain * (friction + world.mass_kg * a + air + held)
+        + _zero(time, world, state)
+        + _noise(time, world, state)
+    )
     shown = change if world.measured_at == "chamber" else 0.0 * change
     errors = np.array(world.pressure_zeros_pa) + np.array(world.pressure_gains) * np.array(gauge)
     errors = errors + world.written_too_high_pa
@@ -336,8 +350,9 @@ def _pattern(x: Array, world: World) -> Array:
     return 1.0 + waves + world.slope_share * (away - 0.5)
 
 
-def _zero(world: World, state: _State) -> float:
-    return world.zero_n + world.zero_drift_n * state.share_done
+def _zero(time: Array, world: World, state: _State) -> Array:
+    share = (state.clock_s + time) / state.lasts_s if world.zero_with_clock else np.full(time.size, state.share_done)
+    return world.zero_n + world.zero_drift_n * share
 
 
 def _noise(time: Array, world: World, state: _State) -> Array:

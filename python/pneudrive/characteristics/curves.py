@@ -14,7 +14,7 @@ from pneudrive.characteristics.plausible import OUTLIER, implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint
 from pneudrive.characteristics.self_excited import reasons as self_excited
-from pneudrive.characteristics.smooth import CARRIED, CurveData, CurveFit, carried_drift, fit_curves
+from pneudrive.characteristics.smooth import CARRIED, CurveData, CurveFit, carried_drift, either_chance, fit_curves
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -163,12 +163,7 @@ class Fits:
 
     def rest(self) -> Array:
         """Give what cycles in use are off their curves, drift taken out, in the response's unit, shape (used,)."""
-        fit = self.friction
-        rest = fit.data.y - fit.drift
-        for number in range(int(fit.data.curve.max()) + 1):
-            members = fit.data.curve == number
-            rest[members] -= fit.at(number, fit.data.speed_m_s[members]).mean
-        return rest
+        return self.friction.data.y - self.friction.drift - self.friction.steady()
 
     @property
     def has_zero(self) -> bool:
@@ -243,7 +238,8 @@ def _fit_points(reading: Reading, points: Points) -> Fits | None:
     used_groups = groups[use] if groups is not None else None
 
     def data(y: Array, stderr: Array) -> CurveData:
-        return CurveData(y[use], stderr[use] ** 2, reduced.speed_m_s[use], curve[use], order[use], points.count[use])
+        columns = (y, stderr**2, reduced.speed_m_s, curve, order, points.count, np.ones(len(points)))
+        return CurveData(*(column[use] for column in columns))
 
     friction = data(reduced.friction_n, reduced.friction_stderr_n)
     share = carried_drift(friction)
@@ -299,7 +295,7 @@ def block_groups(reading: Reading, points: Points) -> tuple[NDArray[np.int64] | 
 
 
 def _better(data: CurveData, *, drift: bool, blocks: NDArray[np.int64] | None) -> CurveFit:
-    """Fit with chance in N or relative to friction, whichever makes the observations more likely."""
+    """Fit friction or its logarithm, whichever makes the observations more likely, with chance of either kind."""
     plain = fit_curves(data, logarithmic=False, drift=drift, blocks=blocks)
     if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
         return plain
@@ -307,7 +303,7 @@ def _better(data: CurveData, *, drift: bool, blocks: NDArray[np.int64] | None) -
     # Densities of y and of ln y differ by a factor y for each degree of freedom of the restricted likelihood.
     freedom = len(data) - plain.fit.model.x.shape[1]
     likelier = relative.fit.log_likelihood() - freedom * float(np.mean(np.log(data.y)))
-    return relative if likelier > plain.fit.log_likelihood() else plain
+    return either_chance(relative if likelier > plain.fit.log_likelihood() else plain, blocks)
 
 
 def _logarithmic(data: CurveData) -> CurveData:
@@ -327,6 +323,7 @@ def _with_tares(reading: Reading, data: CurveData) -> CurveData:
         np.concatenate([data.curve, np.full(count, -1, dtype=np.int64)]),
         np.concatenate([data.order, [reading.order(t.head) for t in tares]]),
         np.concatenate([data.count, np.ones(count)]),
+        np.concatenate([data.chance, np.ones(count)]),
     )
 
 
@@ -448,5 +445,8 @@ def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
 
 def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     """Give the standard deviation that a source of chance adds to a single cycle, at these frictions, N."""
-    sd = fits.friction.sd(source)
-    return sd * np.abs(friction_n) if fits.friction.logarithmic else np.full(friction_n.size, sd)
+    fit = fits.friction
+    level = float(fits.points.reduced.friction_n[fits.points.use].mean())
+    sd = fit.sd(source) * (level if fit.logarithmic else 1.0)
+    relative = fit.relative if source == "cycle" else float(fit.logarithmic)
+    return sd * np.sqrt(relative * (friction_n / level) ** 2 + 1.0 - relative)

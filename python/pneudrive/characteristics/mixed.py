@@ -237,6 +237,22 @@ class MixedFit:
             variances.append(np.maximum(own, 0.0))
         return _mixed(np.array(means), np.array(variances), self.weights)
 
+    def averaged(self, other: MixedFit) -> tuple[MixedFit, float]:
+        """Average with a fit of the same observations that differs in its kernels, each by how likely it is.
+
+        Returns
+        -------
+        MixedFit
+            Its most probable standard deviations are those of the likelier fit.
+        float
+            Weight of the other one.
+        """
+        from scipy.special import expit
+
+        share = float(expit(other.log_likelihood() - self.log_likelihood()))
+        weights = np.concatenate([(1.0 - share) * self.weights, share * other.weights])
+        return replace(other if share > 0.5 else self, weights=weights, states=(*self.states, *other.states)), share
+
     def contrast(self, row: Array, unit: str = "N") -> Estimate:
         """Estimate a linear function of b with its interval and the probability that it is zero."""
         return as_estimate(self.predict(np.atleast_2d(row)), unit)

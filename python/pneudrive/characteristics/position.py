@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import student
+from pneudrive.characteristics.autocorrelation import stderrs_of_means
 from pneudrive.characteristics.basics import Condition, Estimate, mean_estimate
 from pneudrive.characteristics.effects import Harmonic, PositionDependence
+from pneudrive.characteristics.mixed import Component, MixedModel
+from pneudrive.characteristics.reduction import FREEDOM_PER_CYCLE
+from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +31,7 @@ FINER = (0.02, 0.004, 0.001)
 CLEAR = 25.0
 FEWEST_BINS = 16
 FEWEST_CYCLES = 4
-REWEIGHTED = 6
+MOST_FITTED = 200  # cycles whose slopes are fitted one by one: of more, neighbours in speed are put together
 APART = 2.0  # times the slowest over the fastest cycle's time and force, from which on a drift of the zero can be told
 COVERED = 0.9  # of the common bins: cycles that lack more do not tell of trend and harmonics
 
@@ -60,7 +64,7 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
     width = float(position[1] - position[0])
     length = position.size * width
     waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
-    coefficients = _fits(position, rows, waves, length)
+    coefficients = _each(_columns(position, waves, length), rows)
     trend = _trend(position, rows, slowness, waves, length)[0]
     harmonics = tuple(
         _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
@@ -76,35 +80,38 @@ def _trend(
 
     While a cycle lasts, the zero moves: over +x it has risen more the further the stroke is, over -x less, which half
     their difference shows as rate / speed along x. Slow cycles show it most, and as the rate is not steady, they also
-    tell least of the trend.
+    tell least of the trend. How long the waves are is not known either: a wave of a little other length is a trend in
+    part, so that each cycle has waves that may be a little longer or shorter.
     """
-    from scipy.optimize import nnls
-    from scipy.special import stdtr
-
-    slopes = _fits(position, rows, waves, length)[:, 1]
-    if slowness.max() < APART * slowness.min() or slopes.size < FEWEST_CYCLES + 1:
-        return mean_estimate(slopes, "1/m"), 0.0
+    found, variance = _slopes(position, rows, waves, length)
+    if slowness.max() < APART * slowness.min() or found.size < FEWEST_CYCLES + 1:
+        return mean_estimate(found, "1/m"), 0.0
     usual = float(np.median(slowness))
-    x = np.column_stack([np.ones(slopes.size), slowness / usual])
-    coefficients, covariance = _weighted(x, slopes, np.ones(slopes.size))
-    # The variance of a slope has a part that all have, and one in proportion to the square of slowness.
-    for _ in range(REWEIGHTED):
-        parts, _ = nnls(np.column_stack([np.ones(slopes.size), x[:, 1] ** 2]), (slopes - x @ coefficients) ** 2)
-        spread = np.sqrt(np.maximum(parts[0] + parts[1] * x[:, 1] ** 2, 1e-24))
-        coefficients, covariance = _weighted(x, slopes, spread)
-    value, stderr, free = float(coefficients[0]), float(np.sqrt(covariance[0, 0])), slopes.size - 2
-    half = student(free) * stderr
-    p = 2.0 * float(stdtr(free, -abs(value) / stderr)) if stderr > 0 else float(value == 0.0)
-    return Estimate(value, value - half, value + half, stderr, "1/m", free, p), float(coefficients[1]) / usual
+    groups = np.array_split(np.argsort(slowness), min(MOST_FITTED, found.size))
+    count = np.array([group.size for group in groups], dtype=float)
+    slow = np.array([slowness[group].mean() for group in groups]) / usual
+    variance = moderate(variance, np.full(variance.size, FREEDOM_PER_CYCLE), slowness)
+    scale = max(float(np.std(found)), 1e-12)
+    model = MixedModel(
+        np.array([found[group].mean() for group in groups]),
+        np.column_stack([np.ones(slow.size), slow]),
+        np.array([variance[group].sum() for group in groups]) / count**2,
+        (Component("cycle", 1.0 / count, scale), Component("zero", slow**2 / count, scale)),
+    )
+    fit = model.fit()
+    return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
 
 
-def _weighted(x: Array, y: Array, spread: Array) -> tuple[Array, Array]:
-    """Least squares with standard deviations known but for a factor: coefficients and their covariance."""
-    scaled, target = x / spread[:, None], y / spread
-    inverse = np.linalg.inv(scaled.T @ scaled)
-    found = inverse @ (scaled.T @ target)
-    rest = target - scaled @ found
-    return found, inverse * float(rest @ rest) / max(y.size - x.shape[1], 1)
+def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float) -> tuple[Array, Array]:
+    """Relative change of friction along x in each cycle, and its variance by noise within the cycle."""
+    columns = _columns(position, waves, length)
+    columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])
+    found = _each(columns, rows)
+    rest = np.nan_to_num(rows - found @ columns.T)
+    weights = np.linalg.pinv(columns)[1]
+    spare = rest.shape[1] / (rest.shape[1] - columns.shape[1])  # what the columns took of the noise
+    variance = spare * (rest.shape[1] * stderrs_of_means(rest * weights)) ** 2
+    return found[:, 1], np.maximum(variance, 1e-12 * float(np.var(found[:, 1])) + 1e-30)
 
 
 def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
@@ -144,10 +151,18 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
     return waves
 
 
-def _fits(position: Array, rows: Array, waves: Sequence[float], length: float) -> Array:
-    """Fit mean, trend and waves to each cycle, shape (cycles, 2 + 2 waves)."""
-    columns, known = _columns(position, waves, length), np.isfinite(rows)
-    cycles = zip(rows, known, strict=True)
+def _stretches(position: Array, mean: Array, columns: Array, length: float) -> Array:
+    """Change of the mean pattern with how many times each of its waves fits into the range; shape (n, waves)."""
+    found = np.linalg.lstsq(columns, mean, rcond=None)[0]
+    phase = 2.0 * np.pi * (position - position.mean()) / length
+    pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
+    parts = [phase * (found[sine] * columns[:, cosine] - found[cosine] * columns[:, sine]) for cosine, sine in pairs]
+    return np.column_stack(parts) if parts else np.zeros((position.size, 0))
+
+
+def _each(columns: Array, rows: Array) -> Array:
+    """Coefficients of the columns in each cycle, shape (cycles, columns)."""
+    cycles = zip(rows, np.isfinite(rows), strict=True)
     return np.array([np.linalg.lstsq(columns[here], row[here], rcond=None)[0] for row, here in cycles], dtype=float)
 
 

@@ -181,13 +181,15 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
     if independent(x).size < x.shape[1]:
         return None
     y = reduced.friction_n[members]
-    # Where chance is relative, each source acts in proportion to friction: to what the fixed effects make of it, not to
+    # Where a source is relative, it acts in proportion to friction: to what the fixed effects make of it, not to
     # the values themselves, which a source in proportion to them would explain to the last digit.
     steady = x @ np.linalg.lstsq(x, y, rcond=None)[0]
-    share = steady / steady.mean() if fits.friction.logarithmic else np.ones(y.size)
+    level = steady / steady.mean()
+    share, relative = (level if fits.friction.logarithmic else np.ones(y.size)), fits.friction.relative
     usual = CYCLE_SCALE * max(float(np.abs(y).mean()), 1e-9)
     outer = np.outer(share, share)
-    components = [Component("cycle", share**2 / points.count[members], usual)]
+    own = relative * level**2 + 1.0 - relative
+    components = [Component("cycle", own / points.count[members], usual)]
     if fits.drift_share < CARRIED:
         order = np.array([reading.order(d.head) for d, m in zip(reduced.data, members, strict=True) if m])
         components.append(Component("drift", outer * centred_walk(order), usual))

@@ -8,7 +8,7 @@ their shape as far as the data say so. Smoothness is meant over a stretched spee
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +30,8 @@ CYCLE_SCALE = 0.02  # of the response: standard deviations that are usual from c
 LOCAL_REACH = 2.0
 #: Power of a standard deviation with which its prior falls towards zero: a few sentinels that happen to agree do not
 #: make a rig that repeats perfectly, least of all where a curve may follow each of its points (assumed).
-FEW_AGREE = 2.5
+FEW_AGREE = 3.0
+LEAST_FRICTION = 0.1  # over the mean friction, below which chance in proportion to it falls no further (assumed)
 CARRIED = 0.98  # share of a drift that the curves could take for their own, beyond which the design does not carry it
 CURVE_DEGREE = 5  # polynomials in stretched speed that stand for all curves in that question
 
@@ -63,6 +64,9 @@ class CurveData:
         Place of the cycle in the campaign, 0 to 1.
     count : ndarray
         Cycles that an observation is the mean of.
+    chance : ndarray
+        Standard deviation of a cycle over that at the mean friction: 1 everywhere where it is the same, in the unit of
+        the response, at all frictions.
     """
 
     y: Array
@@ -71,6 +75,7 @@ class CurveData:
     curve: NDArray[np.int64]
     order: Array
     count: Array
+    chance: Array
 
     def __len__(self) -> int:
         return self.y.size
@@ -85,7 +90,9 @@ class CurveFit:
     data : CurveData
     fit : MixedFit
     logarithmic : bool
-        The response is the logarithm: chance is relative.
+        The response is the logarithm: curves share their shape, blocks and drift act, in proportion to friction.
+    relative : float
+        Probability that a cycle's own chance is in proportion to friction, not the same in newton at all frictions.
     sources : tuple of str
         Names of the components of chance that the design carries.
     drift : ndarray, shape (n,)
@@ -97,6 +104,7 @@ class CurveFit:
     data: CurveData
     fit: MixedFit
     logarithmic: bool
+    relative: float
     sources: tuple[str, ...]
     drift: Array
     drift_half: Array
@@ -137,6 +145,14 @@ class CurveFit:
         """Most probable standard deviation of a component; 0 where there is none."""
         names = [c.name for c in self.fit.model.components]
         return float(self.fit.sd[names.index(name)]) if name in names else 0.0
+
+    def steady(self) -> Array:
+        """Curves at the observations, in the unit of the response, shape (n,); NaN for those on no curve."""
+        found = np.full(len(self.data), np.nan)
+        for number in range(int(self.data.curve.max()) + 1):
+            members = self.data.curve == number
+            found[members] = self.at(number, self.data.speed_m_s[members]).mean
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,15 +253,41 @@ def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArr
     blocks : ndarray of int, optional
         Groups that share a deviation of their own (blocks or days), where the design carries it.
     """
-    model = curve_model(data, logarithmic=logarithmic, drift=drift, blocks=blocks)
-    fit, components, x = model.fit(), model.components, model.x
+    fit = curve_model(data, logarithmic=logarithmic, drift=drift, blocks=blocks).fit()
+    return _described(data, fit, logarithmic=logarithmic, relative=float(logarithmic))
+
+
+def _described(data: CurveData, fit: MixedFit, *, logarithmic: bool, relative: float) -> CurveFit:
+    components, x = fit.model.components, fit.model.x
+    names = tuple(c.name for c in components if c.name in {"cycle", "drift", "block"})
     estimate, half = np.zeros(len(data)), np.zeros(len(data))
-    if drift:
+    if "drift" in names:
         kernel = components[[c.name for c in components].index("drift")].kernel
         found = fit.predict(np.zeros((len(data), x.shape[1])), {"drift": kernel}, {"drift": np.diag(kernel)})
         estimate, half = found.mean, found.half_width()
-    names = tuple(c.name for c in components if c.name in {"cycle", "drift", "block"})
-    return CurveFit(data, fit, logarithmic, names, estimate, half)
+    return CurveFit(data, fit, logarithmic, relative, names, estimate, half)
+
+
+def either_chance(fitted: CurveFit, blocks: NDArray[np.int64] | None) -> CurveFit:
+    """Average over both ways in which a cycle's own chance may act, in newton and in proportion to friction.
+
+    Which response describes the curves better, friction or its logarithm, is one question; how cycles scatter is
+    another, and few cycles answer it: what they leave open has to be in the band.
+
+    Parameters
+    ----------
+    fitted : CurveFit
+        With a chance that is the same at all frictions in the unit of its response; of positive friction.
+    blocks : ndarray of int, optional
+        As in `fit_curves`.
+    """
+    steady = np.exp(fitted.steady()) if fitted.logarithmic else fitted.steady()
+    share = np.maximum(steady / steady.mean(), LEAST_FRICTION)
+    data = replace(fitted.data, chance=1.0 / share if fitted.logarithmic else share)
+    other = curve_model(data, logarithmic=fitted.logarithmic, drift="drift" in fitted.sources, blocks=blocks).fit()
+    fit, weight = fitted.fit.averaged(other)
+    relative = 1.0 - weight if fitted.logarithmic else weight
+    return _described(fitted.data, fit, logarithmic=fitted.logarithmic, relative=relative)
 
 
 def curve_model(
@@ -261,7 +303,7 @@ def curve_model(
     if "own shape" in kernels:
         components.append(Component("own shape", kernels["own shape"], spread))
         components.append(Component("local", kernels["local"], usual))
-    components.append(Component("cycle", on / data.count, usual, power=FEW_AGREE))
+    components.append(Component("cycle", on * data.chance**2 / data.count, usual, power=FEW_AGREE))
     if drift:
         components.append(Component("drift", centred_walk(data.order), usual))
     if blocks is not None:

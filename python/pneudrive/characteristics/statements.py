@@ -29,6 +29,7 @@ CHANCE = 0.05
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
 LAST_SHARE = 0.25  # of the campaign's time, over which a change is still going on
 LEAVES = 2.0  # quantiles of 95 % beyond which a cycle is named that its curve leaves
+KIND_TOLD = 0.05  # probability below which chance is not said to be of a kind
 NAMED = 3  # cycles that are named where several share a fate
 
 
@@ -103,7 +104,7 @@ def _curves(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Ite
     yield Statement(
         "curve",
         f"F(v) is the mean over positions {1e3 * place[0]:.4g} to {1e3 * place[-1]:.4g} mm, in the mean state of the "
-        f"campaign; chance acts {'in proportion to friction' if fits.friction.logarithmic else 'in newton'}.",
+        f"campaign; {_chance(fits.friction.relative)}.",
     )
     if any(d.assumed for d in reduced.data):
         known = "force_n" in found.identity.accuracy
@@ -130,6 +131,14 @@ def _curves(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Ite
             carried=False,
             remedy="Check weight_n of the cycles, and that nothing else carried the weight.",
         )
+
+
+def _chance(relative: float) -> str:
+    if KIND_TOLD < relative < 1.0 - KIND_TOLD:
+        return (
+            "whether cycles scatter in newton or in proportion to friction these data leave open: the band holds both"
+        )
+    return f"cycles scatter {'in proportion to friction' if relative > 0.5 else 'in newton'}"
 
 
 def _scatter(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Iterator[Statement]:

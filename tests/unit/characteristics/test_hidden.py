@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from oracle.campaigns import BAR, hits
+from oracle.campaigns import BAR, Friction, hits
 from oracle.hidden_truths import Hidden
 
 MOVING = Hidden("tanh", 20.0, 14.0, 0.012, 30.0, 1.0, 1.0, moves_per_bar=0.25)
@@ -50,6 +50,21 @@ def test_a_stribeck_speed_that_moves_is_in_the_band_and_doubt_is_told(measured, 
     assert "was measured once" in said
 
 
+@pytest.mark.parametrize(("kind", "words"), [("cycle_share", "in proportion"), ("cycle_n", "in newton")])
+def test_how_cycles_scatter_is_told_by_the_cycles_not_by_the_shape_of_the_curves(measured, quick, kind, words):
+    """Friction of one pressure is three times that of the other, and the curves differ by a constant or a factor."""
+    shapes = (Friction(lip_a=20.0, lip_b=20.0, viscous=20.0), Hidden("tanh", 30.0, 12.0, 0.015, 20.0, 20.0, 20.0, 0.0))
+    for friction in shapes:
+        size = {"cycle_share": 0.0, kind: {"cycle_share": 0.02, "cycle_n": 1.0}[kind]}
+        world = quick(friction=friction, gauges_pa=((0.0, 0.0), (1.5 * BAR, 1.5 * BAR)), repeats=4, **size)
+        found = measured(world)
+        assert f"cycles scatter {words}" in " ".join(s.text for s in found.statements)
+        table = found.friction_map
+        own, level = table["stderr_n"].to_numpy(), table["friction_n"].to_numpy()
+        ratio = own[level > 70.0].mean() / own[level < 45.0].mean()
+        assert (ratio > 2.0) if kind == "cycle_share" else (0.8 < ratio < 1.25)
+
+
 def test_scatter_is_that_of_the_sentinels_themselves(measured, quick):
     """Scatter of sentinels in newton, whatever misfit or smoothness the curves have."""
     found = measured(quick(**PLAN | {"cycle_share": 0.0, "cycle_n": 0.5, "sentinel_every": 3, "zero_drift_n": 0.0}))
@@ -61,13 +76,23 @@ def test_scatter_is_that_of_the_sentinels_themselves(measured, quick):
 
 
 def test_a_zero_that_drifts_in_slow_cycles_is_no_trend_over_position(measured, quick):
-    found = measured(quick(**PLAN | {"zero_drift_n": 4.0, "cycle_share": 0.002}))
+    found = measured(quick(**PLAN | {"zero_drift_n": 4.0, "cycle_share": 0.002, "zero_with_clock": True}))
     trend = next(p.trend_per_m for p in found.position if p.condition is None)
     assert trend.p > 0.01
-    real = measured(quick(**PLAN | {"zero_drift_n": 4.0, "cycle_share": 0.002, "slope_share": 0.03}))
+    slope = {"zero_drift_n": 4.0, "cycle_share": 0.002, "slope_share": 0.03, "zero_with_clock": True}
+    real = measured(quick(**PLAN | slope))
     trend = next(p.trend_per_m for p in real.position if p.condition is None)
     assert trend.low < 0.03 / 0.2 < trend.high
     assert trend.p < 1e-3
+
+
+def test_a_wave_about_as_long_as_the_stroke_is_no_trend_beyond_chance(measured, quick):
+    """Its length is not known either; what it could be in part is not to be told as a trend, however many cycles."""
+    wave = {"ripple": ((0.015, 1.0, 0.5),), "gauges_pa": ((0.0, 0.0),), "cycle_share": 0.003, "white_n": 0.1}
+    found = [measured(quick(**PLAN | wave | {"zero_with_clock": True}), seed) for seed in range(6)]
+    trends = [next(p.trend_per_m for p in one.position if p.condition is None) for one in found]
+    assert sum(t.p < 0.05 for t in trends) <= 1
+    assert np.sqrt(np.mean([(t.value / t.stderr) ** 2 for t in trends])) < 1.7
 
 
 @pytest.mark.parametrize(("off", "word"), [(0.5 * BAR, "+0.5 bar"), (1.013 * BAR, "is a gauge pressure"), (0.0, None)])
