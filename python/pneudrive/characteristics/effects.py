@@ -37,6 +37,9 @@ class PressureEffects:
         Of the squares of both pressures.
     gauge_pa : tuple of (float, float)
         Pressure pairs used, gauge.
+    hidden_n : float
+        Change of friction over the campaign that the plan does not tell from that with pressure, N: its standard
+        uncertainty is in the intervals. 0 where the plan tells them apart.
     statement : str
     """
 
@@ -52,6 +55,7 @@ class PressureEffects:
     interaction_n_pa2: Estimate | None
     curvature: FTest | None
     gauge_pa: tuple[tuple[float, float], ...]
+    hidden_n: float
     statement: str
 
 

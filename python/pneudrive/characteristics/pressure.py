@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 
 SAME_SLOPE = 1e-3  # of the largest pressure: pairs that lie on one line closer than this do not tell both pressures
 CHANCE = 0.05
-#: Correlation of a pressure with the order of the cycles from which the two are said to go together (assumed).
-FOLLOWS_TIME = 0.7
+#: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure where the order of the
+#: cycles follows pressure and nothing tells the two apart: a seal that runs in or wears (assumed standard uncertainty).
+HIDDEN_CHANGE = 0.1
+#: Of that change, the share that a pressure takes over its range from which on it is said to go with time.
+FOLLOWS_TIME = 0.1
 UNIT = "N/Pa"
 
 
@@ -89,17 +92,22 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
     fit = _fit(reading, fits, members, x) if x.shape[0] > x.shape[1] + 1 else None
     if fit is None:
         return None
-    u = accuracy_n(fits, members)
+    u, hidden = accuracy_n(fits, members), _hidden(fits, fit.model, design)
     reach = [u / max(float(np.ptp(p)), 1e-12) for p in slopes]
-    each = [tuple(_slope(fit, len(slopes), count, k, [s], reach[k]) for s in range(count)) for k in range(len(slopes))]
-    means = [_slope(fit, len(slopes), count, k, range(count), reach[k]) for k in range(len(slopes))]
-    interaction, joint = None, None
-    if together.shape[1]:
+    rows_of = [[_row(x.shape[1], len(slopes), count, k, [s]) for s in range(count)] for k in range(len(slopes))]
+    each = [tuple(_slope(fit, row, r, hidden) for row in rows) for rows, r in zip(rows_of, reach, strict=True)]
+    of_mean = [np.mean(rows, axis=0) for rows in rows_of]
+    means = [_slope(fit, row, r, hidden) for row, r in zip(of_mean, reach, strict=True)]
+    follows = [
+        hidden is not None and hidden.share(r) * np.ptp(p) > FOLLOWS_TIME for r, p in zip(of_mean, slopes, strict=True)
+    ]
+    interaction, joint, curvature = None, None, None
+    if together.shape[1] and hidden is None:
         rows = np.eye(x.shape[1])[: together.shape[1]]
         interaction, joint = fit.f_test(rows), _per_pascal(fit.contrast(rows[0]), 2)
-    curvature = _curvature(
-        reading, fits, members, x, design, [design.centred(p) ** 2 * design.compared for p in slopes]
-    )
+    if hidden is None:
+        squares = [design.centred(p) ** 2 * design.compared for p in slopes]
+        curvature = _curvature(reading, fits, members, x, design, squares)
     first = {"both": 0, "a": 0}.get(design.kind)
     second = {"both": 1, "b": 0}.get(design.kind)
     total = None if design.kind in {"both", "a", "b"} else 0
@@ -116,7 +124,8 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
         interaction_n_pa2=joint,
         curvature=curvature,
         gauge_pa=tuple((PA_PER_BAR * a, PA_PER_BAR * b) for a, b in design.pairs),
-        statement=_statement(design, means, interaction, joint, curvature, u),
+        hidden_n=hidden.size_n if hidden is not None else 0.0,
+        statement=_statement(design, means, interaction, joint, curvature, u) + _order(design, hidden, follows),
     )
 
 
@@ -208,11 +217,41 @@ def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
     return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in chosen]))
 
 
-def _slope(fit: MixedFit, slopes: int, speeds: int, which: int, at: range | list[int], u: float) -> Estimate:
-    row = np.zeros(fit.model.x.shape[1])
-    first = row.size - (slopes - which) * speeds
+def _row(columns: int, slopes: int, speeds: int, which: int, at: list[int]) -> Array:
+    """Weights of the columns whose sum is the mean of a slope over some speeds."""
+    row = np.zeros(columns)
+    first = columns - (slopes - which) * speeds
     row[[first + s for s in at]] = 1.0 / len(at)
-    return _per_pascal(widened(fit.contrast(row), u), 1)
+    return row
+
+
+@dataclass(frozen=True, eq=False)
+class _Hidden:
+    """A change of friction over the campaign that the design does not tell from what it looks for.
+
+    ``size_n`` is its standard uncertainty; ``of_order`` are the coefficients of the columns that make the same as a
+    steady change by 1 N from the first cycle to the last.
+    """
+
+    size_n: float
+    of_order: Array
+
+    def share(self, row: Array) -> float:
+        """Part of the change that a contrast takes for its own."""
+        return abs(float(row @ self.of_order))
+
+
+def _hidden(fits: Fits, model: MixedModel, design: _Design) -> _Hidden | None:
+    """Give the change that is hidden; None where the design carries a drift, which is then in the model."""
+    if fits.drift_share < CARRIED:
+        return None
+    size = HIDDEN_CHANGE * float(np.abs(model.y).mean())
+    return _Hidden(size, np.linalg.lstsq(model.x, design.order - design.order.mean(), rcond=None)[0])
+
+
+def _slope(fit: MixedFit, row: Array, u: float, hidden: _Hidden | None) -> Estimate:
+    doubt = u if hidden is None else float(np.hypot(u, hidden.size_n * hidden.share(row)))
+    return _per_pascal(widened(fit.contrast(row), doubt), 1)
 
 
 def _per_pascal(found: Estimate, power: int) -> Estimate:
@@ -278,32 +317,26 @@ def _statement(
     elif design.kind in {"a", "b"}:
         text += "Only this pressure was changed. "
     elif interaction is None or joint is None:
-        text += "The pressure pairs do not carry a test of the interaction. "
+        text += "The plan does not carry a test of the interaction. "
     else:
         text += _interaction(design, interaction, joint, u)
     if curvature is not None and curvature.p < CHANCE:
         text += f"Friction is not linear in pressure ({_chance(curvature.p)}): the slopes are those of a line. "
-    for name, pressure in {"both": (("p_a", "a"), ("p_b", "b")), "a": (("p_a", "a"),), "b": (("p_b", "b"),)}.get(
-        design.kind, (("the pressures", "a"),)
-    ):
-        if _with_time(design, getattr(design, pressure)):
-            text += (
-                f"The order of the cycles follows {name}, and nothing was repeated in between: a seal that runs in or "
-                "wears looks the same, and may be in these numbers. Run in first, or randomise the order. "
-            )
-            break
     return text.strip()
 
 
-def _with_time(design: _Design, pressure: Array) -> bool:
-    """Whether a pressure changed with time alone, and no equal cycles tell the two apart."""
-    here = design.compared
-    if design.beside.shape[1] or np.ptp(pressure[here]) == 0.0:
-        return False
-    cells = np.column_stack([design.level, design.a, design.b])[here]
-    if np.unique(cells, axis=0).shape[0] < cells.shape[0]:
-        return False
-    return abs(float(np.corrcoef(design.order[here], pressure[here])[0, 1])) > FOLLOWS_TIME
+def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> str:
+    """Say that a pressure changed with time alone, and what that leaves open."""
+    if hidden is None or not any(follows):
+        return ""
+    all_names = {"both": ("p_a", "p_b"), "a": ("p_a",), "b": ("p_b",)}.get(design.kind, ("the pressures",))
+    names = " and ".join(name for name, with_time in zip(all_names, follows, strict=True) if with_time)
+    return (
+        f" The order of the cycles follows {names}, and nothing was repeated in between: a seal that runs in or wears "
+        f"looks the same. The intervals hold a change of friction by {hidden.size_n:.2g} N over the campaign (standard "
+        f"uncertainty, {100 * HIDDEN_CHANGE:.0f} % of friction, assumed). Whether effects interact, or are no lines, "
+        "cannot be told. Run in first, or randomise the order."
+    )
 
 
 def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> str:
