@@ -238,8 +238,10 @@ def _fit_points(reading: Reading, points: Points) -> Fits | None:
     used_groups = groups[use] if groups is not None else None
 
     def data(y: Array, stderr: Array) -> CurveData:
-        columns = (y, stderr**2, reduced.speed_m_s, curve, order, points.count, np.ones(len(points)))
-        return CurveData(*(column[use] for column in columns))
+        ones = np.ones(int(use.sum()))
+        return CurveData(
+            y[use], stderr[use] ** 2, reduced.speed_m_s[use], curve[use], order[use], points.count[use], ones
+        )
 
     friction = data(reduced.friction_n, reduced.friction_stderr_n)
     share = carried_drift(friction)

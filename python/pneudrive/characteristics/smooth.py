@@ -30,7 +30,7 @@ CYCLE_SCALE = 0.02  # of the response: standard deviations that are usual from c
 LOCAL_REACH = 2.0
 #: Power of a standard deviation with which its prior falls towards zero: a few sentinels that happen to agree do not
 #: make a rig that repeats perfectly, least of all where a curve may follow each of its points (assumed).
-FEW_AGREE = 3.0
+FEW_AGREE = 4.0
 LEAST_FRICTION = 0.1  # over the mean friction, below which chance in proportion to it falls no further (assumed)
 CARRIED = 0.98  # share of a drift that the curves could take for their own, beyond which the design does not carry it
 CURVE_DEGREE = 5  # polynomials in stretched speed that stand for all curves in that question
