@@ -85,16 +85,7 @@ struct Topology {
     n_states: usize,
     channels: Vec<Channel>,
     structure: Arc<Structure>,
-    /// Masses whose friction law has modes, one event each.
-    sticking: Vec<Mover>,
-}
-
-/// Where a mass with friction is kept.
-#[derive(Clone, Copy, Debug)]
-enum Mover {
-    Axis(usize),
-    Cylinder(usize),
-    OtherCylinder(usize),
+    events: Vec<EventId>,
 }
 
 /// A system of equations made of parts. `P` is `f64`, or lanes: one drive in each, or a dual: with derivatives.
@@ -112,6 +103,9 @@ pub struct Circuit<P> {
     /// The number of what its reservoirs hold: no other values have it, in any circuit.
     filled: u64,
 }
+
+/// Of a mass: the kind of its part and which of them, its place, itself, and the offset of its inner states.
+type Mass<'c, P> = (PartKind, usize, Place, &'c Axis<P>, usize);
 
 /// A number that was never given before.
 fn next_filling() -> u64 {
@@ -172,11 +166,7 @@ impl<R: Lane> Circuit<R> {
 
     /// The input that is the external force on an axis, N in +x.
     pub fn external_force(&self, axis: AxisId) -> InputId {
-        let (kind, index) = match self.find(axis) {
-            Mover::Axis(i) => (PartKind::Axis, i),
-            Mover::Cylinder(i) => (PartKind::Cylinder, i),
-            Mover::OtherCylinder(i) => (PartKind::OtherCylinder, i),
-        };
+        let (kind, index, ..) = self.mass(axis);
         InputId { kind, index, input: 0 }
     }
 
@@ -214,21 +204,19 @@ impl<R: Lane> Circuit<R> {
         &self.topology.names
     }
 
-    /// The volume that is nearest to having no room or no gas left at state `y`.
-    pub fn scarcest(&self, y: &[R]) -> Option<Scarce> {
+    /// The volume that is nearest to having no room or no gas left at state `y` of one lane.
+    pub fn scarcest(&self, y: &[R], lane: usize) -> Option<Scarce> {
         let mut net = self.work::<R>();
         self.evaluate(y, &mut net);
         let each = self.volumes().flat_map(|(first, volume, name)| {
             let scarce = move |what, share| Scarce { volume: name, what, share };
-            let share = |value: R, of: R, lane: usize| value.get(lane) / of.get(lane);
+            let share = |value: R, of: R| value.get(lane) / of.get(lane);
             let room = net.gas[volume.node].volume;
-            (0..R::L).flat_map(move |lane| {
-                [
-                    scarce(Lacking::Room, share(room, volume.dead_volume, lane)),
-                    scarce(Lacking::Gas, share(y[first], self.scale[first], lane)),
-                    scarce(Lacking::Gas, share(y[first + 1], self.scale[first + 1], lane)),
-                ]
-            })
+            [
+                scarce(Lacking::Room, share(room, volume.dead_volume)),
+                scarce(Lacking::Gas, share(y[first], self.scale[first])),
+                scarce(Lacking::Gas, share(y[first + 1], self.scale[first + 1])),
+            ]
         });
         // By how near each is to its least.
         let near = |scarce: &Scarce| scarce.share / scarce.what.least();
@@ -261,12 +249,12 @@ impl<R: Lane> Circuit<R> {
 
     /// Mode of an axis' friction: -1, 0, +1.
     pub fn mode(&self, axis: AxisId) -> R {
-        self.mover(self.find(axis)).1.mode
+        self.mass(axis).3.mode
     }
 
     /// The inner states of an axis' friction within `y`.
     pub fn inner_states<'y>(&self, axis: AxisId, y: &'y [R]) -> &'y [R] {
-        let (place, _, inner) = self.mover(self.find(axis));
+        let (.., place, _, inner) = self.mass(axis);
         &y[place.first + inner..place.first + place.count]
     }
 
@@ -306,51 +294,25 @@ impl Circuit<f64> {
 }
 
 impl<P: Real> Circuit<P> {
-    fn movers(&self) -> impl Iterator<Item = Mover> + use<P> {
-        let axes = (0..self.parts.axes.len()).map(Mover::Axis);
-        let cylinders = (0..self.parts.cylinders.len()).map(Mover::Cylinder);
-        let others = (0..self.parts.other_cylinders.len()).map(Mover::OtherCylinder);
-        axes.chain(cylinders).chain(others)
+    /// Every mass: the kind of its part and which of them, its place (x and v come first), the mass, and the offset of
+    /// the inner states of its friction.
+    fn masses(&self) -> impl Iterator<Item = Mass<'_, P>> {
+        let axes = self.parts.axes.iter().enumerate();
+        let usual = self.parts.cylinders.iter().enumerate();
+        let others = self.parts.other_cylinders.iter().enumerate();
+        let axes = axes.map(|(i, (place, axis))| (PartKind::Axis, i, *place, axis, 2));
+        let usual = usual.map(|(i, (place, part))| (PartKind::Cylinder, i, *place, &part.axis, INNER));
+        let others = others.map(|(i, (place, part))| (PartKind::OtherCylinder, i, *place, &part.axis, INNER));
+        axes.chain(usual).chain(others)
     }
 
-    /// The place of a mass (x and v come first), the mass, and the offset of its inner states.
-    fn mover(&self, mover: Mover) -> (Place, &Axis<P>, usize) {
-        match mover {
-            Mover::Axis(i) => {
-                let (place, axis) = &self.parts.axes[i];
-                (*place, axis, 2)
-            }
-            Mover::Cylinder(i) => {
-                let (place, cylinder) = &self.parts.cylinders[i];
-                (*place, &cylinder.axis, INNER)
-            }
-            Mover::OtherCylinder(i) => {
-                let (place, cylinder) = &self.parts.other_cylinders[i];
-                (*place, &cylinder.axis, INNER)
-            }
-        }
-    }
-
-    fn mover_mut(&mut self, mover: Mover) -> (Place, &mut Axis<P>, usize) {
-        match mover {
-            Mover::Axis(i) => {
-                let (place, axis) = &mut self.parts.axes[i];
-                (*place, axis, 2)
-            }
-            Mover::Cylinder(i) => {
-                let (place, cylinder) = &mut self.parts.cylinders[i];
-                (*place, &mut cylinder.axis, INNER)
-            }
-            Mover::OtherCylinder(i) => {
-                let (place, cylinder) = &mut self.parts.other_cylinders[i];
-                (*place, &mut cylinder.axis, INNER)
-            }
-        }
+    fn mass(&self, id: AxisId) -> Mass<'_, P> {
+        self.masses().find(|(_, _, _, axis, _)| axis.node == id.0).expect("an axis of this circuit")
     }
 
     /// Friction of steady sliding of an axis at the place, speed and pressures of a node, N.
     pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
-        self.mover(self.find(axis)).1.steady_friction(node)
+        self.mass(axis).3.steady_friction(node)
     }
 
     /// Every volume with the place of its two states, and what people call it.
@@ -363,10 +325,6 @@ impl<P: Real> Circuit<P> {
             sides.map(|((offset, volume), name)| (place.first + offset, volume, name))
         });
         tanks.chain(chambers)
-    }
-
-    fn find(&self, axis: AxisId) -> Mover {
-        self.movers().find(|&mover| self.mover(mover).1.node == axis.0).expect("an axis of this circuit")
     }
 
     #[inline(always)]
@@ -418,20 +376,18 @@ impl<R: Lane> System<R> for Circuit<R> {
     }
 
     fn n_events(&self) -> usize {
-        self.topology.sticking.len()
+        self.topology.events.len()
     }
 
     fn events(&self, _t: R, y: &[R], out: &mut [R], net: &mut Net<R>) {
         self.evaluate(y, net);
-        for (out, &i) in out.iter_mut().zip(&self.topology.sticking) {
-            let (place, axis, inner) = self.mover(i);
-            *out = axis.event(&y[place.first + inner..place.first + place.count], net);
+        for (out, &id) in out.iter_mut().zip(&self.topology.events) {
+            *out = self.parts.event(id, y, net);
         }
     }
 
-    /// Newton in stick, m/s in slip: 1e-9 of either is far below what any step resolves.
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        1e-9
+    fn event_tolerance(&self, event: usize) -> f64 {
+        self.parts.event_tolerance(self.topology.events[event])
     }
 
     fn n_obstacles(&self) -> usize {
@@ -494,31 +450,16 @@ impl<R: Lane> System<R> for Circuit<R> {
         inside
     }
 
-    /// A mass that slides in one direction has no velocity in the other: between looks, and within the tolerance of
-    /// the look, the error of a step may give it one.
     fn settle(&self, y: &mut [R]) {
-        let zero = R::Plain::zero();
-        for &mover in &self.topology.sticking {
-            let (place, axis, _) = self.mover(mover);
-            if axis.stops() {
-                let v = &mut y[place.first + 1];
-                let backwards = (axis.mode.plain() * v.plain()).lt(zero);
-                *v = v.with_value(R::Plain::select(backwards, zero, v.plain()));
-            }
+        for &id in &self.topology.events {
+            self.parts.settle(id, y);
         }
     }
 
     fn switch(&mut self, lane: usize, event: usize, y: &mut [R], net: &mut Net<R>) {
         self.evaluate(y, net);
-        let common = self.common;
-        let (n_states, keeps_accounts) = (self.n_states(), !self.channels().is_empty());
-        let (place, axis, inner) = self.mover_mut(self.topology.sticking[event]);
-        let own = &mut y[place.first + inner..place.first + place.count];
-        let Some(taken) = axis.switch(lane, own, net) else { return };
-        y[place.first + 1].put(lane, 0.0);
-        if keeps_accounts {
-            let first = n_states + place.first_account;
-            axis.book(lane, taken, &common, &mut y[first..first + place.accounts]);
-        }
+        let id = self.topology.events[event];
+        let (common, n_states) = (self.common, self.n_states());
+        self.parts.switch(id, lane, y, net, (&common, n_states));
     }
 }

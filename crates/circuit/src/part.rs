@@ -53,6 +53,14 @@ pub struct InputId {
     pub(crate) input: usize,
 }
 
+/// An event of a circuit: the kind of part, which of them, and which of its events.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EventId {
+    kind: PartKind,
+    index: usize,
+    event: usize,
+}
+
 /// What every part shares with the circuit.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<P> {
@@ -88,23 +96,34 @@ impl<'y, S: Copy> Own<'y, S> {
     }
 }
 
-/// The rates of a part's own states.
-pub struct OwnRates<'y, S> {
-    dy: &'y mut [S],
+/// A part's own states or their rates, to be written.
+pub struct OwnMut<'y, S> {
+    y: &'y mut [S],
     place: Place,
 }
 
-impl<S: Copy> OwnRates<'_, S> {
-    /// Sets the rates of the first `N` own states.
+impl<'y, S: Copy> OwnMut<'y, S> {
     #[inline(always)]
-    pub fn set<const N: usize>(&mut self, rates: [S; N]) {
-        self.dy[self.place.first..self.place.first + N].copy_from_slice(&rates);
+    pub(crate) fn of(y: &'y mut [S], place: Place) -> Self {
+        OwnMut { y, place }
     }
 
-    /// The rates of the own states from the `n`-th on.
+    /// Sets the first `N` of them.
+    #[inline(always)]
+    pub fn set<const N: usize>(&mut self, values: [S; N]) {
+        self.y[self.place.first..self.place.first + N].copy_from_slice(&values);
+    }
+
+    /// Those from the `n`-th on.
     #[inline(always)]
     pub fn after(&mut self, n: usize) -> &mut [S] {
-        &mut self.dy[self.place.first + n..self.place.first + self.place.count]
+        &mut self.y[self.place.first + n..self.place.first + self.place.count]
+    }
+
+    /// The first `n`, and the others.
+    #[inline(always)]
+    pub fn split(self, n: usize) -> (&'y mut [S], &'y mut [S]) {
+        self.y[self.place.first..self.place.first + self.place.count].split_at_mut(n)
     }
 }
 
@@ -134,7 +153,7 @@ pub trait Part<P: Real> {
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, _net: &mut Net<S>, _common: &Common<P>) {}
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, _y: Own<S>, _dy: OwnRates<S>, _net: &mut Net<S>, _common: &Common<P>) {}
+    fn rate<S: Over<P>>(&self, _y: Own<S>, _dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {}
 
     /// (mass kg, energy J, entropy of the gas J/K) stored in the part.
     fn stored<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>) -> [S; 3] {
@@ -146,6 +165,45 @@ pub trait Part<P: Real> {
     }
     /// Rates of the accounts.
     fn account<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
+    /// How many events the part has, each with a mode of its own: a number in each lane.
+    fn n_events(&self) -> usize {
+        0
+    }
+    /// The event function: positive while the present mode holds.
+    fn event(&self, event: usize, _y: Own<P>, _net: &Net<P>) -> P {
+        unreachable!("there is no event {event}")
+    }
+    /// How far below zero it may lie where the event is taken, in its unit.
+    fn event_tolerance(&self, _event: usize) -> f64 {
+        0.0
+    }
+    /// Changes the mode of one lane, and what the mode demands of the states; what that takes goes into the part's
+    /// accounts, if the circuit keeps any.
+    fn switch(
+        &mut self,
+        _event: usize,
+        _lane: usize,
+        _y: OwnMut<P>,
+        _net: &Net<P>,
+        _common: &Common<P>,
+        _accounts: &mut [P],
+    ) where
+        P: Lane,
+    {
+    }
+    /// Sets the mode to match the states, and what it demands of them.
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, _net: &Net<P>)
+    where
+        P: Lane,
+    {
+    }
+    /// Puts a sample onto the side of the mode, from which the error of a step may have moved it.
+    fn settle(&self, _event: usize, _y: OwnMut<P>)
+    where
+        P: Lane,
+    {
+    }
+
     /// What the accounts hold beside their integrals, as a function of the state; `out` comes as zeros.
     fn standing<S: Over<P>>(&self, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
 }
@@ -195,7 +253,7 @@ macro_rules! parts {
                 |_at, part| part.exchange(net, common));
             parts!(@phase rate, rate_others, [$($usual),*], [$($other),*],
                 (y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>), (y, dy, net, common),
-                |at, part| part.rate(Own { y, place: *at }, OwnRates { dy: &mut *dy, place: *at }, net, common));
+                |at, part| part.rate(Own { y, place: *at }, OwnMut { y: &mut *dy, place: *at }, net, common));
         }
     };
     (@phase $name:ident, $others:ident, [$($usual:ident),*], [$($other:ident),*],
@@ -288,6 +346,61 @@ macro_rules! parts {
         }
 
         impl<R: Lane> Parts<R> {
+            /// Every event.
+            pub fn events(&self) -> Vec<EventId> {
+                let mut all = Vec::new();
+                $(for (index, (_, part)) in self.$field.iter().enumerate() {
+                    let each = 0..Part::<R>::n_events(part);
+                    all.extend(each.map(|event| EventId { kind: PartKind::$part, index, event }));
+                })*
+                all
+            }
+
+            pub fn event(&self, id: EventId, y: &[R], net: &Net<R>) -> R {
+                match id.kind {
+                    $(PartKind::$part => {
+                        let (at, part) = &self.$field[id.index];
+                        part.event(id.event, Own { y, place: *at }, net)
+                    })*
+                }
+            }
+
+            pub fn event_tolerance(&self, id: EventId) -> f64 {
+                match id.kind {
+                    $(PartKind::$part => Part::<R>::event_tolerance(&self.$field[id.index].1, id.event),)*
+                }
+            }
+
+            pub fn switch(&mut self, id: EventId, lane: usize, y: &mut [R], net: &Net<R>, at: (&Common<R>, usize)) {
+                let (common, n_states) = at;
+                let (y, accounts) = y.split_at_mut(n_states);
+                match id.kind {
+                    $(PartKind::$part => {
+                        let (at, part) = &mut self.$field[id.index];
+                        let own = if accounts.is_empty() { 0..0 } else { at.first_account..at.first_account + at.accounts };
+                        part.switch(id.event, lane, OwnMut::of(y, *at), net, common, &mut accounts[own]);
+                    })*
+                }
+            }
+
+            pub fn find_mode(&mut self, id: EventId, y: &mut [R], net: &Net<R>) {
+                match id.kind {
+                    $(PartKind::$part => {
+                        let (at, part) = &mut self.$field[id.index];
+                        part.find_mode(id.event, OwnMut::of(y, *at), net);
+                    })*
+                }
+            }
+
+            pub fn settle(&self, id: EventId, y: &mut [R]) {
+                match id.kind {
+                    $(PartKind::$part => {
+                        let (at, part) = &self.$field[id.index];
+                        part.settle(id.event, OwnMut::of(y, *at));
+                    })*
+                }
+            }
+
             /// One circuit of lanes from one for each lane.
             pub fn gather(each: &[&Parts<f64>]) -> Self {
                 Parts { $($field: (0..each[0].$field.len()).map(|i| {

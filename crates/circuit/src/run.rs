@@ -199,8 +199,9 @@ pub fn advance<R: Lane>(
     loop {
         let before = stepper.statistics(0).factorisations;
         let paused = stepper.advance(until, look.left, output);
-        if let Some(failure) = stepper.failure(0) {
-            return Err(Error::Stopped(in_words(failure, stepper)));
+        let failed = (0..R::L).find_map(|lane| Some((lane, stepper.failure(lane)?)));
+        if let Some((lane, failure)) = failed {
+            return Err(Error::Stopped(in_words(failure, lane, stepper)));
         }
         if paused == Paused::Arrived {
             look.left -= stepper.statistics(0).factorisations - before;
@@ -215,11 +216,11 @@ pub fn advance<R: Lane>(
 }
 
 /// When, in which state, with which value, and what to try.
-fn in_words<R: Lane>(failure: Failure, stepper: &Stepper<R, Circuit<R>>) -> String {
+fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit<R>>) -> String {
     let (circuit, y) = (stepper.system(), stepper.state());
     let names = circuit.state_names();
     let state = |i: usize| {
-        names.get(i).map_or("an account".to_string(), |name| format!("{name} = {:.6e}", y[i].get(0)))
+        names.get(i).map_or("an account".to_string(), |name| format!("{name} = {:.6e}", y[i].get(lane)))
     };
     let (t, reason, remedy) = match failure {
         Failure::StepTooSmall { t, h, state: i } => (
@@ -248,7 +249,7 @@ fn in_words<R: Lane>(failure: Failure, stepper: &Stepper<R, Circuit<R>>) -> Stri
             "a larger budget (budget = ... in Python, --budget on the command line), a shorter duration or a looser rtol",
         ),
     };
-    let scarce = circuit.scarcest(y).filter(|scarce| scarce.share < 2.0 * scarce.what.least());
+    let scarce = circuit.scarcest(y, lane).filter(|scarce| scarce.share < 2.0 * scarce.what.least());
     let (reason, remedy) = match scarce {
         Some(Scarce { volume, what: Lacking::Room, share }) => (
             format!(

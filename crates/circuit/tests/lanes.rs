@@ -3,10 +3,10 @@
 
 mod support;
 
-use circuit::{Circuit, Drive, specification};
+use circuit::{Circuit, Drive, Error, Look, advance, specification};
 use math::{Lane, Lanes};
-use ode::{Options, Output, Paused, Statistics, Stepper};
-use support::*;
+use ode::{NoOutput, Options, Output, Paused, Statistics, Stepper};
+use support::{at_rest, everything, pinned, reference, reference_stribeck};
 
 type L = Lanes<4>;
 
@@ -131,4 +131,48 @@ fn drives_with_friction_that_remembers() {
     {
         lanes_equal_scalars(&specification::Drive { friction: everything(law), ..reference() }, least_events);
     }
+}
+
+/// The start of four drives side by side, with what each is alone.
+fn side_by_side(
+    drives: &[Drive],
+    starts: &[specification::Initial],
+) -> (Circuit<L>, Vec<L>, Vec<Circuit<f64>>) {
+    let each: Vec<_> = drives.iter().zip(starts).map(|(drive, start)| drive.start(start, 0.0)).collect();
+    let circuit = Circuit::gather(&each.iter().map(|(circuit, _)| circuit).collect::<Vec<_>>());
+    let y = (0..each[0].1.len()).map(|i| L::from_lanes(|lane| each[lane].1[i])).collect();
+    (circuit, y, each.into_iter().map(|(circuit, _)| circuit).collect())
+}
+
+#[test]
+fn each_lane_finds_the_mode_of_its_own_state() {
+    let drives = four(&reference_stribeck());
+    // At rest under little and under much pressure, and moving either way.
+    let mut starts = [at_rest(0.25, 3e5); 4];
+    starts[1].pressure_a_pa = 6e5;
+    (starts[2].velocity_m_s, starts[3].velocity_m_s) = (0.2, -0.2);
+    let (mut circuit, mut y, each) = side_by_side(&drives, &starts);
+    let before: Vec<L> = y.clone();
+    // All lanes one further: none has the mode that it begins with.
+    circuit
+        .find_modes(&mut y.iter().map(|y| L::from_lanes(|lane| y.get((lane + 1) % 4))).collect::<Vec<_>>());
+    circuit.find_modes(&mut y);
+    assert_eq!(y, before);
+    let modes: Vec<f64> = (0..4).map(|lane| circuit.mode(drives[0].axis()).get(lane)).collect();
+    let alone: Vec<f64> = each.iter().map(|circuit| circuit.mode(drives[0].axis())).collect();
+    assert_eq!(modes, alone);
+    assert_eq!(alone, [0.0, 1.0, 1.0, -1.0]);
+}
+
+#[test]
+fn a_failure_of_any_lane_ends_the_run_with_its_reason() {
+    let drives = four(&reference());
+    let mut starts = [at_rest(0.25, 3e5); 4];
+    starts[2].position_m = -0.3;
+    let (circuit, y, _) = side_by_side(&drives, &starts);
+    let mut stepper = Stepper::new(circuit, 0.0, &y, Options::default());
+    let outcome = advance(&mut stepper, 0.1, &mut NoOutput, &mut Look::new(&mut |_| false));
+    let Err(Error::Stopped(message)) = outcome else { panic!("{outcome:?}") };
+    assert!(message.contains("t = 0.0") && message.contains("chamber a"), "{message}");
+    assert!(message.contains("position [m] = -3.000000e-1"), "{message}");
 }

@@ -66,8 +66,8 @@ impl Drive {
         for i in 0..record.times.len() {
             let rates = self.temperature_rates(record, i, t, &mut net)?;
             let gas = self.chamber_ids().map(|id| net[id]);
-            let axis = net[self.axis_id()];
-            let steady = self.circuit().steady_friction(self.axis_id(), &axis).re;
+            let axis = net[self.axis()];
+            let steady = self.circuit().steady_friction(self.axis(), &axis).re;
             rows.extend([t[0], t[1], axis.force.re, steady, -axis.end_stop.re]);
             rows.extend(gas.iter().map(|node| node.p.eps[0]));
             rows.extend(gas.iter().map(|node| node.m_dot.re));
@@ -168,7 +168,7 @@ impl Drive {
             if self.follow(plan, &mut stepper, &mut NoOutput, |_| {}, &mut look).is_err() {
                 break;
             }
-            inner = stepper.system().inner_states(self.axis_id(), stepper.state()).to_vec();
+            inner = stepper.system().inner_states(self.axis(), stepper.state()).to_vec();
         }
         let mut columns = vec![vec![f64::NAN; samples.len()]; self.columns().len()];
         let mut failures = Vec::new();
@@ -196,7 +196,7 @@ impl Drive {
                 column[from..from + own.len()].copy_from_slice(own);
             }
             let state = stepper.state().to_vec();
-            inner = stepper.system().inner_states(self.axis_id(), &state).to_vec();
+            inner = stepper.system().inner_states(self.axis(), &state).to_vec();
             let end = self.chambers(std::iter::once(state));
             gas = [end[1], end[3]];
         }
@@ -222,7 +222,7 @@ impl Drive {
             contact_age_s: 0.0,
         };
         let (circuit, mut y) = self.start(&initial, u);
-        let first = circuit.n_states() - circuit.inner_states(self.axis_id(), &y).len();
+        let first = circuit.n_states() - circuit.inner_states(self.axis(), &y).len();
         y[first..first + inner.len()].copy_from_slice(inner);
         Stepper::new(circuit, restart.t, &y, options)
     }

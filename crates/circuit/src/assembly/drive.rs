@@ -183,6 +183,11 @@ impl<P: Lane> Drive<P> {
         &self.columns
     }
 
+    /// The axis of the piston.
+    pub fn axis(&self) -> AxisId {
+        self.axis
+    }
+
     /// Number of states.
     pub fn n_states(&self) -> usize {
         self.circuit.n_states()
@@ -298,10 +303,6 @@ impl Drive {
 
     pub(super) fn circuit(&self) -> &Circuit<f64> {
         &self.circuit
-    }
-
-    pub(super) fn axis_id(&self) -> AxisId {
-        self.axis
     }
 
     pub(super) fn chamber_ids(&self) -> [GasId; 2] {

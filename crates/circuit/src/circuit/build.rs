@@ -18,7 +18,7 @@ impl<R: Lane> Circuit<R> {
                 n_states: 0,
                 channels: Vec::new(),
                 structure: Arc::new(Structure::of(&[], &[], false)),
-                sticking: Vec::new(),
+                events: Vec::new(),
             }),
             parts: Parts::default(),
             common: Common { gas: *gas, ambient_pressure, ambient_temperature },
@@ -190,8 +190,8 @@ where
             states.into_iter().map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale)).unzip();
         let channels = if ledger { channels } else { Vec::new() };
         scale.extend(channels.iter().map(|_| f64::INFINITY));
-        let sticking = self.movers().filter(|&mover| self.mover(mover).1.sticks()).collect();
-        let topology = |structure| Topology { names, n_states, channels, structure, sticking };
+        let events = self.parts.events();
+        let topology = |structure| Topology { names, n_states, channels, structure, events };
         // The pattern is that of everything open: it holds for every input and mode.
         self.open = (0..self.parts.restrictions.len()).collect();
         self.topology = Arc::new(topology(Arc::new(Structure::of(&[], &[], false))));
@@ -237,7 +237,7 @@ impl<R: Lane> Circuit<R> {
         ages: &[(AxisId, R)],
     ) -> Vec<R> {
         let aged = ages.iter().map(|&(id, age)| {
-            let (place, axis, inner) = self.mover(self.find(id));
+            let (.., place, axis, inner) = self.mass(id);
             let mut states = vec![R::zero(); place.count - inner];
             if let Some(i) = axis.age_index() {
                 states[i] = age;
@@ -257,12 +257,11 @@ impl<R: Lane> Circuit<R> {
     ) -> Vec<R> {
         let mut y = vec![R::zero(); self.scale.len()];
         for (id, states) in inner_states {
-            let (place, _, inner) = self.mover(self.find(*id));
+            let (.., place, _, inner) = self.mass(*id);
             y[place.first + inner..place.first + place.count].copy_from_slice(states);
         }
         for &(id, x, v) in axes {
-            let movers =
-                self.movers().map(|mover| self.mover(mover)).map(|(place, axis, _)| (place, axis.node));
+            let movers = self.masses().map(|(_, _, place, axis, _)| (place, axis.node));
             let carriages = self.parts.carriages.iter().map(|(place, part)| (*place, part.node));
             let found = movers.chain(carriages).find(|(_, node)| *node == id.0);
             let place = found.expect("an axis of this circuit").0;
@@ -291,21 +290,12 @@ impl<R: Lane> Circuit<R> {
         y
     }
 
-    /// Sets the modes of friction to match state `y`: stuck where the velocity is zero and the force
-    /// too small. What sticks has no velocity, whatever is differentiated.
+    /// Sets all modes to match state `y`, and what they demand of it.
     pub fn find_modes(&mut self, y: &mut [R]) {
         let mut net = self.work::<R>();
         self.evaluate(y, &mut net);
-        for &mover in &self.topology.clone().sticking {
-            let (place, axis, inner) = self.mover_mut(mover);
-            let z = &mut y[place.first + inner..place.first + place.count];
-            axis.mode = axis.first_mode(z, &net);
-            if axis.mode.get(0) == 0.0 && axis.event(z, &net).get(0) < 0.0 {
-                axis.switch(0, z, &net);
-            }
-            if axis.stops() && axis.mode.get(0) == 0.0 {
-                y[place.first + 1] = R::zero();
-            }
+        for &id in &self.topology.events {
+            self.parts.find_mode(id, y, &net);
         }
     }
 }

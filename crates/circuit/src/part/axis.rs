@@ -1,4 +1,4 @@
-use super::{Common, Input, Own, OwnRates, Part, State};
+use super::{Common, Input, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
@@ -85,16 +85,6 @@ impl<P: Real> Axis<P> {
         self.friction.as_ref().is_none_or(Contact::is_usual)
     }
 
-    /// Whether the law sticks by a mode, with an event of its own.
-    pub fn sticks(&self) -> bool {
-        self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks)
-    }
-
-    /// Whether an event of the law's mode leaves it at rest.
-    pub fn stops(&self) -> bool {
-        self.friction.as_ref().is_some_and(|contact| contact.law.meta().stops)
-    }
-
     /// Position, velocity and the forces that are always there.
     #[inline(always)]
     pub(super) fn stand<S: Over<P>>(&self, y: [S; 2], node: &mut AxisNode<S>) {
@@ -156,49 +146,93 @@ impl<P: Real> Axis<P> {
         out[2] = heat / S::from(common.ambient_temperature);
     }
 
-    /// The event function of the law's mode, with inner states `z`.
-    pub(crate) fn event<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> S {
-        let contact = self.friction.as_ref().expect("an axis with events has a law");
-        contact.event(&at(&net.axis[self.node]), z, self.mode)
+    /// How many events its law has: one where it sticks by a mode.
+    pub(super) fn events_of_law(&self) -> usize {
+        usize::from(self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks))
     }
-}
 
-impl<P: Real> Axis<P> {
+    /// Whether an event of the law's mode leaves it at rest.
+    fn stops(&self) -> bool {
+        self.friction.as_ref().is_some_and(|contact| contact.law.meta().stops)
+    }
+
+    fn contact(&self) -> &Contact<P> {
+        self.friction.as_ref().expect("an axis with events has a law")
+    }
+
+    /// The event function of the law's mode, with inner states `z`.
+    pub(super) fn event_in(&self, z: &[P], net: &Net<P>) -> P {
+        self.contact().event(&at(&net.axis[self.node]), z, self.mode)
+    }
+
     /// The age of the contact, where it has one, among the inner states.
     pub(crate) fn age_index(&self) -> Option<usize> {
         self.friction.as_ref()?.age_index()
     }
 }
 
+/// Newton in stick, m/s in slip: 1e-9 of either is far below what any step resolves.
+pub(super) const EVENT_TOLERANCE: f64 = 1e-9;
+
 impl<R: Lane> Axis<R> {
-    /// The mode at these nodes, with inner states `z`, where none is known yet.
-    pub(crate) fn first_mode(&self, z: &[R], net: &Net<R>) -> R {
-        let contact = self.friction.as_ref().expect("an axis with events has a law");
-        contact.first_mode(&at(&net.axis[self.node]), z)
+    /// Sets one lane's mode after its event, and its inner states that remember events; where the event leaves the
+    /// mass at rest, its velocity, and books the kinetic energy that friction takes.
+    pub(super) fn switch_in(
+        &mut self,
+        lane: usize,
+        (motion, z): (&mut [R], &mut [R]),
+        net: &Net<R>,
+        common: &Common<R>,
+        accounts: &mut [R],
+    ) {
+        let node = &net.axis[self.node];
+        let v = node.v.get(lane);
+        if self.advance_mode(lane, z, net) {
+            motion[1].put(lane, 0.0);
+            if let [_, heat, entropy, ..] = accounts {
+                let energy = 0.5 * (self.mass + self.inertia).get(lane) * v * v;
+                heat.put(lane, heat.get(lane) - energy);
+                entropy.put(lane, entropy.get(lane) + energy / common.ambient_temperature.get(lane));
+            }
+        }
     }
 
-    /// Sets one lane's mode after its event, and its inner states that remember events; where the event leaves
-    /// the mass at rest, the kinetic energy, J, that friction takes.
-    pub(crate) fn switch(&mut self, lane: usize, z: &mut [R], net: &Net<R>) -> Option<f64> {
-        let contact = self.friction.as_ref().expect("an axis with events has a law");
+    /// The next mode of one lane, and its inner states that remember events; whether that leaves the mass at rest.
+    fn advance_mode(&mut self, lane: usize, z: &mut [R], net: &Net<R>) -> bool {
         let node = &net.axis[self.node];
         let mut after = z.to_vec();
-        let mode = contact.next_mode(self.mode, &at(node), &mut after);
-        let v = node.v.get(lane);
+        let mode = self.contact().next_mode(self.mode, &at(node), &mut after);
         // One that stands and is pushed on in the same direction begins anew: else its event would come again at once.
-        let goes_on = self.mode.get(lane) * mode.get(lane) > 0.0 && mode.get(lane) * v > 0.0;
+        let goes_on = self.mode.get(lane) * mode.get(lane) > 0.0 && mode.get(lane) * node.v.get(lane) > 0.0;
         self.mode.put(lane, mode.get(lane));
         for (z, after) in z.iter_mut().zip(&after) {
             z.take(lane, after);
         }
-        (self.stops() && !goes_on).then(|| 0.5 * (self.mass + self.inertia).get(lane) * v * v)
+        self.stops() && !goes_on
     }
 
-    /// Books `energy` J that friction took in an instant, in one lane of the axis' accounts.
-    pub(crate) fn book(&self, lane: usize, energy: f64, common: &Common<R>, accounts: &mut [R]) {
-        let [heat, entropy] = [1, 2].map(|i| accounts[i].get(lane));
-        accounts[1].put(lane, heat - energy);
-        accounts[2].put(lane, entropy + energy / common.ambient_temperature.get(lane));
+    /// The mode at these nodes, where none is known yet: stuck where the velocity is zero and the force too small.
+    /// What sticks has no velocity, whatever is differentiated.
+    pub(super) fn find_mode_in(&mut self, (motion, z): (&mut [R], &mut [R]), net: &Net<R>) {
+        self.mode = self.contact().first_mode(&at(&net.axis[self.node]), z);
+        for lane in 0..R::L {
+            if self.mode.get(lane) == 0.0 && self.event_in(z, net).get(lane) < 0.0 {
+                self.advance_mode(lane, z, net);
+            }
+            if self.stops() && self.mode.get(lane) == 0.0 {
+                motion[1].put(lane, 0.0);
+            }
+        }
+    }
+
+    /// A mass that slides in one direction has no velocity in the other: between looks, and within the tolerance of
+    /// the look, the error of a step may give it one.
+    pub(super) fn settle_in(&self, motion: &mut [R]) {
+        if self.stops() {
+            let (v, zero) = (&mut motion[1], R::Plain::zero());
+            let backwards = (self.mode.plain() * v.plain()).lt(zero);
+            *v = v.with_value(R::Plain::select(backwards, zero, v.plain()));
+        }
     }
 }
 
@@ -232,7 +266,7 @@ impl<P: Real> Part<P> for Axis<P> {
     }
 
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnRates<S>, net: &mut Net<S>, _common: &Common<P>) {
+    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, _common: &Common<P>) {
         let rates = self.accelerate::<S, false>(y.after(2), dy.after(2), &mut net.axis[self.node]);
         dy.set(rates);
     }
@@ -251,5 +285,45 @@ impl<P: Real> Part<P> for Axis<P> {
 
     fn account<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         self.account_in(y.after(2), net, common, out);
+    }
+
+    fn n_events(&self) -> usize {
+        self.events_of_law()
+    }
+
+    fn event(&self, _event: usize, y: Own<P>, net: &Net<P>) -> P {
+        self.event_in(y.after(2), net)
+    }
+
+    fn event_tolerance(&self, _event: usize) -> f64 {
+        EVENT_TOLERANCE
+    }
+
+    fn switch(
+        &mut self,
+        _event: usize,
+        lane: usize,
+        y: OwnMut<P>,
+        net: &Net<P>,
+        common: &Common<P>,
+        accounts: &mut [P],
+    ) where
+        P: Lane,
+    {
+        self.switch_in(lane, y.split(2), net, common, accounts);
+    }
+
+    fn find_mode(&mut self, _event: usize, y: OwnMut<P>, net: &Net<P>)
+    where
+        P: Lane,
+    {
+        self.find_mode_in(y.split(2), net);
+    }
+
+    fn settle(&self, _event: usize, y: OwnMut<P>)
+    where
+        P: Lane,
+    {
+        self.settle_in(y.split(2).0);
     }
 }

@@ -1,4 +1,4 @@
-use super::{Common, Input, Own, OwnRates, Part, State};
+use super::{Common, Input, Own, OwnMut, Part, State};
 use crate::net::Net;
 use math::{Over, Real};
 
@@ -161,7 +161,7 @@ impl<P: Real> Part<P> for Carriage<P> {
     }
 
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnRates<S>, net: &mut Net<S>, _common: &Common<P>) {
+    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, _common: &Common<P>) {
         let [x, v, a] = y.first();
         let jerk = S::from(self.jerk);
         let [x_f, v_f] = self.followed(y);

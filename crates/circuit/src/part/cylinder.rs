@@ -1,4 +1,4 @@
-use super::{Axis, Common, EndStops, Face, Input, Own, OwnRates, Part, State, Volume};
+use super::{Axis, Common, EndStops, Face, Input, Own, OwnMut, Part, State, Volume, axis::EVENT_TOLERANCE};
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Lane, Over, Real};
@@ -114,7 +114,7 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
     }
 
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnRates<S>, net: &mut Net<S>, common: &Common<P>) {
+    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, common: &Common<P>) {
         let axis = &mut net.axis[self.axis.node];
         let [v, a] = self.axis.accelerate::<S, USUAL>(y.after(INNER), dy.after(INNER), axis);
         let [m_a, u_a] = self.volumes[0].rates(&mut net.gas[self.volumes[0].node], common);
@@ -159,5 +159,45 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
     fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let stops = out.len() - Part::<P>::channels(&self.stops).len();
         self.stops.standing(net, common, &mut out[stops..]);
+    }
+
+    fn n_events(&self) -> usize {
+        self.axis.events_of_law()
+    }
+
+    fn event(&self, _event: usize, y: Own<P>, net: &Net<P>) -> P {
+        self.axis.event_in(y.after(INNER), net)
+    }
+
+    fn event_tolerance(&self, _event: usize) -> f64 {
+        EVENT_TOLERANCE
+    }
+
+    fn switch(
+        &mut self,
+        _event: usize,
+        lane: usize,
+        y: OwnMut<P>,
+        net: &Net<P>,
+        common: &Common<P>,
+        accounts: &mut [P],
+    ) where
+        P: Lane,
+    {
+        self.axis.switch_in(lane, y.split(INNER), net, common, accounts);
+    }
+
+    fn find_mode(&mut self, _event: usize, y: OwnMut<P>, net: &Net<P>)
+    where
+        P: Lane,
+    {
+        self.axis.find_mode_in(y.split(INNER), net);
+    }
+
+    fn settle(&self, _event: usize, y: OwnMut<P>)
+    where
+        P: Lane,
+    {
+        self.axis.settle_in(y.split(INNER).0);
     }
 }

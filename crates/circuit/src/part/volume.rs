@@ -1,4 +1,4 @@
-use super::{Common, Own, OwnRates, Part, State};
+use super::{Common, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::{GasNode, Net};
 use math::{Lane, Over, Real};
@@ -152,7 +152,7 @@ impl<P: Real> Part<P> for Volume<P> {
     }
 
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnRates<S>, net: &mut Net<S>, common: &Common<P>) {
+    fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, common: &Common<P>) {
         dy.set(self.rates(&mut net.gas[self.node], common));
     }
 
