@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
+from pneudrive.characteristics.threads import one_thread
 from pneudrive.errors import FitError
 from pneudrive.identify.fit import LAWS, fit_friction
 
@@ -36,6 +37,13 @@ def fit_campaign(
         Group -> law -> fit, and what could not be fitted. A group is a set of mounting, seal and drive, or
         ``all cycles`` where the campaign has none. Friction may depend on pressure where there were several.
     """
+    with one_thread():
+        return _fit_campaign(found, laws)
+
+
+def _fit_campaign(
+    found: CampaignCharacteristics, laws: Sequence[str]
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
     table = found.friction_map
     levels = [", ".join(level for level in row if level) for row in _levels(found)]
     fits: dict[str, dict[str, FrictionFit]] = {}

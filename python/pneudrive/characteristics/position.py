@@ -162,8 +162,12 @@ def _stretches(position: Array, mean: Array, columns: Array, length: float) -> A
 
 def _each(columns: Array, rows: Array) -> Array:
     """Coefficients of the columns in each cycle, shape (cycles, columns)."""
-    cycles = zip(rows, np.isfinite(rows), strict=True)
-    return np.array([np.linalg.lstsq(columns[here], row[here], rcond=None)[0] for row, here in cycles], dtype=float)
+    masks, which = np.unique(np.isfinite(rows), axis=0, return_inverse=True)
+    found = np.empty((rows.shape[0], columns.shape[1]))
+    for number, here in enumerate(masks):  # cycles that lack the same bins are one problem
+        members = which.ravel() == number
+        found[members] = np.linalg.lstsq(columns[here], rows[np.ix_(members, here)].T, rcond=None)[0].T
+    return found
 
 
 def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Harmonic:

@@ -60,8 +60,8 @@ def observations(
     notes: list[str] = []
     keep, note = _usable(column, direction, exclude_flags)
     notes += note
-    groups = _pairs(column, keep) if direction is None else [[int(i)] for i in np.flatnonzero(keep)]
-    if not groups:
+    pairs = _pairs(column, keep) if direction is None else np.repeat(np.flatnonzero(keep)[:, None], 2, axis=1)
+    if not pairs.size:
         raise FitError(
             "no row of the friction map can be used",
             value="; ".join(notes) or "the map is empty",
@@ -69,12 +69,12 @@ def observations(
             remedy="look at the flags column of the map, or pass exclude_flags=()",
         )
     friction = column["friction_n"] if direction is None else direction * column["balance_n"]
-    mean = {name: np.array([column[name][g].mean() for g in groups]) for name in _AVERAGED}
-    speed = np.array([np.abs(column["velocity_m_s"][g]).mean() for g in groups])
-    value = np.array([friction[g].mean() for g in groups])
+    mean = {name: column[name][pairs].mean(axis=1) for name in _AVERAGED}
+    speed = np.abs(column["velocity_m_s"][pairs]).mean(axis=1)
+    value = friction[pairs].mean(axis=1)
     if np.abs(value).max() < NO_FRICTION_N:
         raise FitError("friction is zero in every row of the map", rule="a fit needs friction that was measured")
-    stderr, note = _standard_errors(column, groups, value, speed)
+    stderr, note = _standard_errors(column, pairs, value, speed)
     notes += note
     number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
     return (
@@ -85,7 +85,7 @@ def observations(
             gauge_a_pa=mean["pressure_a_pa"] - ambient_pressure_pa,
             gauge_b_pa=mean["pressure_b_pa"] - ambient_pressure_pa,
             u_systematic_n=np.nan_to_num(mean["u_systematic_n"]),
-            group=np.array([number[g[0]] for g in groups], dtype=np.int64),
+            group=number[pairs[:, 0]].astype(np.int64),
         ),
         notes,
     )
@@ -149,32 +149,36 @@ def _usable(
     return keep, notes
 
 
-def _pairs(column: dict[str, NDArray], keep: NDArray[np.bool_]) -> list[list[int]]:
-    """Rows that are one value: same recording, the very same friction, opposite directions."""
+def _pairs(column: dict[str, NDArray], keep: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Rows that are one value, shape (m, 2): same recording, the very same friction, opposite directions.
+
+    A row that is alone stands twice.
+    """
     waiting: dict[tuple, int] = {}
-    groups: list[list[int]] = []
+    pairs: list[list[int]] = []
     for i in np.flatnonzero(keep).tolist():
         key = (str(column["recording"][i]), float(column["friction_n"][i]), -float(column["direction"][i]))
         partner = waiting.pop(key, None)
         if partner is not None:
-            groups[partner].append(i)
+            pairs[partner][1] = i
         else:
-            waiting[(key[0], key[1], -key[2])] = len(groups)
-            groups.append([i])
-    return groups
+            waiting[(key[0], key[1], -key[2])] = len(pairs)
+            pairs.append([i, i])
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def _standard_errors(
-    column: dict[str, NDArray], groups: list[list[int]], friction: Array, speed: Array
+    column: dict[str, NDArray], pairs: NDArray[np.int64], friction: Array, speed: Array
 ) -> tuple[Array, list[str]]:
     """Combine the standard errors of each value; both rows of a pair state the same, that of the friction."""
     with np.errstate(invalid="ignore"):
-        stated = np.array([np.sqrt(np.mean(column["stderr_n"][g] ** 2)) for g in groups])
-    strokes = np.array([np.sum(column["strokes"][g]) for g in groups])
+        stated = np.sqrt(np.mean(column["stderr_n"][pairs] ** 2, axis=1))
+    first, second = pairs.T
+    strokes = column["strokes"][first] + np.where(first == second, 0.0, column["strokes"][second])
     known = np.isfinite(stated) & (stated > 0.0)
     if not known.any():
         typical = max(float(np.max(np.abs(friction))), 1e-12)
-        return np.full(len(groups), 0.01 * typical), ["the map states no standard errors: all rows weigh the same"]
+        return np.full(friction.size, 0.01 * typical), ["the map states no standard errors: all rows weigh the same"]
     notes = []
     if not known.all():
         stated = np.where(known, stated, np.median(stated[known]))

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 FINE_POINTS = 161
 COARSE_POINTS = 81
 EXPONENT_POINTS = 41
+#: Values of the law that are held at a time: of a large map the whole grid would take half a gigabyte.
+MOST_AT_ONCE = 500_000
 #: Columns whose scaled singular value is below this share of the largest carry no information: far above rounding
 #: (1e-15), far below what any measurement resolves.
 SINGULAR_SHARE = 1e-7
@@ -65,7 +67,9 @@ def profile_intervals(
     low = dict.fromkeys(model.names, np.inf)
     high = dict.fromkeys(model.names, -np.inf)
     for j, log_exponent in enumerate(exponents):
-        cost, value, spread = _forces(model, data, y, linear, velocities, log_exponent)
+        parts = np.array_split(velocities, -(-velocities.size * len(data) // MOST_AT_ONCE))
+        told = [_forces(model, data, y, linear, part, log_exponent) for part in parts]
+        cost, value, spread = (np.concatenate(part) for part in zip(*told, strict=True))
         slack[:, j] = best + allowed - cost
         inside = slack[:, j] >= 0.0
         if not inside.any():
