@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from pneudrive.campaign.cycle import KINDS, Cycle
-from pneudrive.errors import CampaignError, nearest
+from pneudrive.characterise.force_calibration import ForceCalibration, of_json
+from pneudrive.errors import CampaignError, DescriptionError, nearest
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Identity, Move, Sampling
 from pneudrive.units import LARGEST
@@ -127,6 +128,7 @@ _IDENTITY_TYPES = {
     "resolution": _TABLE,
     "bandwidth_hz": _TABLE,
     "calibration": _TABLE,
+    "force_calibration": _TABLE,
     "labels": _TABLE,
     "chambers": _TEXT,
     "pressure_measured_at": _TEXT,
@@ -214,7 +216,15 @@ def read_identity(text: str, where: str) -> tuple[Identity, list[str]]:
     for channel, value in known.get("bandwidth_hz", {}).items():
         if not _IS[_NUMBER](value) or not 0.0 < value < math.inf:
             raise CampaignError(f"bandwidth_hz.{channel} = {value}", where=where, rule="a frequency is positive")
+    known["force_calibration"] = _force_calibration(known.get("force_calibration"), where)
     return Identity(**{"name": "unnamed rig", **known}), notes
+
+
+def _force_calibration(data: dict[str, Any] | None, where: str) -> ForceCalibration | None:
+    try:
+        return None if data is None else of_json(data)
+    except DescriptionError as error:
+        raise CampaignError(error.what, where=where, rule=error.rule, remedy=error.remedy) from None
 
 
 def _parse(text: str, where: str) -> dict[str, Any]:

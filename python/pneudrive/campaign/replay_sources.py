@@ -226,6 +226,7 @@ def _identity(folder: Path, recording: Recording) -> Identity:
         calibration={**recording.calibration, "temperature_k": "assumed: it was not measured"},
         labels={key: text for key, text in recording.labels.items() if key not in ("run", "pressure")},
         synthetic=recording.synthetic,
+        force_calibration=recording.force_calibration,
     )
 
 

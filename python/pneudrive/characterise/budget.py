@@ -160,6 +160,13 @@ def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down:
 
 
 def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+    if recording.force_calibration is not None:
+        known = recording.force_calibration
+        found = known.doubts((up.force_n - down.force_n) / 2.0, (up.force_n + down.force_n) / 2.0)
+        return [
+            BudgetEntry(f"force: {name}", u, "N", "layout", "B", friction, offset, known.words())
+            for name, (u, friction, offset) in found.items()
+        ]
     largest = float(np.max(np.abs(recording.force_n)))
     words = "0.2 % of the largest force, rectangular"
     uncertainty, basis, note = _accuracy(recording, "force_n", largest * ASSUMED_FORCE_OF_LARGEST, words)

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.characterise.force_calibration import KEYS as FORCE_CALIBRATION_KEYS
 from pneudrive.characterise.text_table import TextForm
 from pneudrive.describe import toml
 from pneudrive.errors import LayoutError, nearest
@@ -17,6 +18,7 @@ from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from pneudrive.characterise.column_units import ColumnUnit
+    from pneudrive.characterise.force_calibration import ForceCalibration
     from pneudrive.characterise.layout_values import LayoutValues
 
 # Channel -> SI unit.
@@ -45,6 +47,7 @@ TABLES: dict[str, set[str] | None] = {
     "chamber_b": {"open_to_ambient", "pressure"},
     "rig": {"ambient_pressure", "incline", "mass_beyond_sensor", "stiffness", "alignment"},
     "window": {"position"},
+    "force_calibration": set(FORCE_CALIBRATION_KEYS),
     "labels": None,  # any key
 }
 
@@ -55,6 +58,7 @@ class Column:
 
     ``scale`` and ``offset`` bring the raw number to the column's unit; ``accuracy_si`` is a standard
     uncertainty; ``range_si`` the lowest and highest value that the sensor can give (pressures absolute);
+    ``curve`` what the sensor shows of which force, before the sign;
     ``date_form`` how dates and times are written, where such stand in the column of the time.
     """
 
@@ -67,6 +71,7 @@ class Column:
     accuracy_si: float | None = None
     range_si: tuple[float, float] | None = None
     calibration: str = ""
+    curve: ForceCalibration | None = None
     date_form: str | None = None
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.characterise import date_times
 from pneudrive.characterise.column_units import ColumnUnit, column_unit, pressure_range, share, uncertainty
+from pneudrive.characterise.force_calibration import ForceCalibration, of_quantities
 from pneudrive.characterise.friction_map import COLUMNS
 from pneudrive.characterise.layout import (
     CHANNEL_UNITS,
@@ -244,8 +245,14 @@ class LayoutValues:
             accuracy_si=optional("accuracy", lambda text: uncertainty(text, si_unit)),
             range_si=ends,
             calibration=str(table.get("calibration", "")),
+            curve=self.force_curve() if name == "force" else None,
             date_form=form if is_date else None,
         )
+
+    def force_curve(self) -> ForceCalibration | None:
+        """Give the calibration of the force sensor, where there is one."""
+        table = self.tree.get("force_calibration")
+        return None if table is None else self.said(of_quantities, table, "force_calibration")
 
     def number(self, name: str, key: str, default: float) -> float:
         """Read a pure number of a column."""

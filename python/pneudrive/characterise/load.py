@@ -168,6 +168,10 @@ def to_recording(
             calibration[suffix] = column.calibration
         if column.range_si is not None:
             limits[suffix] = column.range_si
+    force = said.columns["force"]
+    if force.curve is not None and "force_n" in limits:
+        low, high = force.sign * force.curve.force_n(force.sign * np.array(limits["force_n"]))
+        limits["force_n"] = (float(low), float(high))
     return Recording(
         name=name,
         time_s=time,
@@ -189,6 +193,7 @@ def to_recording(
         flags=flags,
         limits=limits,
         calibration=calibration,
+        force_calibration=force.curve.applied() if force.curve is not None else None,
     )
 
 
@@ -196,6 +201,8 @@ def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.floa
     """Raw values of one channel in SI, pressures absolute."""
     column = said.columns[channel]
     value = column.sign * (raw * column.scale + column.offset) * column.unit.factor + column.unit.shift
+    if column.curve is not None:
+        value = column.sign * column.curve.force_n(column.sign * value)
     if channel == "command" and column.range_si is not None:  # noise of the measured signal at full opening
         value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
     return value + said.ambient_pressure_pa if column.unit.gauge else value

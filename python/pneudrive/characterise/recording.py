@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.characterise.force_calibration import ForceCalibration
+
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
 
@@ -58,6 +60,8 @@ class Recording(Shown):
         Channel -> (lowest, highest) value that the sensor can give, where known.
     calibration
         Channel -> free text; one that starts with "assumed" marks the accuracy as assumed in the budget.
+    force_calibration
+        Of the force sensor, already taken out of ``force_n``: what it leaves open goes into the budget.
     """
 
     name: str
@@ -82,6 +86,7 @@ class Recording(Shown):
     flags: dict[str, int] = field(default_factory=dict)
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     calibration: dict[str, str] = field(default_factory=dict)
+    force_calibration: ForceCalibration | None = None
 
     def __post_init__(self) -> None:
         """Bring the channels to float64 and refuse what cannot be a recording."""

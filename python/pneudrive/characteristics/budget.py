@@ -8,18 +8,22 @@ import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import curve_speeds, in_newton, kept_conditions, systematic
+from pneudrive.characteristics.gain import GROWING
 from pneudrive.characteristics.result import Source
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.characterise.force_calibration import ForceCalibration
     from pneudrive.characteristics.curves import Fits
     from pneudrive.characteristics.gain import Gain
 
     Array = NDArray[np.float64]
 
+CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sensor that are the same at all forces
 
-def sources(fits: Fits, gain: Gain) -> tuple[Source, ...]:
+
+def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Source, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
     points = fits.points
     scatter, gains, turns, places, states, zeros = [], [], [], [], [], []
@@ -39,14 +43,34 @@ def sources(fits: Fits, gain: Gain) -> tuple[Source, ...]:
     assumed = any(d.assumed for d in points.reduced.data)
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
     chance = ", ".join(("noise within cycles", *fits.friction.sources))
+    named = _named(fits)
+    grow, turn = (_without(_rms(parts), named, names) for parts, names in ((gains, GROWING), (turns, CONSTANT)))
+    words = "" if known is None else f"{known.words()}: the same in all cycles"
+    other, turning = ("force sensor", "sensors") if known is None else ("other sensors", "other sensors")
     return (
         Source("scatter of the cycles", _rms(scatter), "A", "data", f"{chance}; from the mixed model"),
-        Source("gain of the force sensor", _rms(gains), "A" if stated == "data" else "B", stated),
-        Source("hysteresis of the sensors", _rms(turns), "B", "assumed", "a third of the accuracy"),
+        *(
+            Source(f"force sensor, {name.removeprefix('force: ')}", u, "B", "stated", words)
+            for name, u in named.items()
+        ),
+        Source(f"gain of the {other}", grow, "A" if stated == "data" else "B", stated),
+        Source(f"hysteresis of the {turning}", turn, "B", "assumed", "a third of the accuracy"),
         Source("mean over position", _rms(places), "B", "assumed", "pattern over the part of the stroke not covered"),
         Source("state of the rig", _rms(states), "A", "data", "drift: friction in this campaign is not one value"),
         Source("zero and asymmetry", _rms(zeros), "A", "data", "curves of one direction only"),
     )
+
+
+def _named(fits: Fits) -> dict[str, float]:
+    """Parts of the force sensor that its calibration names, root mean square over the cycles, N."""
+    data = [d for d, used in zip(fits.points.reduced.data, fits.points.use, strict=True) if used]
+    names = (name for name in (*GROWING, *CONSTANT) if name in data[0].u_force_n)
+    found = {name: _rms([np.array([d.u_force_n[name] for d in data])]) for name in names}
+    return {name: u for name, u in found.items() if u > 0.0}
+
+
+def _without(total: float, named: dict[str, float], names: tuple[str, ...]) -> float:
+    return float(np.sqrt(max(total**2 - sum(named.get(name, 0.0) ** 2 for name in names), 0.0)))
 
 
 def _rms(parts: list[Array]) -> float:

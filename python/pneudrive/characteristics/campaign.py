@@ -157,7 +157,7 @@ def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> C
         found = replace(
             found,
             curves=curves_of(fits, contains_air=opened.identity.pressure_measured_at != "chamber"),
-            sources=sources(fits, reading.gain),
+            sources=sources(fits, reading.gain, reading.identity.force_calibration),
             asymmetry=asymmetries(fits),
             air=air_shares(reading, fits),
             pressure=pressure_effects(reading, fits),

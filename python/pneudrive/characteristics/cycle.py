@@ -116,12 +116,14 @@ class CycleData:
     standing_pressures : dict
         Chamber -> what its transducer shows in an open tare; empty where that was not measured.
     u_gain_n, u_hysteresis_n : float
-        Standard systematic uncertainty of friction: in proportion to it, and of the share of the accuracy that is
-        assumed to change with direction.
+        Standard systematic uncertainty of friction: in proportion to it, and the same in newton at all frictions, as
+        hysteresis and what a calibration curve leaves.
     u_offset_n, u_air_n : float
         The same of half the sum of both directions beside the zero, and of the chambers' force in half the difference.
     u_pressures_n : dict
         Chamber -> the part of its transducer in `u_offset_n`.
+    u_force_n : dict
+        Source -> the parts of the force sensor in both, where its calibration names them.
     assumed : bool
         Whether the accuracy of the force sensor is assumed.
     """
@@ -142,6 +144,7 @@ class CycleData:
     u_offset_n: float = 0.0
     u_air_n: float = 0.0
     u_pressures_n: dict[str, float] = field(default_factory=dict)
+    u_force_n: dict[str, float] = field(default_factory=dict)
     assumed: bool = False
 
 
@@ -421,7 +424,8 @@ def _systematic(recording: Recording, sides: dict[int, Side]) -> dict[str, float
         / 2.0
         for c in ("a", "b")
     }
-    changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith("hysteresis")]
+    constant = ("hysteresis", "linearity")
+    changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith(constant)]
     shared = [e for e in entries if not e.source.endswith("hysteresis")]
     # A zero is what tares take out; what is left of an accuracy grows with the reading.
     readings = {
@@ -429,13 +433,16 @@ def _systematic(recording: Recording, sides: dict[int, Side]) -> dict[str, float
         "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, None),
         "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, None),
         "bore (area)": 1.0,
+        **dict.fromkeys(("force: gain", "force: linearity", "force: creep"), 1.0),
     }
+    known = recording.force_calibration is not None
     offsets = {e.source: e.offset_n * readings.get(e.source, 0.0) for e in shared}
     return {
-        "u_gain_n": _root(e.friction_n for e in shared),
+        "u_gain_n": _root(e.friction_n for e in shared if not e.source.endswith(constant)),
         "u_hysteresis_n": _root(changing),
         "u_offset_n": _root(offsets.values()),
         "u_pressures_n": {c: offsets.get(f"pressure {c}: common error", 0.0) for c in SIDES},
+        "u_force_n": {e.source: e.friction_n for e in entries if known and e.source.startswith("force: ")},
         "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
         "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
     }

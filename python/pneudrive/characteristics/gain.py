@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Identity
 
 SURPRISE = 3.0  # standard uncertainties between what is stated and what weights show
+GROWING = ("force: gain", "force: creep")  # sources in proportion to the force
 PLAUSIBLE = 0.1  # a gain that is off by more was not the sensor's: the weight was another one, or was carried
 
 
@@ -79,7 +80,9 @@ def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequenc
 
 
 def _stated(identity: Identity) -> float | None:
-    """Relative gain error that the stated accuracy allows; None where nothing is stated."""
+    """Relative gain error that calibration or stated accuracy allow; None where nothing is stated."""
+    if identity.force_calibration is not None:
+        return identity.force_calibration.u_gain
     if "force_n" not in identity.accuracy or "force_n" not in identity.limits:
         return None
     return identity.accuracy["force_n"] / max(abs(v) for v in identity.limits["force_n"])
@@ -89,15 +92,19 @@ def corrected(data: Sequence[CycleData], gain: Gain) -> tuple[CycleData, ...]:
     """Take the gain's error out of cycles, and put its remaining uncertainty in the place of the stated one."""
     if not np.isfinite(gain.stderr):
         return tuple(data)
-    return tuple(
-        replace(
-            d,
-            sides={direction: _side(side, gain.error) for direction, side in d.sides.items()},
-            standing_n=d.standing_n / (1.0 + gain.error),
-            u_gain_n=float(np.hypot(gain.stderr * _half_difference(d), d.u_air_n)),
-            assumed=False,
-        )
-        for d in data
+    return tuple(_corrected(d, gain) for d in data)
+
+
+def _corrected(d: CycleData, gain: Gain) -> CycleData:
+    known = {**d.u_force_n, "force: gain": gain.stderr * _half_difference(d)}
+    growing = (*(known[name] for name in GROWING if name in known), d.u_air_n)
+    return replace(
+        d,
+        sides={direction: _side(side, gain.error) for direction, side in d.sides.items()},
+        standing_n=d.standing_n / (1.0 + gain.error),
+        u_gain_n=float(np.sqrt(sum(u**2 for u in growing))),
+        u_force_n=known if d.u_force_n else {},
+        assumed=False,
     )
 
 

@@ -39,12 +39,20 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     position = samples.position_m[good]
     if stands and np.isfinite(position).any():
         position = np.full(position.size, float(np.nanmedian(position)))
+    known = identity.force_calibration
+    limits = {channel: (float(low), float(high)) for channel, (low, high) in identity.limits.items()}
+    force = samples.force_n[good]
+    if known is not None:
+        force = known.force_n(force)
+        if "force_n" in limits:
+            low, high = known.force_n(np.array(limits["force_n"]))
+            limits["force_n"] = (float(low), float(high))
     recording = clean(
         Recording(
             name=name,
             time_s=samples.time_s[good],
             position_m=position,
-            force_n=samples.force_n[good],
+            force_n=force,
             pressure_a_pa=samples.pressure_a_pa[good],
             pressure_b_pa=samples.pressure_b_pa[good],
             area_a_m2=identity.area_a_m2,
@@ -57,8 +65,9 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
             source=file.path,
             synthetic=identity.synthetic,
             stiffness_n_m=identity.stiffness_n_m,
-            limits={channel: (float(low), float(high)) for channel, (low, high) in identity.limits.items()},
+            limits=limits,
             calibration=dict(identity.calibration),
+            force_calibration=known,
         )
     )
     if len(recording) < (1.0 - LOST_SHARE) * count:

@@ -115,6 +115,16 @@ def _curves(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Ite
             carried=False,
             remedy="State the accuracy and the limits of a calibration in rig.json, or hang a known weight on it.",
         )
+    known = found.identity.force_calibration
+    largest = max(abs(side.force_n) for d in reduced.data for side in d.sides.values())
+    if known is not None and 0.0 < known.largest_n < largest:
+        yield Statement(
+            "curve",
+            f"Forces of up to {largest:.3g} N lie beyond the {known.largest_n:.3g} N to which the force sensor was "
+            "calibrated: its curve was continued.",
+            carried=False,
+            remedy="Calibrate the force sensor over the forces of the campaign.",
+        )
     gain = reading.gain
     if gain.cycles and gain.plausible:
         yield Statement(

@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 #: Share of a force sensor's accuracy that changes sign with the force, as the uncertainty budget takes it.
 HYSTERESIS_SHARE = 1.0 / 3.0
 
+#: What a simulated rig says of its sensors; force_calibration and bandwidth_hz are not stated: nothing was calibrated.
+ERROR_MODEL = "assumed: drawn by the simulated rig within its accuracy (zero and gain); white noise, steps of the converter, no lag"
+FORCE_ERROR_MODEL = (
+    "assumed: drawn by the simulated rig within its accuracy (gain, and a third of it that turns with the force); zero "
+    "and its drift as the rig file says; white noise, steps of the converter, no lag, no creep"
+)
+
 
 class Instruments:
     """Sensors whose calibration errors are drawn once from the rig's seed.

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.characterise.force_calibration import ForceCalibration
+
     Array = NDArray[np.float64]
 
 #: Channels that every rig delivers, in the order of the files; SI. What a rig does not measure is constant.
@@ -224,6 +226,8 @@ class Identity:
         A simulated rig.
     bandwidth_hz : dict
         Channel -> frequency at which the sensor, of first order, shows 71 % of an amplitude; of ``force_n`` it is used.
+    force_calibration : ForceCalibration or None
+        Of the force sensor as a curve: applied to the force in analysis, in the place of the accuracy of ``force_n``.
     """
 
     name: str
@@ -242,6 +246,7 @@ class Identity:
     pressure_measured_at: str = "chamber"
     synthetic: bool = False
     bandwidth_hz: dict[str, float] = field(default_factory=dict)
+    force_calibration: ForceCalibration | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Give plain data that JSON can hold."""

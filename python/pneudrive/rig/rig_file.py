@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.characterise.force_calibration import of_json, of_quantities
 from pneudrive.describe import toml
 from pneudrive.describe.geometry import KINDS, piston_areas
 from pneudrive.errors import DescriptionError, RigError, nearest
@@ -24,7 +25,8 @@ CHANNEL_KEYS = {
 }
 IDENTITY_KEYS = {
     "name", "kind", "bore", "rod_diameter", "area_a", "area_b", "ambient_pressure", "mass_beyond_sensor", "incline",
-    "stiffness", "chambers", "pressure_measured_at", "accuracy", "range", "resolution", "calibration", "labels",
+    "stiffness", "chambers", "pressure_measured_at", "accuracy", "range", "resolution", "bandwidth", "calibration",
+    "force_calibration", "labels",
 }  # fmt: skip
 LIMIT_KEYS = {
     "position", "speed", "acceleration", "jerk", "force", "pressure", "separate_pressures", "temperature",
@@ -193,6 +195,8 @@ def read_identity(file: RigFile) -> Identity | None:
         accuracy=channels("accuracy", file.quantity),
         limits=channels("range", sensor_range),
         resolution=channels("resolution", file.quantity),
+        bandwidth_hz=channels("bandwidth", lambda key, _: file.quantity(key, "1/s", positive=True)),
+        force_calibration=file.said("identity.force_calibration", of_quantities),
         calibration={
             CHANNEL_KEYS[key][0]: str(text) for key, text in file.only("identity.calibration", CHANNEL_KEYS).items()
         },
@@ -239,7 +243,8 @@ def read_limits(file: RigFile, ambient_pa: float) -> Envelope | None:
 def identity_of(data: dict[str, Any]) -> Identity:
     """Take an identity back from JSON, which has lists for pairs."""
     limits = {channel: (low, high) for channel, (low, high) in data.get("limits", {}).items()}
-    return Identity(**{**data, "limits": limits})
+    curve = data.get("force_calibration")
+    return Identity(**{**data, "limits": limits, "force_calibration": None if curve is None else of_json(curve)})
 
 
 def envelope_of(data: dict[str, Any]) -> Envelope:

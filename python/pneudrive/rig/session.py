@@ -11,7 +11,7 @@ import numpy as np
 
 from pneudrive.errors import RigError, nearest
 from pneudrive.rig.conditions import Past, stream
-from pneudrive.rig.instruments import Instruments
+from pneudrive.rig.instruments import ERROR_MODEL, FORCE_ERROR_MODEL, Instruments
 from pneudrive.rig.interface import CHANNELS, Envelope, Hold, Identity, Move, RigState, Samples, Step
 from pneudrive.rig.machine import CREEP_M_S, Machine
 from pneudrive.rig.sampling import step_times
@@ -109,7 +109,7 @@ class RigSession:
             limits={name: (sensor.low, sensor.high) for name, (sensor, _) in channels.items()},
             resolution={name: sensor.step for name, (sensor, _) in channels.items()}
             | {"position_m": d.encoder.resolution_m},
-            calibration=dict.fromkeys(channels, "assumed: drawn by the simulated rig within its accuracy"),
+            calibration=dict.fromkeys(channels, ERROR_MODEL) | {"force_n": FORCE_ERROR_MODEL},
             labels={"rig": d.name},
             chambers=d.chambers["kind"],
             pressure_measured_at=d.pressure_measured_at,

@@ -163,12 +163,16 @@ def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, about
     """
     a, b = first.identity, second.identity
     drawn = a.synthetic and abouts[0].get("seed") != abouts[1].get("seed")
-    if a.name == b.name and a.calibration == b.calibration and not drawn:
+    same = a.name == b.name and a.calibration == b.calibration and a.force_calibration == b.force_calibration
+    if same and not drawn:
         return 0.0
     gains = []
     for identity in (a, b):
         span = identity.limits.get("force_n")
         reach = max(abs(v) for v in span) if span else float("nan")
+        if identity.force_calibration is not None:
+            gains.append(identity.force_calibration.u_gain)
+            continue
         gains.append(identity.accuracy.get("force_n", 0.0) / reach if np.isfinite(reach) and reach > 0 else 0.0)
     return float(np.hypot(*gains) / np.sqrt(2.0))
 
