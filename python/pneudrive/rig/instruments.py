@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 HYSTERESIS_SHARE = 1.0 / 3.0
 
 #: What a simulated rig says of its sensors; force_calibration and bandwidth_hz are not stated: nothing was calibrated.
-ERROR_MODEL = "assumed: drawn by the simulated rig within its accuracy (zero and gain); white noise, steps of the converter, no lag"
+ERROR_MODEL = "assumed: drawn by the simulated rig within its accuracy (zero, gain); white noise, converter, no lag"
 FORCE_ERROR_MODEL = (
     "assumed: drawn by the simulated rig within its accuracy (gain, and a third of it that turns with the force); zero "
     "and its drift as the rig file says; white noise, steps of the converter, no lag, no creep"
