@@ -391,16 +391,12 @@ impl<R: Lane> System<R> for Circuit<R> {
     }
 
     fn n_obstacles(&self) -> usize {
-        2 * (self.parts.cylinders.len() + self.parts.other_cylinders.len())
+        self.parts.n_obstacles()
     }
 
-    fn obstacles(&self, y: &[R], out: &mut [R]) {
-        let usual = self.parts.cylinders.iter().map(|(place, cylinder)| (place, &cylinder.stops));
-        let others = self.parts.other_cylinders.iter().map(|(place, cylinder)| (place, &cylinder.stops));
-        for ((place, stops), out) in usual.chain(others).zip(out.chunks_exact_mut(2)) {
-            let x = y[place.first];
-            out.copy_from_slice(&[x, stops.stroke - x]);
-        }
+    fn obstacles(&self, y: &[R], out: &mut [R], net: &mut Net<R>) {
+        self.parts.place(y, net, &self.common);
+        self.parts.obstacles(net, out);
     }
 
     fn inside(&self, y: &[R], net: &mut Net<R>) -> R::Plain {

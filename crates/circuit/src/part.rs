@@ -11,6 +11,7 @@ mod restriction;
 mod spring;
 pub(crate) mod volume;
 
+use crate::circuit::{AxisId, GasId};
 use crate::ledger::{Channel, Kind};
 use crate::net::Net;
 use math::{Lane, Over, Real};
@@ -59,6 +60,29 @@ pub(crate) struct EventId {
     kind: PartKind,
     index: usize,
     event: usize,
+}
+
+/// What a run starts from, by node; what is given for no node stays zero.
+#[derive(Clone, Copy, Debug)]
+pub struct Given<'a, R> {
+    /// Pressure, Pa absolute, and temperature, K.
+    pub gas: &'a [(GasId, R, R)],
+    /// Position, m, and velocity, m/s.
+    pub axes: &'a [(AxisId, R, R)],
+    /// For how long a contact has stood, s. Friction without memory does not mind.
+    pub ages: &'a [(AxisId, R)],
+    /// All inner states of friction.
+    pub inner: &'a [(AxisId, &'a [R])],
+}
+
+impl<R: Copy> Given<'_, R> {
+    pub(crate) fn gas(&self, node: usize) -> Option<[R; 2]> {
+        self.gas.iter().find(|(id, ..)| id.0 == node).map(|&(_, p, t)| [p, t])
+    }
+
+    pub(crate) fn axis(&self, node: usize) -> Option<[R; 2]> {
+        self.axes.iter().find(|(id, ..)| id.0 == node).map(|&(_, x, v)| [x, v])
+    }
 }
 
 /// What every part shares with the circuit.
@@ -165,6 +189,17 @@ pub trait Part<P: Real> {
     }
     /// Rates of the accounts.
     fn account<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
+    /// Sets the part's states to what its nodes are given. Called with the volumes of `net` unknown, then with those
+    /// that the positions leave.
+    fn begin(&self, _given: &Given<P>, _y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {}
+
+    /// How many surfaces it has behind which its equations are of another kind.
+    fn n_obstacles(&self) -> usize {
+        0
+    }
+    /// Functions that are positive before each and negative behind it.
+    fn obstacles(&self, _net: &Net<P>, _out: &mut [P]) {}
+
     /// How many events the part has, each with a mode of its own: a number in each lane.
     fn n_events(&self) -> usize {
         0
@@ -342,6 +377,26 @@ macro_rules! parts {
                         (&Part::<P>::inputs(part)[id.input], part.input_mut(id.input))
                     })*
                 }
+            }
+        }
+
+        impl<P: Real> Parts<P> {
+            pub fn begin(&self, given: &Given<P>, y: &mut [P], net: &Net<P>, common: &Common<P>) {
+                $(for (at, part) in &self.$field {
+                    part.begin(given, OwnMut::of(y, *at), net, common);
+                })*
+            }
+
+            pub fn n_obstacles(&self) -> usize {
+                0 $(+ self.$field.iter().map(|(_, part)| Part::<P>::n_obstacles(part)).sum::<usize>())*
+            }
+
+            pub fn obstacles(&self, net: &Net<P>, mut out: &mut [P]) {
+                $(for (_, part) in &self.$field {
+                    let (own, others) = out.split_at_mut(Part::<P>::n_obstacles(part));
+                    part.obstacles(net, own);
+                    out = others;
+                })*
             }
         }
 

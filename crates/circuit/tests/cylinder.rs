@@ -4,7 +4,7 @@
 mod support;
 
 use circuit::{AxisId, ChamberLaw, Circuit, GasId, InputId, balance};
-use ode::Stepper;
+use ode::{Stepper, System};
 use physics::friction::{Composition, Contact, Dwell, Growth, SealLips};
 use support::*;
 
@@ -82,6 +82,17 @@ fn run(split: bool, key: &str) -> (Vec<[f64; 8]>, [f64; 3]) {
     };
     let accounts = [total("friction heat"), total("ambient work"), total("wall heat")];
     (trace.states.iter().map(row).collect(), accounts)
+}
+
+#[test]
+fn the_stops_of_an_axis_are_obstacles_also_where_it_is_no_cylinder() {
+    for split in [false, true] {
+        let (circuit, axis, _, _, y) = cylinder(split, "lugre");
+        let mut ahead = vec![f64::NAN; circuit.n_obstacles()];
+        circuit.obstacles(&y, &mut ahead, &mut circuit.work::<f64>());
+        let x = nodes(&circuit, &y)[axis].x;
+        assert_eq!(ahead, [x, 0.3 - x], "split: {split}");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 mod support;
 
-use circuit::{Circuit, Drive, specification, steady_sensitivity};
+use circuit::{Circuit, Drive, own_law, specification, steady_sensitivity};
 use math::{Lane, Lanes};
 use ode::{NoOutput, Paused, Stepper};
 use physics::friction::At;
@@ -33,6 +33,24 @@ fn lugre() -> Value {
         "energy": "0.5*bristle_stiffness*z*z",
         "odd": true,
     })
+}
+
+#[test]
+fn no_state_of_a_law_has_the_name_of_another_column() {
+    let mut friction = everything("lugre");
+    let warming = json!({ "reference_k": 293.0, "time_s": 60.0 });
+    friction.temperature = Some(serde_json::from_value(warming).expect("a table"));
+    friction.wear = Some(serde_json::from_value(json!({ "run_in_distance_m": 100.0 })).expect("a table"));
+    let drive = Drive::assemble(&specification::Drive { friction, ..reference() }, false).expect("assembles");
+    let (own, others) = (lugre()["states"][0]["name"].clone(), drive.columns().iter());
+    let others: Vec<&String> = others.filter(|&name| own != json!(name)).collect();
+    assert_eq!(others.len(), 13 + 4, "{others:?}");
+    for name in others {
+        let mut law = lugre();
+        law["states"][0]["name"] = json!(name);
+        let refused = own_law(&serde_json::from_value(law).expect("fits")).expect_err(name);
+        assert_eq!(refused.key, "states.z.name");
+    }
 }
 
 /// The friction of a description with its law as formulas; what the law does not know is left out.

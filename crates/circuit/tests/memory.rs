@@ -27,7 +27,8 @@ fn table(contact: Contact<f64>, mass: f64, force: f64, link: Link, speed: f64, a
     let (servo, carriage) = circuit.carriage();
     let link = circuit.link(servo, axis, link.0, link.1);
     let mut circuit = circuit.build(false);
-    let y = circuit.initial_aged(&[], &[(axis, 0.0, 0.0), (servo, 0.0, speed)], &[(axis, age)]);
+    let axes = [(axis, 0.0, 0.0), (servo, 0.0, speed)];
+    let y = circuit.begin(&circuit::Given { gas: &[], axes: &axes, ages: &[(axis, age)], inner: &[] });
     Table { stepper: Stepper::new(circuit, 0.0, &y, options(1e-8)), mass: axis, carriage, link }
 }
 

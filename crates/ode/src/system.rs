@@ -44,7 +44,7 @@ pub trait System<R: Lane> {
 
     /// Functions that are positive before an obstacle and negative behind it. A step that fails because
     /// it runs into one is followed by one that ends before it: a matter of work, not of accuracy.
-    fn obstacles(&self, _y: &[R], _out: &mut [R]) {}
+    fn obstacles(&self, _y: &[R], _out: &mut [R], _work: &mut Self::Work<R>) {}
 
     /// One in each lane whose state the equations hold for, minus one where they do not. Every accepted step and
     /// every sample is asked; one that lies outside is tried again with a shorter step, and no caller ever sees it.

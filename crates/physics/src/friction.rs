@@ -29,7 +29,7 @@ use math::{Lane, Over, Real};
 
 pub use armstrong::Armstrong;
 pub use bouc_wen::BoucWen;
-pub use contact::{Composition, Contact};
+pub use contact::{COMPOSITION_STATES, Composition, Contact};
 pub use coulomb::Coulomb;
 pub use dahl::Dahl;
 pub use direction::{Direction, Sense};

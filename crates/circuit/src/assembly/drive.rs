@@ -5,8 +5,7 @@ use crate::circuit::{AxisId, Circuit, GasId, PistonSide};
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
 use crate::net::Net;
-use crate::part::ChamberLaw;
-use crate::part::InputId;
+use crate::part::{ChamberLaw, Given, InputId};
 use crate::run::{Error, Look, Recorder, Run, States, advance, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over, Real};
@@ -245,11 +244,12 @@ impl<P: Lane> Drive<P> {
     pub(crate) fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {
         let mut circuit = self.circuit.clone();
         self.set_command(&mut circuit, 0, P::c(u));
-        let y = circuit.initial_within(
-            &[(self.a, start[2], start[3]), (self.b, start[4], start[5])],
-            &[(self.axis, start[0], start[1])],
-            &[(self.axis, start[CHAMBER_STATES..].to_vec())],
-        );
+        let y = circuit.begin(&Given {
+            gas: &[(self.a, start[2], start[3]), (self.b, start[4], start[5])],
+            axes: &[(self.axis, start[0], start[1])],
+            ages: &[],
+            inner: &[(self.axis, &start[CHAMBER_STATES..])],
+        });
         (circuit, y)
     }
 }
@@ -279,14 +279,15 @@ impl Drive {
     pub fn start(&self, initial: &Initial, u: f64) -> (Circuit<f64>, Vec<f64>) {
         let mut circuit = self.circuit.clone();
         self.set_command(&mut circuit, 0, u);
-        let y = circuit.initial_aged(
-            &[
+        let y = circuit.begin(&Given {
+            gas: &[
                 (self.a, initial.pressure_a_pa, initial.temperature_a_k),
                 (self.b, initial.pressure_b_pa, initial.temperature_b_k),
             ],
-            &[(self.axis, initial.position_m, initial.velocity_m_s)],
-            &[(self.axis, initial.contact_age_s)],
-        );
+            axes: &[(self.axis, initial.position_m, initial.velocity_m_s)],
+            ages: &[(self.axis, initial.contact_age_s)],
+            inner: &[],
+        });
         (circuit, y)
     }
 

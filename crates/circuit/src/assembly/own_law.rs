@@ -4,16 +4,14 @@ use super::drive::COLUMNS;
 use crate::run::Error;
 use crate::specification;
 use physics::Bounds;
+use physics::friction::COMPOSITION_STATES;
 use physics::friction::formula::{OwnLaw, ParameterText, Problem, Refusal, StateText, Text};
-
-/// Inner states of what acts on a law.
-const TAKEN: [&str; 2] = ["relaxed_deflection_m", "contact_age_s"];
 
 /// The law of a user's formulas.
 pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refusal> {
     for (i, state) in formula.states.iter().enumerate() {
         let twice = formula.states[..i].iter().any(|other| other.name == state.name);
-        if twice || COLUMNS.iter().chain(&TAKEN).any(|name| *name == state.name) {
+        if twice || COLUMNS.iter().chain(&COMPOSITION_STATES).any(|name| *name == state.name) {
             let what = format!("a trajectory has a column \"{}\" already", state.name);
             let problem = Problem::of_all(what, "Give the state another name = \"...\".");
             return Err(Refusal {

@@ -2,8 +2,7 @@ use super::{friction_law, leak::leak};
 use crate::circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide};
 use crate::ledger::Balance;
 use crate::net::Net;
-use crate::part::InputId;
-use crate::part::{Carriage, ChamberLaw};
+use crate::part::{Carriage, ChamberLaw, Given, InputId};
 use crate::run::{Error, Look, Recorder, Run, advance};
 use crate::specification::{self, AirSupply, Orifice};
 use ode::{Options, Stepper};
@@ -157,7 +156,8 @@ impl Rig {
         let filled: Vec<_> = self.filling.iter().map(|&(id, p)| (id, p, self.room_k)).collect();
         let at = if let Start::Rest(position) = from { position } else { 0.0 };
         let axes = [(self.axis, at, 0.0), (self.carriage_axis, at, 0.0)];
-        let mut y = circuit.initial_aged(&filled, &axes, &[(self.axis, self.initial_age)]);
+        let ages = [(self.axis, self.initial_age)];
+        let mut y = circuit.begin(&Given { gas: &filled, axes: &axes, ages: &ages, inner: &[] });
         if let Start::State(state) = from {
             let n = circuit.n_states();
             if state.len() != n {

@@ -3,8 +3,7 @@ use super::shoot::{Shootable, Shooting, Shot, shoot_with};
 use crate::circuit::{Circuit, GasId};
 use crate::lifted::{Lifted, tangents};
 use crate::net::Net;
-use crate::part::ChamberLaw;
-use crate::part::InputId;
+use crate::part::{ChamberLaw, InputId};
 use crate::run::Error;
 use crate::specification;
 use math::{Deps, Lane, Over};
@@ -122,7 +121,7 @@ impl<P: Lane> Shootable<P> for Tank<P> {
     fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {
         let mut circuit = self.circuit.clone();
         self.set_command(&mut circuit, u);
-        let y = circuit.initial_within(&[(self.gas, start[0], start[1])], &[], &[]);
+        let y = circuit.initial(&[(self.gas, start[0], start[1])], &[]);
         (circuit, y)
     }
 }

@@ -226,66 +226,17 @@ impl<R: Lane> Circuit<R> {
     /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
     /// Sets the modes of friction to match.
     pub fn initial(&mut self, gas: &[(GasId, R, R)], axes: &[(AxisId, R, R)]) -> Vec<R> {
-        self.initial_aged(gas, axes, &[])
+        self.begin(&Given { gas, axes, ages: &[], inner: &[] })
     }
 
-    /// The same with contacts that have stood for some time, s. Friction without memory does not mind.
-    pub fn initial_aged(
-        &mut self,
-        gas: &[(GasId, R, R)],
-        axes: &[(AxisId, R, R)],
-        ages: &[(AxisId, R)],
-    ) -> Vec<R> {
-        let aged = ages.iter().map(|&(id, age)| {
-            let (.., place, axis, inner) = self.mass(id);
-            let mut states = vec![R::zero(); place.count - inner];
-            if let Some(i) = axis.age_index() {
-                states[i] = age;
-            }
-            (id, states)
-        });
-        let aged: Vec<_> = aged.collect();
-        self.initial_within(gas, axes, &aged)
-    }
-
-    /// The same with all inner states of friction given.
-    pub fn initial_within(
-        &mut self,
-        gas: &[(GasId, R, R)],
-        axes: &[(AxisId, R, R)],
-        inner_states: &[(AxisId, Vec<R>)],
-    ) -> Vec<R> {
+    /// The state as given; sets all modes to match.
+    pub fn begin(&mut self, given: &Given<R>) -> Vec<R> {
         let mut y = vec![R::zero(); self.scale.len()];
-        for (id, states) in inner_states {
-            let (.., place, _, inner) = self.mass(*id);
-            y[place.first + inner..place.first + place.count].copy_from_slice(states);
-        }
-        for &(id, x, v) in axes {
-            let movers = self.masses().map(|(_, _, place, axis, _)| (place, axis.node));
-            let carriages = self.parts.carriages.iter().map(|(place, part)| (*place, part.node));
-            let found = movers.chain(carriages).find(|(_, node)| *node == id.0);
-            let place = found.expect("an axis of this circuit").0;
-            (y[place.first], y[place.first + 1]) = (x, v);
-            let follower = self.parts.carriages.iter().find(|(_, part)| part.node == id.0 && part.follows);
-            if let Some((place, part)) = follower {
-                let at = place.first + part.follower();
-                (y[at], y[at + 1]) = (x, v);
-            }
-        }
         let mut net = self.work::<R>();
+        self.parts.begin(given, &mut y, &net, &self.common);
         self.parts.place(&y, &mut net, &self.common);
         self.parts.shape(&mut net);
-        for &(id, p, t) in gas {
-            let (first, part, _) =
-                self.volumes().find(|(_, part, _)| part.node == id.0).expect("a volume of this circuit");
-            let values = match part.law {
-                ChamberLaw::EnergyBalance => {
-                    physics::chamber::EnergyBalance::initial(&self.common.gas, p, t, net.gas[id.0].volume)
-                }
-                ChamberLaw::AsPrinted => [p, t],
-            };
-            y[first..first + 2].copy_from_slice(&values);
-        }
+        self.parts.begin(given, &mut y, &net, &self.common);
         self.find_modes(&mut y);
         y
     }

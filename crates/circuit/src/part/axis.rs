@@ -1,4 +1,4 @@
-use super::{Common, Input, Own, OwnMut, Part, State};
+use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
@@ -165,9 +165,19 @@ impl<P: Real> Axis<P> {
         self.contact().event(&at(&net.axis[self.node]), z, self.mode)
     }
 
-    /// The age of the contact, where it has one, among the inner states.
-    pub(crate) fn age_index(&self) -> Option<usize> {
-        self.friction.as_ref()?.age_index()
+    /// Position, velocity and the inner states of friction as given.
+    pub(super) fn begin_in(&self, given: &Given<P>, (motion, z): (&mut [P], &mut [P])) {
+        if let Some(start) = given.axis(self.node) {
+            motion[..2].copy_from_slice(&start);
+        }
+        if let Some((_, age)) = given.ages.iter().find(|(id, _)| id.0 == self.node)
+            && let Some(i) = self.friction.as_ref().and_then(Contact::age_index)
+        {
+            z[i] = *age;
+        }
+        if let Some((_, states)) = given.inner.iter().find(|(id, _)| id.0 == self.node) {
+            z.copy_from_slice(states);
+        }
     }
 }
 
@@ -285,6 +295,10 @@ impl<P: Real> Part<P> for Axis<P> {
 
     fn account<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         self.account_in(y.after(2), net, common, out);
+    }
+
+    fn begin(&self, given: &Given<P>, y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
+        self.begin_in(given, y.split(2));
     }
 
     fn n_events(&self) -> usize {

@@ -1,4 +1,4 @@
-use super::{Common, Input, Own, OwnMut, Part, State};
+use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::net::Net;
 use math::{Over, Real};
 
@@ -131,6 +131,13 @@ impl<P: Real> Part<P> for Carriage<P> {
             ]);
         }
         states
+    }
+
+    fn begin(&self, given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
+        if let Some(start) = given.axis(self.node) {
+            y.set(start);
+            y.after(self.follower())[..2].copy_from_slice(&start);
+        }
     }
 
     fn inputs(&self) -> &'static [Input] {

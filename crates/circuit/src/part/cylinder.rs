@@ -1,4 +1,6 @@
-use super::{Axis, Common, EndStops, Face, Input, Own, OwnMut, Part, State, Volume, axis::EVENT_TOLERANCE};
+use super::{
+    Axis, Common, EndStops, Face, Given, Input, Own, OwnMut, Part, State, Volume, axis::EVENT_TOLERANCE,
+};
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Lane, Over, Real};
@@ -159,6 +161,24 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
     fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let stops = out.len() - Part::<P>::channels(&self.stops).len();
         self.stops.standing(net, common, &mut out[stops..]);
+    }
+
+    fn begin(&self, given: &Given<P>, y: OwnMut<P>, net: &Net<P>, common: &Common<P>) {
+        let (own, z) = y.split(INNER);
+        for (volume, first) in self.volumes.iter().zip(CHAMBERS) {
+            if let Some(gas) = given.gas(volume.node) {
+                own[first..first + 2].copy_from_slice(&volume.start(gas, &net.gas[volume.node], common));
+            }
+        }
+        self.axis.begin_in(given, (own, z));
+    }
+
+    fn n_obstacles(&self) -> usize {
+        Part::<P>::n_obstacles(&self.stops)
+    }
+
+    fn obstacles(&self, net: &Net<P>, out: &mut [P]) {
+        self.stops.obstacles(net, out);
     }
 
     fn n_events(&self) -> usize {

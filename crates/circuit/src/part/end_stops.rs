@@ -61,6 +61,15 @@ impl<P: Real> Part<P> for EndStops<P> {
         self.push(&mut net.axis[self.axis]);
     }
 
+    fn n_obstacles(&self) -> usize {
+        2
+    }
+
+    fn obstacles(&self, net: &Net<P>, out: &mut [P]) {
+        let x = net.axis[self.axis].x;
+        out.copy_from_slice(&[x, self.stroke - x]);
+    }
+
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         [S::zero(), self.spring_energy(net), S::zero()]
     }

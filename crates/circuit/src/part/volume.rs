@@ -1,4 +1,4 @@
-use super::{Common, Own, OwnMut, Part, State};
+use super::{Common, Given, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::{GasNode, Net};
 use math::{Lane, Over, Real};
@@ -85,6 +85,14 @@ impl<P: Real> Volume<P> {
         node.inverse_sqrt_t = S::one() / node.t.sqrt();
     }
 
+    /// The states at a pressure and temperature.
+    pub(super) fn start(&self, [p, t]: [P; 2], node: &GasNode<P>, common: &Common<P>) -> [P; 2] {
+        match self.law {
+            ChamberLaw::EnergyBalance => EnergyBalance::initial(&common.gas, p, t, node.volume),
+            ChamberLaw::AsPrinted => [p, t],
+        }
+    }
+
     /// Rates of the states, once all flows are known.
     #[inline(always)]
     pub(super) fn rates<S: Over<P>>(&self, node: &mut GasNode<S>, common: &Common<P>) -> [S; 2] {
@@ -154,6 +162,12 @@ impl<P: Real> Part<P> for Volume<P> {
     #[inline(always)]
     fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, common: &Common<P>) {
         dy.set(self.rates(&mut net.gas[self.node], common));
+    }
+
+    fn begin(&self, given: &Given<P>, mut y: OwnMut<P>, net: &Net<P>, common: &Common<P>) {
+        if let Some(gas) = given.gas(self.node) {
+            y.set(self.start(gas, &net.gas[self.node], common));
+        }
     }
 
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>) -> [S; 3] {

@@ -1,6 +1,6 @@
 use super::{
     AnyLaw, At, Direction, Dwell, Heating, InnerState, Levels, Position, Relaxation, SealLips, SideLoad,
-    Wear, relaxation, temperature, wear,
+    Wear, dwell, relaxation, temperature, wear,
 };
 use math::{Lane, Over, Real};
 
@@ -104,6 +104,10 @@ impl<R: Lane> Contact<R> {
         }
     }
 }
+
+/// Names of the inner states of what acts on a law, whichever law it is.
+pub const COMPOSITION_STATES: [&str; 4] =
+    [relaxation::STATE.name, dwell::STATE, temperature::STATE.name, wear::STATE.name];
 
 impl<P: Real> Contact<P> {
     fn dwell(&self) -> Option<&Dwell<P>> {

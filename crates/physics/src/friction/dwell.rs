@@ -116,9 +116,12 @@ impl Dwell<f64> {
     }
 }
 
+/// Its state.
+pub(super) const STATE: &str = "contact_age_s";
+
 impl<P: Real> Dwell<P> {
     pub fn state(&self) -> InnerState {
-        InnerState { name: "contact_age_s", unit: "s", scale: self.scale }
+        InnerState { name: STATE, unit: "s", scale: self.scale }
     }
 
     /// Psi(phi).
