@@ -145,6 +145,19 @@ def middle(values: NDArray[np.float64]) -> float:
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
+def quantiles(values: NDArray[np.float64], *shares: float) -> list[float]:
+    """Quantiles of finite values as NumPy's linear ones, to the last bit, which take ten times as long."""
+    at = [share * (values.size - 1) for share in shares]
+    below = [min(int(place), max(values.size - 2, 0)) for place in at]
+    above = [min(low + 1, values.size - 1) for low in below]
+    ordered = np.partition(values, sorted({*below, *above}))
+    found = []
+    for place, low, high in zip(at, below, above, strict=True):
+        a, b, t = float(ordered[low]), float(ordered[high]), place - low
+        found.append(b - (b - a) * (1.0 - t) if t >= 0.5 else a + (b - a) * t)
+    return found
+
+
 def turning_points(position_m: NDArray[np.float64], prominence_m: float) -> NDArray[np.intp]:
     """Find the samples at which the motion reverses by at least ``prominence_m``, first and last included."""
     from scipy.signal import find_peaks
@@ -227,8 +240,8 @@ def _travel(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float
             rule=f"at least {MINIMUM_SAMPLES} finite samples are needed to find strokes",
         )
     noise = noise_level(position_m)
-    low, high = np.quantile(thinned(position_m), [0.001, 0.999])
-    travel = float(high - low)
+    low, high = quantiles(thinned(position_m), 0.001, 0.999)
+    travel = high - low
     if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
         raise RecordingError(
             "no motion",

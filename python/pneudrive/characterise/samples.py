@@ -71,7 +71,7 @@ def clean(recording: Recording) -> Recording:
     steps = np.diff(recording.time_s)
     if steps.size:
         _count(counts, "gap", int((steps > GAP_FACTOR * middle(steps)).sum()))
-    return replace(recording, flags=counts)
+    return replace(recording, flags=counts) if counts != recording.flags else recording
 
 
 def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -27,6 +28,11 @@ class Motion:
     position_m: NDArray[np.float64]
     balance_n: NDArray[np.float64]
     strokes: list[Stroke]
+
+    @cached_property
+    def velocity_m_s(self) -> NDArray[np.float64]:
+        """Slope of the position over a few samples."""
+        return local_slope(self.time_s, self.position_m)
 
 
 class SampleChoice(Protocol):
@@ -70,7 +76,7 @@ class Settled:
     def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Give the mask of settled samples and the balance as it is."""
         position_m, balance_n = motion.position_m, motion.balance_n
-        velocity = local_slope(motion.time_s, position_m)
+        velocity = motion.velocity_m_s
         levels = _levels(motion)
         mask = np.zeros(position_m.size, dtype=bool)
         for stroke in motion.strokes:

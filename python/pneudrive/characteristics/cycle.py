@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.budget import DirectionMeans, systematic_budget
-from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle
+from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, quantiles
 from pneudrive.characterise.profile import build_profile
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.reversal import find_reversal_peaks, usable
@@ -263,7 +263,7 @@ def _one_speed(recording: Recording, strokes: list[Stroke]) -> None:
 def _ends(motion: Motion) -> NDArray[np.bool_]:
     """Mark what lies near the end of each stroke, where the axis brakes."""
     mask = np.zeros(motion.time_s.size, dtype=bool)
-    velocity = local_slope(motion.time_s, motion.position_m)
+    velocity = motion.velocity_m_s
     for stroke in motion.strokes:
         ahead = np.abs(stroke.to_m - motion.position_m[stroke.samples])
         fast = np.flatnonzero(np.abs(velocity[stroke.samples]) >= 0.8 * abs(stroke.speed_m_s))
@@ -345,16 +345,18 @@ def _speed(motion: Motion, settled: NDArray[np.bool_], stroke: Stroke) -> float:
 
 def _peaks(recording: Recording, motion: Motion, settled: NDArray[np.bool_], strokes: list[Stroke]) -> dict[str, float]:
     """Breakaway after the reversals before these strokes."""
+    dwells = [s.dwell_s for s in strokes if s.index > 0]
+    if not dwells:  # the first stroke has no reversal before it
+        return dict.fromkeys(("breakaway_n", "dwell_s", "loading_rate_n_s"), float("nan"))
     low, high = float(motion.position_m.min()), float(motion.position_m.max())
     window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
     profile = build_profile(recording.name, 0, motion.strokes, motion.position_m, motion.balance_n, settled, window)
     peaks = find_reversal_peaks(recording, strokes, motion.balance_n, profile)
     good = usable(peaks)
-    dwells = [s.dwell_s for s in strokes if s.index > 0]
     rates = [p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]
     return {
         "breakaway_n": _median([p.friction_n for p in good]) if good else float("nan"),
-        "dwell_s": _median(dwells) if dwells else float("nan"),
+        "dwell_s": _median(dwells),
         "loading_rate_n_s": _median(rates) if rates else float("nan"),
     }
 
@@ -383,8 +385,8 @@ def _ripple(
         found.append(measure_stick_slip(time, position))
         if recording.stiffness_n_m:
             behind.append(measure_stick_slip(time, position - force / recording.stiffness_n_m))
-        low, high = np.quantile(balance_n[part], [0.02, 0.98])
-        swings.append(float(high - low))
+        low, high = quantiles(balance_n[part], 0.02, 0.98)
+        swings.append(high - low)
     nothing = float("nan")
     if not found:
         return False, dict.fromkeys(("ripple", "period_s", "step_m", "swing_n", "piston_ripple"), nothing)
