@@ -11,6 +11,7 @@ import tempfile
 import time
 from typing import IO, TYPE_CHECKING, TypeVar
 
+from pneudrive.bulk import many_objects
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files import child
 
@@ -85,7 +86,8 @@ def _result(process: subprocess.Popen, written: IO[bytes]) -> list:
         status = f"a worker process ended with status {process.returncode}"
         raise RecordingError(status, remedy="its own message stands above")
     written.seek(0)
-    result = pickle.load(written)
+    with many_objects():
+        result = pickle.load(written)
     if isinstance(result, PneudriveError):
         raise result
     return result

@@ -5,13 +5,15 @@ from __future__ import annotations
 import pickle
 import sys
 
+from pneudrive.bulk import many_objects
 from pneudrive.characterise.pool import EXIT_INTERRUPTED
 from pneudrive.errors import PneudriveError
 
 
 def main() -> None:
     """Read (function, arguments), write the list that it returns or the error that stopped it."""
-    work, task = pickle.load(sys.stdin.buffer)
+    with many_objects():
+        work, task = pickle.load(sys.stdin.buffer)
     try:
         result: object = work(*task)
     except PneudriveError as error:

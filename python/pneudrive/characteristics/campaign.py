@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.bulk import many_objects
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characterise.settling import Settled
 from pneudrive.characteristics.air import air_shares
@@ -124,6 +125,7 @@ def characterise(
     return of_recordings(recordings, layout, protocol)
 
 
+@many_objects()
 def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> CampaignCharacteristics:
     points = points_of(reading)
     fits = fit_points(reading, points) if points is not None else None
@@ -173,7 +175,7 @@ def _with_stops(
     """Add what the stops say, where there are any."""
     if not any(head.cycle.kind == "stop" for head in reading.heads):
         return found
-    stops, lost = find_stops(opened, processes)
+    stops, lost = find_stops(opened, processes, reading.files)
     dwell, said = fit_dwell(stops, opened.identity.ambient_pressure_pa)
     skipped, statements_ = (*found.skipped, *lost), (*found.statements, *said)
     return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)

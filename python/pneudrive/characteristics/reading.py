@@ -98,6 +98,7 @@ def _date(started: str) -> str:
         return ""
 
 
+@many_objects()
 def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None = None) -> Reading:
     """Read all cycles of a campaign.
 
@@ -124,8 +125,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
             value="; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/",
             remedy="run it, or see docs/reference/campaign-folder.md for what a cycle's file holds",
         )
-    travel = _travel(files)
-    wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING)]
+    wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
     number = processes or workers()
     if len(wanted) < WORTH_WORKERS or number < 2:
@@ -133,8 +133,8 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     else:
         parts = [wanted[i::number] for i in range(number)]
         found = in_processes(read_part, [(part, campaign.identity, choice, edges) for part in parts])
-    data = sorted((d for d in found if isinstance(d, CycleData)), key=lambda d: d.head.index)
-    skipped += [s for s in found if isinstance(s, Skipped)]
+    data = sorted((r.data for r in found if isinstance(r.data, CycleData)), key=lambda d: d.head.index)
+    skipped += [r.data for r in found if isinstance(r.data, Skipped)]
     tares = [d for d in data if d.head.cycle.kind == "tare"]
     gain = sensor_gain(campaign.identity, [d for d in data if d.head.cycle.kind == "weight"], tares)
     zeros = pressure_zeros(campaign.identity, tares)
@@ -150,19 +150,32 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
         notes=tuple(notes),
         edges_m=edges,
-        travel_m=travel,
+        travel_m=_travel(files, {r.key: r.way_m for r in found}),
     )
 
 
-def read_part(
-    files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array
-) -> list[CycleData | Skipped]:
+@dataclass(frozen=True, eq=False)
+class Read:
+    """What was read of a cycle: the way of its moves by its samples, and what it leaves or why it leaves nothing.
+
+    The way is zero where the samples cannot be read; nothing is left where the cycle is no point of a characteristic.
+    """
+
+    key: str
+    way_m: float
+    data: CycleData | Skipped | None
+
+
+@many_objects()
+def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array) -> list[Read]:
     """Read some cycles one after the other; one that cannot be used leaves its reason."""
-    with many_objects():
-        return [
-            _read(file, samples, identity, choice, edges_m)
-            for file, samples in zip(files, read_samples(files), strict=True)
-        ]
+    found = []
+    for file, samples in zip(files, read_samples(files), strict=True):
+        cycle = file.head.cycle
+        way = 0.0 if cycle.steps or isinstance(samples, CampaignError) else _way(samples)
+        wanted = cycle.kind in (*SLIDING, *STANDING)
+        found.append(Read(cycle.key, way, _read(file, samples, identity, choice, edges_m) if wanted else None))
+    return found
 
 
 def _read(
@@ -187,8 +200,8 @@ def _light(file: CycleFile) -> CycleFile:
     return CycleFile(file.path, replace(file.head, memory={}))
 
 
-def _travel(files: Sequence[CycleFile]) -> dict[str, float]:
-    """Way of all moves up to the middle of each cycle: as planned, or from the samples where no plan is written."""
+def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, float]:
+    """Way of all moves up to the middle of each cycle: as planned, or by its samples where no plan is written."""
     travel: dict[str, float] = {}
     total, at = 0.0, None
     for file in files:
@@ -198,19 +211,15 @@ def _travel(files: Sequence[CycleFile]) -> dict[str, float]:
                 here += abs(step.to_m - at) if at is not None else 0.0
                 at = step.to_m
         if not cycle.steps:
-            here = _way(file)
+            here = ways[cycle.key]
         travel[cycle.key] = total + here / 2.0
         total += here
     return travel
 
 
-def _way(file: CycleFile) -> float:
-    """Way of a cycle by its samples, so few of them that their noise adds nothing; 0 where they cannot be read."""
-    try:
-        position = file.samples().position_m
-    except PneudriveError:
-        return 0.0
-    position = position[np.isfinite(position)]
+def _way(samples: Samples) -> float:
+    """Way of a cycle by its samples, so few of them that their noise adds nothing."""
+    position = samples.position_m[np.isfinite(samples.position_m)]
     return float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.campaign.folder import CycleFile
+from pneudrive.campaign.folder import CycleFile, read_samples
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.pool import in_processes, workers
 from pneudrive.characteristics.cycle import condition_of
@@ -23,7 +23,7 @@ from pneudrive.characteristics.stops.recovery import Recovery, bin_excess, recov
 from pneudrive.characteristics.stops.relaxation import Relaxation, relax
 from pneudrive.characteristics.stops.running import Running, running_level
 from pneudrive.characteristics.stops.uninterrupted import MOST_CYCLES, SAME_SPEED, Stroke, read_strokes, strokes_of
-from pneudrive.errors import PneudriveError
+from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.rig.interface import Move
 from pneudrive.show import Shown
 
@@ -139,12 +139,16 @@ class Stop(Shown):
         return np.isfinite(self.increment_n) and not SPOILING.intersection(self.flags)
 
 
-def read_stop(file: CycleFile, identity: Identity, others: Sequence[Stroke] = ()) -> Stop | Skipped:
-    """Read one cycle of kind ``stop``.
+def read_stop(
+    file: CycleFile, samples: Samples | CampaignError, identity: Identity, others: Sequence[Stroke] = ()
+) -> Stop | Skipped:
+    """Make sense of one cycle of kind ``stop``.
 
     Parameters
     ----------
     file : CycleFile
+    samples : Samples or CampaignError
+        Its raw samples, or why they cannot be read.
     identity : Identity
         Of the rig.
     others : sequence of Stroke
@@ -155,7 +159,9 @@ def read_stop(file: CycleFile, identity: Identity, others: Sequence[Stroke] = ()
     Stop or Skipped
     """
     try:
-        return _read(file, identity, others)
+        if isinstance(samples, CampaignError):
+            raise samples
+        return _read(file, samples, identity, others)
     except PneudriveError as error:
         reason = f"{error.what} ({error.value})" if error.value is not None else error.what
     except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -164,8 +170,7 @@ def read_stop(file: CycleFile, identity: Identity, others: Sequence[Stroke] = ()
     return Skipped(file.head.cycle.key, file.path.name, reason)
 
 
-def _read(file: CycleFile, identity: Identity, others: Sequence[Stroke]) -> Stop | Skipped:
-    samples = file.samples()
+def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequence[Stroke]) -> Stop | Skipped:
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
     cycle = file.head.cycle
@@ -324,7 +329,9 @@ def _trace(recording: Recording, friction: Array, phases: Phases) -> Trace:
     return Trace(recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
 
 
-def find_stops(campaign: Campaign, processes: int | None = None) -> tuple[tuple[Stop, ...], tuple[Skipped, ...]]:
+def find_stops(
+    campaign: Campaign, processes: int | None = None, files: Sequence[CycleFile] | None = None
+) -> tuple[tuple[Stop, ...], tuple[Skipped, ...]]:
     """Read all stops of a campaign.
 
     Parameters
@@ -332,14 +339,16 @@ def find_stops(campaign: Campaign, processes: int | None = None) -> tuple[tuple[
     campaign : Campaign
     processes : int, optional
         None: as many as there are processors, where there are enough stops.
+    files : sequence of CycleFile, optional
+        Its usable files, where they are known.
 
     Returns
     -------
     tuple of Stop, tuple of Skipped
         In the order in which they were run; what could not be read, and why.
     """
-    files, _ = campaign.scan()
-    files = [CycleFile(f.path, replace(f.head, memory={})) for f in files]
+    known = campaign.scan()[0] if files is None else files
+    files = [CycleFile(f.path, replace(f.head, memory={})) for f in known]
     stops = [f for f in files if f.head.cycle.kind == "stop" and f.head.cycle.stop_s != 0.0]
     if not stops:
         return (), ()
@@ -356,7 +365,9 @@ def find_stops(campaign: Campaign, processes: int | None = None) -> tuple[tuple[
 
 def read_stops(files: Sequence[CycleFile], identity: Identity, others: Sequence[Stroke]) -> list[Stop | Skipped]:
     """Read some stops one after the other."""
-    return [read_stop(file, identity, others) for file in files]
+    return [
+        read_stop(file, samples, identity, others) for file, samples in zip(files, read_samples(files), strict=True)
+    ]
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.campaign.folder import read_samples
 from pneudrive.characteristics.cycle import condition_of
 from pneudrive.characteristics.raw import recording_of, steps_of
 from pneudrive.characteristics.stops.phases import FEWEST, steady_part
-from pneudrive.errors import PneudriveError
+from pneudrive.errors import CampaignError, PneudriveError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from pneudrive.campaign.folder import CycleFile
     from pneudrive.characterise.recording import Recording
     from pneudrive.characteristics.basics import Condition
-    from pneudrive.rig.interface import Identity
+    from pneudrive.rig.interface import Identity, Samples
 
     Array = NDArray[np.float64]
 
@@ -81,12 +82,15 @@ def strokes_of(
 
 def read_strokes(files: Iterable[CycleFile], identity: Identity) -> list[Stroke]:
     """Uninterrupted strokes of whole cycles; cycles that cannot be read have none."""
-    return [stroke for file in files for stroke in _read(file, identity)]
+    found = list(files)
+    every = zip(found, read_samples(found), strict=True)
+    return [stroke for file, samples in every for stroke in _read(file, samples, identity)]
 
 
-def _read(file: CycleFile, identity: Identity) -> list[Stroke]:
+def _read(file: CycleFile, samples: Samples | CampaignError, identity: Identity) -> list[Stroke]:
     try:
-        samples = file.samples()
+        if isinstance(samples, CampaignError):
+            raise samples
         recording, _ = recording_of(file, identity, samples)
         return strokes_of(file, recording, steps_of(recording, samples))
     except (PneudriveError, ValueError, IndexError, ArithmeticError):
