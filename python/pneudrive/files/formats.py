@@ -94,7 +94,9 @@ def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str
 
     if len(paths) > 1:
         with contextlib.suppress(pl.exceptions.PolarsError):  # their columns differ: one by one
-            return _read_alike(paths, wanted)
+            alike = _read_alike(paths, wanted)
+            if alike is not None:
+                return alike
     found = []
     for path in paths:
         opened = open_parquet(path)
@@ -103,11 +105,16 @@ def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str
     return found
 
 
-def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]]:
-    """Read files of the same columns, all of `wanted` among them."""
+def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]] | None:
+    """Read files of the same columns, all of `wanted` among them; None where a value is missing.
+
+    Whole numbers of which some are missing become floats, those of the other files must not.
+    """
     import polars as pl
 
     frame = pl.scan_parquet(list(paths), include_file_paths=OF_FILE).select(*wanted, OF_FILE).collect()
+    if any(frame[name].null_count() for name in wanted):
+        return None
     stretches = frame[OF_FILE].rle().struct.unnest()
     rows = dict(zip(stretches["value"], stretches["len"], strict=True))  # a file without rows is not among them
     columns = {name: frame[name].to_numpy() for name in wanted}
