@@ -42,12 +42,15 @@ class Tally:
         for name, values in vars(other).items():
             getattr(self, name).extend(values)
 
-    def line(self, title: str, worlds: int) -> str:
-        """Write one row of the table."""
+    def line(self, title: str, each: list[Tally]) -> str:
+        """Write one row of the table; with the standard error over the campaigns of the share of measured points."""
+        own = [float(np.mean(one.measured)) for one in each]
+        stderr = 100.0 * np.std(own, ddof=1) / np.sqrt(len(own)) if len(own) > 1 else float("nan")
         shares = (self.measured, self.between, self.direction, self.rows)
-        text = " | ".join(f"{100 * np.mean(part):.1f} %" for part in shares)
+        first, *others = (f"{100 * np.mean(part):.1f}" for part in shares)
+        text = " | ".join([f"{first} ± {stderr:.1f} %", *(f"{other} %" for other in others)])
         size = np.sqrt(np.mean(np.square(self.scores)))
-        return f"| {title} | {worlds} | {text} | {size:.2f} | {100 * np.mean(self.widths):.1f} % |"
+        return f"| {title} | {len(each)} | {text} | {size:.2f} | {100 * np.mean(self.widths):.1f} % |"
 
 
 def tally(world: World, seed: int) -> Tally:
@@ -115,7 +118,7 @@ def main() -> None:
         for one in chosen:
             part.add(one)
         if chosen:
-            sys.stdout.write(part.line(title, len(chosen)) + "\n")
+            sys.stdout.write(part.line(title, chosen) + "\n")
     ends = np.concatenate([t.ends for t in tallies])
     sys.stdout.write(f"truth taken at the beginning of the campaign: {100 * np.mean(ends):.1f} %" + "\n")
 

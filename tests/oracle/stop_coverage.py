@@ -53,12 +53,14 @@ class Tally:
             getattr(self, name).extend(values)
 
     def line(self, title: str, worlds: int) -> str:
-        """Write one row of the table."""
-        shares = " | ".join(f"{100 * np.mean(part):.0f} %" for part in (self.slope, self.mean, self.each))
+        """Write one row of the table; with the standard error of the share whose slope is in its interval."""
+        share = float(np.mean(self.slope))
+        stderr = 100.0 * np.sqrt(share * (1.0 - share) / len(self.slope))
+        others = " | ".join(f"{100 * np.mean(part):.0f} %" for part in (self.mean, self.each))
         law = f"{100 * np.mean(self.law):.0f} %" if self.law else "–"
-        return (
-            f"| {title} | {worlds} | {shares} | {np.median(self.width):.2f} N | {np.mean(self.bias):+.2f} N | {law} |"
-        )
+        slope = f"{100 * share:.0f} ± {stderr:.0f} %"
+        size = f"{np.median(self.width):.2f} N | {np.mean(self.bias):+.2f} N"
+        return f"| {title} | {worlds} | {slope} | {others} | {size} | {law} |"
 
 
 def tally(world: StopWorld, seed: int) -> Tally:

@@ -130,7 +130,7 @@ def _curves(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Ite
         yield Statement(
             "curve",
             f"Known weights show a gain error of the force sensor of {100 * gain.measured:.2g} % "
-            f"(+-{200 * gain.measured_stderr:.2g} %); {100 * gain.error:.2g} % are taken out"
+            f"(±{200 * gain.measured_stderr:.2g} %); {100 * gain.error:.2g} % are taken out"
             f"{', though the stated accuracy does not allow so much' if gain.surprising else ''}.",
         )
     elif gain.cycles:
@@ -303,7 +303,7 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
             yield Statement(
                 "direction",
                 f"At {len(group)} conditions {text}: half the difference is {low:.3g} to {high:.3g} N (95 %: "
-                f"+-{half:.2g} N at most).",
+                f"±{half:.2g} N at most).",
             )
 
 
@@ -312,7 +312,7 @@ def _pressure_zeros(reading: Reading) -> Iterator[Statement]:
         sensor = f"The pressure sensor of chamber {chamber}"
         if zero.tares:
             text = (
-                f"{sensor} shows {zero.mean_pa:+.3g} Pa (+-{2 * zero.stderr_pa:.2g} Pa) beside ambient pressure in "
+                f"{sensor} shows {zero.mean_pa:+.3g} Pa (±{2 * zero.stderr_pa:.2g} Pa) beside ambient pressure in "
                 f"{zero.tares} tare(s) with open chambers: taken off all cycles as its zero."
             )
             yield Statement("zero", text)
@@ -361,7 +361,7 @@ def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
         half = max(float(s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
         yield Statement(
             "air",
-            f"{where} and {speed:.3g} mm/s the air takes {_span(values)} N (95 %: +-{half:.2g} N at most) of "
+            f"{where} and {speed:.3g} mm/s the air takes {_span(values)} N (95 %: ±{half:.2g} N at most) of "
             f"{_span([float(s.total_n[-1]) for s in shares])} N; the rest is the seal.",
         )
         return

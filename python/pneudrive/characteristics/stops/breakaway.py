@@ -107,15 +107,15 @@ def find_breakaway(
     end, peaked = _search_end(travel_m, friction_n, running_n, noise, stiffness_n_m)
     time, friction = _even(time_s[:end], friction_n[:end])
     value, stderr, at, width = _height(time, friction, noise)
-    top = int(np.argmin(np.abs(time - at)))
+    # A wide parabola is off the corner by its own width.
+    first, last = np.searchsorted(time, (at - width, at + width)).tolist()
+    top = first + int(np.argmax(_quick(friction[first:last]))) if last > first else int(np.argmin(np.abs(time - at)))
     corner = corner_height(friction, top, value - running_n, noise.total, noise.of_many())
     if corner is not None:
         # What smoothing would have cut is put right, and stays in doubt.
         value, stderr = corner[0], float(np.hypot(corner[1], corner[0] - value))
     if bandwidth_hz is not None:
-        near = slice(*np.searchsorted(time, (at - width, at + width)).tolist())  # a wide parabola is off a corner
-        turn = float(time[near][np.argmax(_quick(friction[near]))]) if time[near].size else at
-        stderr = float(np.hypot(stderr, lag_loss(time_s, friction_n, turn, bandwidth_hz)))
+        stderr = float(np.hypot(stderr, lag_loss(time_s, friction_n, float(time[top]), bandwidth_hz)))
     index = int(np.argmin(np.abs(time_s[:end] - at)))
     low, high = _rise(_quick(friction_n[: index + 1]))
     span = float(time_s[high] - time_s[low])

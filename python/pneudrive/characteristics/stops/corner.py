@@ -27,6 +27,8 @@ LEAST_DEPTH = 8.0  # deviations of the noise
 BEHIND, BEFORE = 160, 60  # samples at most on either side
 FEWEST_BEFORE, FEWEST_BEHIND = 3, 12
 PLACES = 33  # of the corner
+FINER = 3  # times that they are put closer, where the samples tell the corner's place better than their spacing
+KNOWN = 1.5  # spacings: a standard deviation of the place that is larger is not told by them
 ROUNDNESS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # samples
 SHARP = 1.0  # samples: a corner that is rounder is smoothed without a loss, and better told by parabolas
 FITS = 1.3  # squared residual over that of the noise, above which a corner describes the samples no more
@@ -110,22 +112,24 @@ def _window(friction: Array, top: int, depth: float) -> slice | None:
 
 def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float, float] | None:
     t = np.arange(friction.size, dtype=float)
-    places = np.linspace(max(top - 6.0, 0.5), top + 6.0, PLACES)
-    grid = [(c, s) for s in ROUNDNESS for c in places]
-    designs = np.stack([_columns(t, c, s) for c, s in grid])
-    found = scan(designs, friction)
-    best = found.best
-    free = friction.size - 6.0
-    if found.cost[best] > FITS * free * one_n**2:
+    low, high = max(top - 6.0, 0.5), top + 6.0
+    for _ in range(FINER + 1):
+        places, step = np.linspace(low, high, PLACES, retstep=True)
+        grid = [(float(c), s) for s in ROUNDNESS for c in places]
+        found = scan(np.stack([_columns(t, c, s) for c, s in grid]), friction)
+        weight = np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
+        corner = np.array([c for c, _ in grid])
+        middle = float(weight @ corner / weight.sum())
+        if weight @ (corner - middle) ** 2 / weight.sum() > (KNOWN * step) ** 2:
+            break
+        low, high = middle - 2.0 * KNOWN * step, middle + 2.0 * KNOWN * step
+    if found.cost[found.best] > FITS * (friction.size - 6.0) * one_n**2 or grid[found.best][1] > SHARP:
         return None
-    if grid[best][1] > SHARP:
-        return None
-    weight = np.exp(-0.5 * (found.cost - found.cost[best]) / many_n**2)
     chosen = np.flatnonzero(weight > 1e-3)
-    fine = np.linspace(0.0, friction.size - 1.0, FINE * friction.size)
+    even = np.linspace(0.0, friction.size - 1.0, FINE * friction.size)
     heights, variances = [], []
     for i in chosen:
-        columns = _columns(fine, *grid[i])
+        columns = _columns(np.append(even, grid[i][0]), *grid[i])
         values = columns @ found.coefficient[i]
         at = int(np.argmax(values))
         heights.append(float(values[at]))
