@@ -19,6 +19,8 @@ from pneudrive.characteristics.separable import scan
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.characteristics.separable import Scan
+
     Array = NDArray[np.float64]
 
 #: Parts of the excess down to which samples on both sides are fitted, the widest that a corner describes being taken.
@@ -111,18 +113,7 @@ def _window(friction: Array, top: int, depth: float) -> slice | None:
 
 
 def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float, float] | None:
-    t = np.arange(friction.size, dtype=float)
-    low, high = max(top - 6.0, 0.5), top + 6.0
-    for _ in range(FINER + 1):
-        places, step = np.linspace(low, high, PLACES, retstep=True)
-        grid = [(float(c), s) for s in ROUNDNESS for c in places]
-        found = scan(np.stack([_columns(t, c, s) for c, s in grid]), friction)
-        weight = np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
-        corner = np.array([c for c, _ in grid])
-        middle = float(weight @ corner / weight.sum())
-        if weight @ (corner - middle) ** 2 / weight.sum() > (KNOWN * step) ** 2:
-            break
-        low, high = middle - 2.0 * KNOWN * step, middle + 2.0 * KNOWN * step
+    grid, found, weight = _places(friction, top, many_n)
     if found.cost[found.best] > FITS * (friction.size - 6.0) * one_n**2 or grid[found.best][1] > SHARP:
         return None
     chosen = np.flatnonzero(weight > 1e-3)
@@ -137,6 +128,29 @@ def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float,
     share = weight[chosen] / weight[chosen].sum()
     height = float(share @ np.array(heights))
     return height, float(np.sqrt(share @ (np.array(variances) + (np.array(heights) - height) ** 2)))
+
+
+def _places(friction: Array, top: int, many_n: float) -> tuple[list[tuple[float, float]], Scan, Array]:
+    """Fit corners of all places and roundnesses, the places as close as the samples tell them, and weigh each."""
+    low, high = max(top - 6.0, 0.5), top + 6.0
+    tried = _scanned(friction, low, high, many_n)
+    for _ in range(FINER):
+        grid, _, weight = tried
+        step, corner = (high - low) / (PLACES - 1), np.array([c for c, _ in grid])
+        share = weight / weight.sum()
+        middle = float(share @ corner)
+        if share @ (corner - middle) ** 2 > (KNOWN * step) ** 2:
+            break
+        low, high = middle - 2.0 * KNOWN * step, middle + 2.0 * KNOWN * step
+        tried = _scanned(friction, low, high, many_n)
+    return tried
+
+
+def _scanned(friction: Array, low: float, high: float, many_n: float) -> tuple[list[tuple[float, float]], Scan, Array]:
+    t = np.arange(friction.size, dtype=float)
+    grid = [(float(c), s) for s in ROUNDNESS for c in np.linspace(low, high, PLACES)]
+    found = scan(np.stack([_columns(t, c, s) for c, s in grid]), friction)
+    return grid, found, np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
 
 
 def _columns(t: Array, corner: float, roundness: float) -> Array:
