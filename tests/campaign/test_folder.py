@@ -287,3 +287,20 @@ def test_the_head_of_a_sealed_file_is_found_without_a_library(folder):
     assert seal.sealed_text(data, "pneumatic") is None
     twice = seal.sealed_parquet(pl.DataFrame({"a": [1]}), {"x": "\x18\x09pneudrive\x18", "pneudrive": "{}"})
     assert seal.sealed_text(twice, "pneudrive") is None
+
+
+def test_a_file_that_is_taken_away_meanwhile_costs_no_other(folder, monkeypatch):
+    files, _ = Campaign.open(folder).scan()
+    look = seal.look
+
+    def looked(path):
+        found = look(path)
+        if path.name.startswith("00002"):
+            path.unlink()
+        return found
+
+    monkeypatch.setattr(seal, "look", looked)
+    first, second, third = read_samples(files)
+    assert isinstance(second, CampaignError)
+    assert "no such file" in second.what
+    assert len(first) == len(third) == 300

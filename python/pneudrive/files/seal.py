@@ -104,7 +104,12 @@ def sealed_text(parquet: Bytes, key: str) -> str | None:
         at, shift = at + 1, shift + 7
     length |= parquet[at] << shift
     text = parquet[at + 1 : at + 1 + length]
-    return text.decode() if parquet[at + 1 + length : at + 2 + length] == b"\0" else None
+    if parquet[at + 1 + length : at + 2 + length] != b"\0":  # the end of the pair
+        return None
+    try:
+        return text.decode()
+    except UnicodeDecodeError:
+        return None
 
 
 def look(path: Path) -> Looked:

@@ -187,7 +187,7 @@ def read_columns(
         foreign = [one for one in some if one.foreign]
         size = sum(one.size for one in foreign)
         others = _reader.ask_each([one.path for one in foreign], size, request, kind)
-        own = iter(formats.read_parquets([one.path for one in some if one.own], wanted))
+        own = iter(_read_own([one.path for one in some if one.own], wanted, kind))
         for one in some:
             if one.error is not None:
                 yield one.error
@@ -269,6 +269,18 @@ def _look(path: Path, kind: type[PneudriveError]) -> _File:
     if looked.wrong:
         raise kind(looked.wrong, where=str(path))
     return _File(path, size, None, looked.own, looked.parquet)
+
+
+def _read_own(
+    paths: Sequence[Path], wanted: Sequence[str], kind: type[PneudriveError]
+) -> list[dict[str, NDArray[Any]] | PneudriveError]:
+    """Read columns of sealed files; one that was taken away meanwhile gives its error."""
+    try:
+        return list(formats.read_parquets(paths, wanted))
+    except OSError as error:
+        if len(paths) == 1:
+            return [unreadable(paths[0], error, kind)]
+        return [found for path in paths for found in _read_own([path], wanted, kind)]
 
 
 def _columns(told: dict[str, Any], memory: memoryview) -> dict[str, NDArray[Any]]:
