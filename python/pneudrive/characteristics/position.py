@@ -31,7 +31,7 @@ FINER = (0.02, 0.004, 0.001)
 CLEAR = 25.0
 FEWEST_BINS = 16
 FEWEST_CYCLES = 4
-MOST_FITTED = 200  # cycles whose slopes are fitted one by one: of more, neighbours in speed are put together
+MOST_FITTED = 100  # cycles whose slopes are fitted one by one: of more, neighbours in speed are put together
 APART = 2.0  # times the slowest over the fastest cycle's time and force, from which on a drift of the zero can be told
 COVERED = 0.9  # of the common bins: cycles that lack more do not tell of trend and harmonics
 
