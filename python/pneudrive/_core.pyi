@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 __all__ = [
     "Drive",
     "Rig",
+    "Session",
     "Tank",
     "choked_flow_factor",
     "constants",
@@ -93,6 +94,7 @@ class Drive:
         budget: int | None = None,
         look: Callable[[float], object] | None = None,
     ) -> SimulationResult: ...
+    def start(self, initial: Mapping[str, float], rtol: float) -> Session: ...
     def states(
         self,
         times: Sequence[float],
@@ -150,6 +152,38 @@ class Drive:
         temperatures: Sequence[float],
         rtol: float,
     ) -> tuple[dict[str, NDArray[float64]], list[str]]: ...
+
+@type_check_only
+class Linear(TypedDict):
+    a: NDArray[float64]
+    b: NDArray[float64]
+    c: NDArray[float64]
+    d: NDArray[float64]
+    state: NDArray[float64]
+    rates: NDArray[float64]
+    outputs: NDArray[float64]
+
+@final
+class Session:
+    @property
+    def time(self) -> float: ...
+    @property
+    def failed(self) -> str | None: ...
+    @property
+    def statistics(self) -> dict[str, int]: ...
+    @property
+    def inputs(self) -> list[tuple[str, str, str, str]]: ...
+    @property
+    def columns(self) -> list[str]: ...
+    @property
+    def states(self) -> list[str]: ...
+    def set(self, name: str, value: float) -> None: ...
+    def schedule(self, name: str, times: Sequence[float], values: Sequence[float]) -> None: ...
+    def advance(self, until: float, look: Callable[[float], object] | None = None) -> None: ...
+    def read(self, name: str) -> float: ...
+    def save(self) -> bytes: ...
+    def restore(self, saved: bytes) -> None: ...
+    def linearise(self, inputs: Sequence[str]) -> Linear: ...
 
 @type_check_only
 class RigResult(Result):

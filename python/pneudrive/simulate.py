@@ -11,6 +11,8 @@ from pneudrive import __version__, units
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.references import bibtex
+from pneudrive.session import check_tolerance
+from pneudrive.session import compiled as compiled
 from pneudrive.show import Shown
 from pneudrive.trajectory import meaning
 from pneudrive.watch import UNWATCHED, Watch
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from pneudrive._core import Drive as CoreDrive
     from pneudrive._core import SimulationResult
     from pneudrive.describe import Drive, Initial
     from pneudrive.watch import Flag
@@ -164,8 +165,7 @@ def run(
         )
     asked = [k / rate for k in range(round(samples))] if callable(command) else None
     steps = commands.steps(command, asked, drive.valve.command)
-    if isinstance(rtol, bool) or not 1e-13 <= rtol <= 1e-1:
-        raise CommandError(f"rtol = {rtol} is out of bounds", rule="1e-13 <= rtol <= 0.1")
+    check_tolerance(rtol)
     if budget is not None and (isinstance(budget, bool) or not 1 <= budget <= MOST_BUDGET):
         raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempts at a step")
     start = drive.core_initial(commands.initial(initial))
@@ -180,23 +180,6 @@ def run(
     for message in result["warnings"]:
         warn(message)
     return Run(result["columns"], _provenance(drive, result, rtol))
-
-
-@lru_cache(maxsize=256)
-def compiled(core_json: str) -> CoreDrive:
-    """Return the core's form of a drive, made once for each description.
-
-    Raises
-    ------
-    DescriptionError
-        The core refuses it.
-    """
-    from pneudrive import _core
-
-    try:
-        return _core.Drive(core_json)
-    except ValueError as error:
-        raise DescriptionError(str(error)) from None
 
 
 def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str, Any]:

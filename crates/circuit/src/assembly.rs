@@ -7,6 +7,7 @@ mod friction;
 mod leak;
 mod own_law;
 mod rig;
+mod session;
 mod shoot;
 mod tank;
 
@@ -15,5 +16,6 @@ pub use drive::{Drive, Servo};
 pub use friction::{friction_law, steady_sensitivity};
 pub use own_law::own_law;
 pub use rig::{End, Motion, Rig, Start};
+pub use session::{INPUTS, Linear, Session, Settable};
 pub use shoot::{ByStart, DIRECTIONS, Shooting, Shot};
 pub use tank::Tank;

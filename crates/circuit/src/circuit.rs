@@ -164,6 +164,18 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
+    /// The value of an input.
+    pub fn input(&self, id: InputId) -> R {
+        *self.parts.clone().input_mut(id).1
+    }
+
+    /// The modes of all events, each as `each` leaves it.
+    pub fn change_modes(&mut self, mut each: impl FnMut(&mut R)) {
+        for &id in &self.topology.events {
+            each(self.parts.mode_mut(id));
+        }
+    }
+
     /// The input that is the external force on an axis, N in +x.
     pub fn external_force(&self, axis: AxisId) -> InputId {
         let (kind, index, ..) = self.mass(axis);
@@ -395,8 +407,7 @@ impl<R: Lane> System<R> for Circuit<R> {
     }
 
     fn obstacles(&self, y: &[R], out: &mut [R], net: &mut Net<R>) {
-        self.parts.place(y, net, &self.common);
-        self.parts.obstacles(net, out);
+        self.parts.obstacles(y, net, &self.common, out);
     }
 
     fn inside(&self, y: &[R], net: &mut Net<R>) -> R::Plain {

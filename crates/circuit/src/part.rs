@@ -198,7 +198,7 @@ pub trait Part<P: Real> {
         0
     }
     /// Functions that are positive before each and negative behind it.
-    fn obstacles(&self, _net: &Net<P>, _out: &mut [P]) {}
+    fn obstacles(&self, _y: Own<P>, _net: &Net<P>, _out: &mut [P]) {}
 
     /// How many events the part has, each with a mode of its own: a number in each lane.
     fn n_events(&self) -> usize {
@@ -225,6 +225,10 @@ pub trait Part<P: Real> {
     ) where
         P: Lane,
     {
+    }
+    /// The mode of an event.
+    fn mode_mut(&mut self, event: usize) -> &mut P {
+        unreachable!("there is no event {event}")
     }
     /// Sets the mode to match the states, and what it demands of them.
     fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, _net: &Net<P>)
@@ -391,10 +395,13 @@ macro_rules! parts {
                 0 $(+ self.$field.iter().map(|(_, part)| Part::<P>::n_obstacles(part)).sum::<usize>())*
             }
 
-            pub fn obstacles(&self, net: &Net<P>, mut out: &mut [P]) {
-                $(for (_, part) in &self.$field {
+            pub fn obstacles(&self, y: &[P], net: &mut Net<P>, common: &Common<P>, mut out: &mut [P]) {
+                if self.has_others {
+                    self.place_others(y, net, common);
+                }
+                $(for (at, part) in &self.$field {
                     let (own, others) = out.split_at_mut(Part::<P>::n_obstacles(part));
-                    part.obstacles(net, own);
+                    part.obstacles(Own { y, place: *at }, net, own);
                     out = others;
                 })*
             }
@@ -417,6 +424,12 @@ macro_rules! parts {
                         let (at, part) = &self.$field[id.index];
                         part.event(id.event, Own { y, place: *at }, net)
                     })*
+                }
+            }
+
+            pub fn mode_mut(&mut self, id: EventId) -> &mut R {
+                match id.kind {
+                    $(PartKind::$part => self.$field[id.index].1.mode_mut(id.event),)*
                 }
             }
 

@@ -1,5 +1,6 @@
 //! The integration loop: one for a single system, for lanes, for every caller.
 
+mod memory;
 mod output;
 mod refusal;
 mod saltation;
@@ -147,6 +148,12 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// The present state, one entry for each state.
     pub fn state(&self) -> &[R] {
         &self.y.as_flattened()[..self.structure.n()]
+    }
+
+    /// Allows so many further attempts.
+    pub fn allow(&mut self, attempts: u64) {
+        let done = self.lanes.iter().map(|lane| lane.statistics.factorisations).max().unwrap_or(0);
+        self.options.max_attempts = done.saturating_add(attempts);
     }
 
     pub fn failure(&self, lane: usize) -> Option<Failure> {

@@ -1,7 +1,8 @@
 //! `Drive`: simulation, balances along a record, shooting.
 
 use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched};
-use circuit::{ALONG, ByStart, Drive, Record, Restart, Servo, Shooting, Shot, specification};
+use crate::session::PySession;
+use circuit::{ALONG, ByStart, Drive, Record, Restart, Servo, Session, Shooting, Shot, specification};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -59,6 +60,12 @@ impl PyDrive {
         out.set_item("warnings", warnings)?;
         out.set_item("citations", drive.citations())?;
         Ok(out)
+    }
+
+    /// A session of the drive at a start state, its valve shut.
+    fn start(&self, initial: &Bound<'_, PyDict>, rtol: f64) -> PyResult<PySession> {
+        let session = Session::new(&self.drive, &self.json, &initial_state(initial)?, rtol);
+        Ok(PySession::new(session, self.drive.columns()))
     }
 
     /// The same run, but only its states as they are integrated, shape (samples, states).

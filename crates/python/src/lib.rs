@@ -4,6 +4,7 @@ mod convert;
 mod drive;
 mod friction;
 mod rig;
+mod session;
 mod tank;
 
 use physics::IdealGas;
@@ -42,6 +43,7 @@ fn constants() -> BTreeMap<&'static str, f64> {
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<drive::PyDrive>()?;
     m.add_class::<rig::PyRig>()?;
+    m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;
     m.add_function(wrap_pyfunction!(friction::formula_law, m)?)?;

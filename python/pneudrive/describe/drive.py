@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -19,6 +20,11 @@ from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, L
 from pneudrive.describe.provenance import Origin
 from pneudrive.errors import DescriptionError
 from pneudrive.show import Card
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.session import Session
 
 # Defaults that no datasheet backs: a result that rests on one says so.
 _ASSUMED = {"cylinder": ("heat_transfer",), "valve": ("subsonic_index", "linear_above")}
@@ -249,6 +255,39 @@ class Drive(Described):
             state[f"pressure_{chamber}_pa"] = absolute
             state[f"temperature_{chamber}_k"] = _or(temperature, ambient.temperature_k)
         return state
+
+    def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-6) -> Session:
+        """Start the drive: a session that runs as long as its caller advances it.
+
+        Parameters
+        ----------
+        initial : Initial, dict or str, optional
+            As for `pneudrive.simulate`. The valve is shut until the session's first command.
+        rtol : float
+            Relative tolerance of the solver.
+
+        Returns
+        -------
+        Session
+            See `pneudrive.session.Session`.
+
+        Raises
+        ------
+        CommandError
+            The tolerance is not valid.
+        DescriptionError
+            The start state does not fit the drive.
+
+        Examples
+        --------
+        >>> session = Drive.load("catalogue:reference").start("position = 50 mm")
+        >>> session.set("command", 0.6)
+        >>> session.advance(0.1)
+        >>> session.read("velocity_m_s") > 0.5
+        True
+        """
+        # What runs knows what is described, not the other way round: it is found when it is asked for.
+        return import_module("pneudrive.session").start(self, initial, rtol)
 
     @property
     def end_stop(self) -> dict[str, float]:

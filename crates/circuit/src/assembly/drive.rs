@@ -25,6 +25,7 @@ pub struct Drive<P = f64> {
     b: GasId,
     /// Edges of the valve: supply to a, a to exhaust, supply to b, b to exhaust.
     edges: [InputId; 4],
+    supply: GasId,
     stop: EndStop<P>,
     /// The larger area of the piston, m2, and the stroke, m.
     area: P,
@@ -77,6 +78,12 @@ impl Drive {
         }
         Ok(drive)
     }
+}
+
+/// How far a command opens each edge of the valve.
+pub(super) fn openings<R: Real>(u: R) -> [R; 4] {
+    let (extend, retract) = (u.max(R::zero()), (-u).max(R::zero()));
+    [extend, retract, retract, extend]
 }
 
 /// Both sides of the piston.
@@ -172,7 +179,7 @@ where
             circuit.set_input(gap, 0, P::one());
         }
         let (warnings, citations) = (Vec::new(), Vec::new());
-        Ok(Drive { circuit, axis, a, b, edges, stop, area, stroke, columns, warnings, citations })
+        Ok(Drive { circuit, axis, a, b, edges, supply, stop, area, stroke, columns, warnings, citations })
     }
 }
 
@@ -194,25 +201,24 @@ impl<P: Lane> Drive<P> {
 
     /// Opens the valve of one lane: u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
     pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: R) {
-        let (extend, retract) = (u.max(R::zero()), (-u).max(R::zero()));
-        for (edge, opening) in self.edges.iter().zip([extend, retract, retract, extend]) {
+        for (edge, opening) in self.edges.iter().zip(openings(u)) {
             circuit.set_input(*edge, lane, opening);
         }
     }
 
     /// One row of the columns.
-    pub(crate) fn row(
+    pub(crate) fn row<R: Lane>(
         &self,
-        circuit: &Circuit<P>,
+        circuit: &Circuit<R>,
         (t, u): (f64, f64),
-        y: &[P],
-        net: &mut Net<P>,
-        row: &mut [P],
+        y: &[R],
+        net: &mut Net<R>,
+        row: &mut [R],
     ) {
         circuit.observe(y, net);
         let (axis, a, b) = (&net.axis[self.axis.0], &net.gas[self.a.0], &net.gas[self.b.0]);
         let values = [
-            P::c(t),
+            R::c(t),
             axis.x,
             axis.v,
             axis.a,
@@ -222,7 +228,7 @@ impl<P: Lane> Drive<P> {
             b.t,
             axis.friction,
             -axis.end_stop,
-            P::c(u),
+            R::c(u),
             a.m_dot,
             b.m_dot,
         ];
@@ -289,6 +295,13 @@ impl Drive {
             inner: &[],
         });
         (circuit, y)
+    }
+
+    /// The inputs of each edge of the valve, of the external force, of the supply's pressure and temperature.
+    pub(super) fn inputs(&self) -> [InputId; 7] {
+        let [a, b, c, d] = self.edges;
+        let [pressure, temperature] = self.circuit.boundary(self.supply);
+        [a, b, c, d, self.circuit.external_force(self.axis), pressure, temperature]
     }
 
     /// Opens each edge of the valve by itself: supply to a, a to exhaust, supply to b, b to exhaust.

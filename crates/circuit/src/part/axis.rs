@@ -305,6 +305,10 @@ impl<P: Real> Part<P> for Axis<P> {
         self.events_of_law()
     }
 
+    fn mode_mut(&mut self, _event: usize) -> &mut P {
+        &mut self.mode
+    }
+
     fn event(&self, _event: usize, y: Own<P>, net: &Net<P>) -> P {
         self.event_in(y.after(2), net)
     }

@@ -177,12 +177,17 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
         Part::<P>::n_obstacles(&self.stops)
     }
 
-    fn obstacles(&self, net: &Net<P>, out: &mut [P]) {
-        self.stops.obstacles(net, out);
+    fn obstacles(&self, y: Own<P>, _net: &Net<P>, out: &mut [P]) {
+        let [x] = y.first();
+        out.copy_from_slice(&self.stops.ahead(x));
     }
 
     fn n_events(&self) -> usize {
         self.axis.events_of_law()
+    }
+
+    fn mode_mut(&mut self, _event: usize) -> &mut P {
+        &mut self.axis.mode
     }
 
     fn event(&self, _event: usize, y: Own<P>, net: &Net<P>) -> P {

@@ -38,6 +38,11 @@ impl<P: Real> EndStops<P> {
         S::c(0.5) * S::from(self.law.stiffness) * depth * depth
     }
 
+    /// How far it is to each of the stops from `x`, m.
+    pub(super) fn ahead(&self, x: P) -> [P; 2] {
+        [x, self.stroke - x]
+    }
+
     /// Adds the force of the stops to the axis.
     #[inline(always)]
     pub(super) fn push<S: Over<P>>(&self, node: &mut AxisNode<S>) {
@@ -65,9 +70,8 @@ impl<P: Real> Part<P> for EndStops<P> {
         2
     }
 
-    fn obstacles(&self, net: &Net<P>, out: &mut [P]) {
-        let x = net.axis[self.axis].x;
-        out.copy_from_slice(&[x, self.stroke - x]);
+    fn obstacles(&self, _y: Own<P>, net: &Net<P>, out: &mut [P]) {
+        out.copy_from_slice(&self.ahead(net.axis[self.axis].x));
     }
 
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {

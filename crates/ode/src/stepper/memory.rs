@@ -1,0 +1,60 @@
+//! A stepper between two calls of `advance` as words, and back.
+
+use super::Stepper;
+use crate::control::{Control, Statistics};
+use crate::system::System;
+
+impl<Sys: System<f64>> Stepper<f64, Sys> {
+    /// All that what follows depends on, beside the inputs and modes of the system; nothing of a lane that has failed.
+    pub fn save(&self) -> Option<Vec<u64>> {
+        let Control { wish, after_rejection, cut, idle_switches, failure, statistics, .. } = &self.lanes[0];
+        if failure.is_some() {
+            return None;
+        }
+        let Statistics { steps, rejected, right_hand_sides, jacobians, factorisations, events } = *statistics;
+        let flags = [self.fresh, self.started, *after_rejection, cut.is_some()];
+        let numbers = [self.t[0], *wish, cut.unwrap_or(0.0)];
+        let words = numbers.iter().chain(self.state()).map(|number| number.to_bits());
+        let counts =
+            [steps, rejected, right_hand_sides, jacobians, factorisations, events, u64::from(*idle_switches)];
+        Some(words.chain(flags.map(u64::from)).chain(counts).collect())
+    }
+
+    /// How many words that are.
+    pub fn words(&self) -> usize {
+        self.structure.n() + 14
+    }
+
+    /// Goes on, bit for bit, where `save` was called; the inputs and modes of the system are those of that time.
+    pub fn restore(&mut self, words: &[u64]) {
+        assert_eq!(words.len(), self.words(), "words of a system of this size");
+        let (numbers, rest) = words.split_at(3 + self.structure.n());
+        let (flags, counts) = rest.split_at(4);
+        let number = |i: usize| f64::from_bits(numbers[i]);
+        self.t[0] = number(0);
+        for (i, y) in self.y.as_flattened_mut()[..numbers.len() - 3].iter_mut().enumerate() {
+            *y = number(3 + i);
+        }
+        let [fresh, started, after_rejection, has_cut] = [0, 1, 2, 3].map(|i| flags[i] != 0);
+        self.started = started;
+        self.lanes[0] = Control {
+            wish: number(1),
+            after_rejection,
+            cut: has_cut.then(|| number(2)),
+            idle_switches: counts[6] as u32,
+            ..Control::new()
+        };
+        self.fresh = false;
+        if fresh {
+            self.refresh();
+        }
+        self.lanes[0].statistics = Statistics {
+            steps: counts[0],
+            rejected: counts[1],
+            right_hand_sides: counts[2],
+            jacobians: counts[3],
+            factorisations: counts[4],
+            events: counts[5],
+        };
+    }
+}

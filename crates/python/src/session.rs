@@ -1,0 +1,114 @@
+//! `Session`: a drive that runs.
+
+use crate::convert::{Teller, statistics, to_python, watched};
+use circuit::{INPUTS, Look, Session};
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+/// A running drive; `Drive.start` makes it.
+#[pyclass(name = "Session")]
+pub struct PySession {
+    session: Session,
+    columns: Vec<String>,
+}
+
+impl PySession {
+    pub fn new(session: Session, columns: &[String]) -> Self {
+        PySession { session, columns: columns.to_vec() }
+    }
+}
+
+fn input(name: &str) -> PyResult<usize> {
+    let place = INPUTS.iter().position(|input| input.name == name);
+    place.ok_or_else(|| PyValueError::new_err(format!("there is no input \"{name}\"")))
+}
+
+#[pymethods]
+impl PySession {
+    /// Present time, s.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.session.time()
+    }
+
+    /// Why it cannot go on, if it cannot.
+    #[getter]
+    fn failed(&self) -> Option<&str> {
+        self.session.failed()
+    }
+
+    #[getter]
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        statistics(py, &self.session.statistics())
+    }
+
+    /// Name, unit, bounds in words and meaning of each input.
+    #[getter]
+    fn inputs(&self) -> Vec<(&'static str, &'static str, String, &'static str)> {
+        INPUTS.iter().map(|own| (own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
+    }
+
+    /// Names of what can be read.
+    #[getter]
+    fn columns(&self) -> Vec<String> {
+        self.columns.clone()
+    }
+
+    /// Names of the states, each with its unit.
+    #[getter]
+    fn states(&self) -> Vec<String> {
+        self.session.state_names().to_vec()
+    }
+
+    /// Sets an input from now on.
+    fn set(&mut self, name: &str, value: f64) -> PyResult<()> {
+        self.session.set(input(name)?, value).map_err(to_python)
+    }
+
+    /// Sets an input at times to come.
+    fn schedule(&mut self, name: &str, times: Vec<f64>, values: Vec<f64>) -> PyResult<()> {
+        self.session.schedule(input(name)?, &times, &values).map_err(to_python)
+    }
+
+    /// Goes on until a time, s.
+    #[pyo3(signature = (until, look=None))]
+    fn advance(&mut self, py: Python<'_>, until: f64, look: Teller<'_>) -> PyResult<()> {
+        let session = &mut self.session;
+        watched(py, look, |interrupted| session.advance(until, &mut Look::new(interrupted)))
+    }
+
+    /// A column, or an input, at the present state.
+    fn read(&mut self, name: &str) -> PyResult<f64> {
+        match self.columns.iter().position(|column| column == name) {
+            Some(column) => Ok(self.session.read(column)),
+            None => Ok(self.session.input(input(name)?)),
+        }
+    }
+
+    fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.session.save().map_err(to_python)?))
+    }
+
+    fn restore(&mut self, saved: &[u8]) -> PyResult<()> {
+        self.session.restore(saved).map_err(to_python)
+    }
+
+    /// A, B, C, D by name, and the state, its rates and the outputs about which they are.
+    fn linearise<'py>(&self, py: Python<'py>, inputs: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
+        let places = inputs.iter().map(|name| input(name)).collect::<PyResult<Vec<_>>>()?;
+        let linear = self.session.linearise(&places).map_err(to_python)?;
+        let (states, inputs, outputs) = (linear.state.len(), places.len(), linear.outputs.len());
+        let out = PyDict::new(py);
+        let array = |values: Vec<f64>| PyArray1::from_vec(py, values);
+        out.set_item("a", array(linear.a).reshape([states, states])?)?;
+        out.set_item("b", array(linear.b).reshape([states, inputs])?)?;
+        out.set_item("c", array(linear.c).reshape([outputs, states])?)?;
+        out.set_item("d", array(linear.d).reshape([outputs, inputs])?)?;
+        out.set_item("state", array(linear.state))?;
+        out.set_item("rates", array(linear.rates))?;
+        out.set_item("outputs", array(linear.outputs))?;
+        Ok(out)
+    }
+}

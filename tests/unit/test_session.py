@@ -1,0 +1,220 @@
+"""A running drive is the simulated drive: same bits, put back bit for bit, with exact derivatives.
+
+What is wrong is said in one message and leaves the session as it was.
+"""
+
+import itertools
+import math
+import threading
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.errors import Cancelled, CommandError, SimulationError
+
+REFERENCE = pn.Drive.load("catalogue:reference")
+STICKS = REFERENCE.replace(
+    {
+        "friction": {
+            "law": "stribeck",
+            "coulomb": "30 N",
+            "breakaway": "45 N",
+            "stribeck_velocity": "20 mm/s",
+            "viscous": "40 N s/m",
+        }
+    }
+)
+START = {"position": "0.25 m", "pressure_a": "3 bar abs", "pressure_b": "3 bar abs"}
+COLUMNS = ("position_m", "velocity_m_s", "pressure_a_pa", "temperature_b_k", "friction_force_n", "mass_flow_a_kg_s")
+
+
+def track(session, times, seen, commands):
+    """Position control at the rate of `times`; what is read, and the commands."""
+    for now, until in itertools.pairwise(times):
+        target = 0.25 + 0.1 * math.sin(2.0 * math.pi * 0.5 * now)
+        error = target - session.read("position_m")
+        u = min(1.0, max(-1.0, 8.0 * error - 0.25 * session.read("velocity_m_s")))
+        session.set("command", u)
+        commands.append((now, u))
+        seen.append([session.read(name) for name in COLUMNS])
+        session.advance(until)
+
+
+@pytest.mark.parametrize("drive", [REFERENCE, STICKS], ids=["bristles", "modes"])
+def test_ten_seconds_of_control_from_python_have_the_bits_of_the_simulation(drive):
+    times = [k / 1000.0 for k in range(10_001)]
+    seen, commands = [], []
+    session = drive.start(START)
+    track(session, times, seen, commands)
+    seen.append([session.read(name) for name in COLUMNS])
+    run = pn.simulate(drive, commands, 10.0, initial=START)
+    batch = [run[pn.trajectory.meaning(name)[0]].to_numpy() for name in COLUMNS]
+    assert np.array_equal(np.array(seen), np.stack(batch, axis=1))
+    assert np.ptp(batch[0]) > 0.15  # it moves
+    assert session.statistics == run.attrs["statistics"]
+    assert (session.statistics["events"] > 20) == (drive is STICKS)
+
+
+@pytest.mark.parametrize("drive", [REFERENCE, STICKS], ids=["bristles", "modes"])
+def test_what_follows_a_restored_state_has_the_bits_that_it_had(drive):
+    session, other = drive.start(START), drive.start({"position": "0.1 m"})
+    session.schedule("command", [(0.0, 0.3), (0.4, -0.02), (0.9, 0.5)])
+    session.schedule("load_force_n", [(0.7, 5.0), (1.1, -5.0)])
+    session.advance(0.5)
+    session.set("supply_pressure_pa", 6e5)
+    saved = session.save()
+    session.advance(1.2)
+    after, work = [session.read(name) for name in session_columns(session)], session.statistics
+    assert session.save() != saved
+    for one in (session, other):  # back in time, and in a session that was never there
+        one.restore(saved)
+        assert one.save() == saved
+        assert (one.time, one.read("supply_pressure_pa")) == (0.5, 6e5)
+        one.advance(1.2)
+        assert [one.read(name) for name in session_columns(one)] == after
+        assert one.statistics == work
+
+
+def session_columns(session):
+    return [variable.name for variable in session.variables if variable.kind != "state"]
+
+
+def test_a_schedule_is_the_same_as_setting_at_each_time():
+    planned, by_hand = REFERENCE.start(START), REFERENCE.start(START)
+    planned.schedule("command", [(0.1, 0.5), (0.0, 0.9), (0.1, -0.7), (0.25, 0.0)])
+    planned.advance(0.3)
+    for now, u in ((0.0, 0.9), (0.1, -0.7), (0.25, 0.0)):
+        by_hand.advance(now)
+        by_hand.set("command", u)
+    by_hand.advance(0.3)
+    assert planned.save() == by_hand.save()
+
+
+def test_edges_by_themselves_are_the_valve():
+    by_edge, by_command = REFERENCE.start(START), REFERENCE.start(START)
+    by_command.set("command", -0.4)
+    by_edge.set("opening_a_exhaust", 0.4)
+    by_edge.set("opening_supply_b", 0.4)
+    assert math.isnan(by_edge.read("command"))
+    for session in (by_edge, by_command):
+        session.advance(0.2)
+    assert by_edge.read("position_m") == by_command.read("position_m") < 0.2
+    by_edge.set("command", -0.4)
+    assert by_edge.save() == by_command.save()
+
+
+def test_derivatives_are_the_slopes_of_what_is_read():
+    inputs = {"command": 1e-5, "opening_b_exhaust": 1e-5, "load_force_n": 1e-2, "supply_pressure_pa": 10.0}
+    inputs["supply_temperature_k"] = 1e-2
+    session = REFERENCE.start(START)
+    session.set("command", 0.3)
+    session.advance(0.03)
+    saved, linear = session.save(), session.linearise(tuple(inputs))
+    assert linear.D.shape == (len(linear.outputs), len(inputs))
+    scale = np.maximum(np.abs(linear.output), 1e-6)
+    moved = 0
+    for i, (name, step) in enumerate(inputs.items()):
+        reads = []
+        for sign in (1.0, -1.0):
+            session.restore(saved)
+            session.set(name, session.read(name) + sign * step)
+            reads.append(np.array([session.read(output) for output in linear.outputs]))
+        slopes = (reads[0] - reads[1]) / (2.0 * step)
+        assert np.abs((slopes - linear.D[:, i]) * step / scale).max() < 1e-9
+        moved += np.abs(slopes).max() > 0.0
+    assert moved == 5
+    # The rates are the slopes of the states: advance a little.
+    session.restore(saved)
+    x, v = (linear.states.index(f"Cylinder 0: {name}") for name in ("position [m]", "velocity [m/s]"))
+    assert linear.A[x, v] == 1.0
+    assert linear.rates[x] == linear.state[v] == session.read("velocity_m_s")
+    mass = REFERENCE.cylinder.moving_mass_kg + REFERENCE.carried.mass_kg
+    assert linear.B[v, 2] == pytest.approx(1.0 / mass, rel=1e-12)
+
+
+def test_a_shut_drive_swings_with_the_stiffness_of_its_air():
+    """Adiabatic: m w^2 = k A^2 (p_a/V_a + p_b/V_b), damped by viscous friction alone (components of a gas spring)."""
+    drive = REFERENCE.replace(
+        {"cylinder.heat_transfer": "0 W/(m2 K)", "friction": {"law": "coulomb", "coulomb": "1 N", "viscous": "7 N s/m"}}
+    )
+    session = drive.start({**START, "velocity": "1e-9 m/s"})
+    linear = session.linearise(["load_force_n"])
+    area, stroke = math.pi / 4 * drive.cylinder.bore_m**2, drive.cylinder.stroke_m
+    dead, mass = drive.cylinder.dead_volume_m3, drive.cylinder.moving_mass_kg + drive.carried.mass_kg
+    volumes = [dead.a + area * stroke / 2, dead.b + area * stroke / 2]
+    stiffness = 1.4 * area**2 * sum(3e5 / volume for volume in volumes)
+    swings = [value for value in np.linalg.eigvals(linear.A) if value.imag > 1.0]
+    assert len(swings) == 1
+    assert abs(swings[0]) == pytest.approx(math.sqrt(stiffness / mass), rel=1e-6)
+    assert -2.0 * swings[0].real == pytest.approx(7.0 / mass, rel=1e-6)
+
+
+def test_cancelled_it_stands_before_its_end_and_goes_on():
+    session, undisturbed = REFERENCE.start(START), REFERENCE.start(START)
+    flag = threading.Event()
+    flag.set()
+    with pytest.raises(Cancelled):
+        session.advance(1.0, cancel=flag)
+    for one in (session, undisturbed):
+        one.advance(1.0)
+    assert session.save() == undisturbed.save()
+
+
+WRONG = {
+    "name": (lambda s: s.set("commands", 0.5), CommandError, "Did you mean 'command'?"),
+    "state": (lambda s: s.set("position_m", 0.5), CommandError, "no input 'position_m'"),
+    "read": (lambda s: s.read("position"), CommandError, "Did you mean 'position_m'?"),
+    "linear": (lambda s: s.linearise(["load_force"]), CommandError, "Did you mean 'load_force_n'?"),
+    "nan": (lambda s: s.set("load_force_n", math.nan), CommandError, "Rule: finite"),
+    "above": (lambda s: s.set("command", 1.5), CommandError, "not less than -1 and not more than 1"),
+    "vacuum": (lambda s: s.set("supply_pressure_pa", 0.0), CommandError, "Rule: greater than 0"),
+    "text": (lambda s: s.set("command", "0.5"), CommandError, "command = '0.5' is a str"),
+    "backwards": (lambda s: s.advance(0.05), CommandError, "not before the present, 0.1 s"),
+    "never": (lambda s: s.advance(math.inf), CommandError, "finite"),
+    "past": (lambda s: s.schedule("command", [(0.2, 0.5), (0.05, 0.1)]), CommandError, "t = 0.05 s has passed"),
+    "later": (lambda s: s.schedule("command", [(0.2, 0.5), (0.3, 2.0)]), CommandError, "command = 2"),
+    "pairs": (lambda s: s.schedule("command", [0.2, 0.3]), CommandError, "no list of (time, value)"),
+    "shut": (lambda s: s.linearise(), CommandError, "the valve is shut"),
+    "foreign": (lambda s: s.restore(STICKS.start(START).save()), CommandError, "of another drive"),
+    "tolerance": (lambda s: s.restore(REFERENCE.start(START, rtol=1e-8).save()), CommandError, "another tolerance"),
+    "bytes": (lambda s: s.restore(b"pneudrive"), CommandError, "are no session"),
+    "cut": (lambda s: s.restore(s.save()[:-5]), CommandError, "damaged"),
+    "empty": (lambda s: s.restore(s.save()[:8]), CommandError, "damaged"),
+    "flipped": (lambda s: s.restore(s.save()[:40] + b"x" + s.save()[41:]), CommandError, "damaged"),
+    "number": (lambda s: s.restore(5), CommandError, "is a int"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_call_says_so_and_changes_nothing(case):
+    call, kind, words = WRONG[case]
+    session = REFERENCE.start(START)
+    session.advance(0.1)
+    before = session.save()
+    with pytest.raises(kind) as told:
+        call(session)
+    assert words in str(told.value), told.value
+    assert session.save() == before
+
+
+def test_after_a_failure_only_a_restored_state_goes_on():
+    soft = REFERENCE.replace({"cylinder.end_stop": {"stiffness": "1e3 N/m", "damping": "1 N s/m"}})
+    session = soft.start({"position": "0.45 m"})
+    session.set("command", 1.0)
+    saved = session.save()
+    with pytest.raises(SimulationError, match="gone through the end stop"):
+        session.advance(1.0)
+    for call in (lambda: session.advance(2.0), lambda: session.set("command", 0.0), session.save, session.linearise):
+        with pytest.raises(SimulationError, match="the session cannot go on"):
+            call()
+    assert session.read("position_m") > 0.5  # where it ended can be read
+    session.restore(saved)
+    session.set("command", 0.0)
+    session.advance(1.0)
+    assert session.time == 1.0
+
+
+def test_a_tolerance_that_no_run_keeps_is_refused():
+    with pytest.raises(CommandError, match=r"rtol = 1\.0 is out of bounds"):
+        REFERENCE.start(rtol=1.0)
