@@ -14,6 +14,8 @@ from pneudrive.campaign.cycle import KINDS, Cycle
 from pneudrive.campaign.folder import COLUMNS, Campaign
 from pneudrive.campaign.head import Head
 from pneudrive.campaign.status import status_of
+from pneudrive.characterise.settling import Settled
+from pneudrive.characteristics.reading import read_part
 from pneudrive.rig.interface import Identity
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/campaign-folder.md").read_text(encoding="utf-8")
@@ -59,3 +61,23 @@ def test_the_page_names_every_key_kind_flag_and_column():
         assert f"| `{kind}` |" in PAGE
     for flag, what in FLAGS.items():
         assert f"| `{flag}` | {what} |" in PAGE
+
+
+def test_steps_are_derived_only_where_a_result_needs_them(folder, monkeypatch):
+    """Deriving them from the motion takes as long as all else that is done with a sweep."""
+    from pneudrive.campaign import folder as module
+
+    derived = []
+    derive = module.steps_from_motion
+    monkeypatch.setattr(module, "steps_from_motion", lambda *given: derived.append(1) or derive(*given))
+    files, _ = Campaign.open(folder).scan()
+    with_steps, without = list(module.read_samples(files)), list(module.read_samples(files, ("tare",)))
+    assert len(derived) == len(files) == 3
+    for one, other in zip(with_steps, without, strict=True):
+        assert set(one.step) == {0, 1}
+        assert set(other.step) == {-1}
+        assert np.array_equal(one.force_n, other.force_n)
+    edges = np.linspace(0.0, 0.2, 61)
+    derived.clear()
+    read_part(files, Campaign.open(folder).identity, Settled(), edges)
+    assert derived == []

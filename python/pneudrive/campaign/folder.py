@@ -34,7 +34,7 @@ from pneudrive.rig.interface import CHANNELS, Identity, Samples
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -105,19 +105,29 @@ class CycleFile(Shown):
         return samples
 
 
-def read_samples(files: Sequence[CycleFile]) -> Iterator[Samples | CampaignError]:
-    """Read the raw samples of many files, see `CycleFile.samples`; what cannot be read gives its error."""
+def read_samples(
+    files: Sequence[CycleFile], steps_of: Collection[str] | None = None
+) -> Iterator[Samples | CampaignError]:
+    """Read the raw samples of many files, see `CycleFile.samples`; what cannot be read gives its error.
+
+    Parameters
+    ----------
+    files : sequence of CycleFile
+    steps_of : collection of str, optional
+        Kinds of cycles whose steps are wanted; None: all. Where they are not, steps that the file does not have are
+        -1: deriving them from the motion takes longer than reading.
+    """
     columns = read_columns([file.path for file in files], COLUMNS, CampaignError)
     for file, found in zip(files, columns, strict=True):
         samples: Samples | CampaignError
         try:
-            samples = _samples(file, found)
+            samples = _samples(file, found, steps_of is None or file.head.cycle.kind in steps_of)
         except CampaignError as error:
             samples = error
         yield samples
 
 
-def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError) -> Samples:
+def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError, derive: bool) -> Samples:
     """Make samples of a file's columns.
 
     Raises
@@ -140,8 +150,10 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError)
             channels[name] = np.full(channels["time_s"].size, getattr(file.head.cycle, name))
     if "temperature_k" not in channels:
         channels["temperature_k"] = np.full(channels["time_s"].size, np.nan)
-    if step is None:
+    if step is None and derive:
         step = steps_from_motion(channels["time_s"], channels["position_m"], file.head.cycle.stop_s)
+    elif step is None:
+        step = np.full(channels["time_s"].size, -1)
     return Samples(**channels, step=step)
 
 

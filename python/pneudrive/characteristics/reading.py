@@ -170,7 +170,7 @@ class Read:
 def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array) -> list[Read]:
     """Read some cycles one after the other; one that cannot be used leaves its reason."""
     found = []
-    for file, samples in zip(files, read_samples(files), strict=True):
+    for file, samples in zip(files, read_samples(files, STANDING), strict=True):
         cycle = file.head.cycle
         way = 0.0 if cycle.steps or isinstance(samples, CampaignError) else _way(samples)
         wanted = cycle.kind in (*SLIDING, *STANDING)
