@@ -71,6 +71,7 @@ class Tank:
         outputs: Sequence[str],
         rtol: float,
         threads: int = 2,
+        look: Callable[[float], object] | None = None,
     ) -> Shot: ...
 
 @final

@@ -18,7 +18,7 @@ pub enum Error {
     Interrupted { t: f64 },
 }
 
-/// Attempts between two looks at whether the user wants to stop: some 20 ms of work.
+/// Attempts between two looks at whether the user wants to stop, fewer with derivatives: some 20 ms of work.
 const ATTEMPTS_PER_LOOK: u64 = 20_000;
 
 /// Attempts at a step that a run may take where nobody says how many: at the default tolerance, for each second of
@@ -196,6 +196,8 @@ pub fn advance<R: Lane>(
     output: &mut impl Output<R, Circuit<R>>,
     look: &mut Look<'_>,
 ) -> Result<(), Error> {
+    let most = ATTEMPTS_PER_LOOK / (1 + R::DIRECTIONS as u64);
+    look.left = look.left.min(most);
     loop {
         let before = stepper.statistics(0).factorisations;
         let paused = stepper.advance(until, look.left, output);
@@ -208,7 +210,7 @@ pub fn advance<R: Lane>(
             look.left = look.left.max(1);
             return Ok(());
         }
-        look.left = ATTEMPTS_PER_LOOK;
+        look.left = most;
         if (look.interrupted)(stepper.time(0)) {
             return Err(Error::Interrupted { t: stepper.time(0) });
         }

@@ -1,7 +1,7 @@
 //! What every class returns and raises: errors, runs, tables.
 
 use circuit::{Balance, Error, Impact, Kind, Run, budget};
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use ode::{Options, Statistics};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -18,6 +18,23 @@ pub fn to_python(error: Error) -> PyErr {
 pub fn parse<'a, T: serde::Deserialize<'a>>(json: &'a str) -> PyResult<T> {
     serde_json::from_str(json)
         .map_err(|error| PyValueError::new_err(format!("the description does not fit the core: {error}")))
+}
+
+/// Numbers in a row. An array is copied as a whole: one by one, a million of them would keep the interpreter's lock
+/// for a second.
+#[derive(FromPyObject)]
+pub enum Numbers<'py> {
+    Array(PyReadonlyArray1<'py, f64>),
+    Sequence(Vec<f64>),
+}
+
+impl From<Numbers<'_>> for Vec<f64> {
+    fn from(numbers: Numbers<'_>) -> Self {
+        match numbers {
+            Numbers::Array(array) => array.as_array().to_vec(),
+            Numbers::Sequence(values) => values,
+        }
+    }
 }
 
 /// A Python callable that is told the simulated time now and then; what it raises ends the run.

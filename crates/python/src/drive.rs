@@ -1,6 +1,8 @@
 //! `Drive`: simulation, balances along a record, shooting.
 
-use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched};
+use crate::convert::{
+    Numbers, Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched,
+};
 use crate::session::PySession;
 use circuit::{ALONG, ByStart, Drive, Record, Restart, Servo, Session, Shooting, Shot, specification};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
@@ -228,9 +230,9 @@ impl PyDrive {
     fn shoot<'py>(
         &self,
         py: Python<'py>,
-        times: Vec<f64>,
-        commands: Vec<f64>,
-        sample_times: Vec<f64>,
+        times: Numbers<'py>,
+        commands: Numbers<'py>,
+        sample_times: Numbers<'py>,
         starts: Vec<usize>,
         initial: PyReadonlyArray2<'py, f64>,
         parameters: Vec<String>,
@@ -241,9 +243,9 @@ impl PyDrive {
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let asked = Shooting {
-            times,
-            commands,
-            sample_times,
+            times: times.into(),
+            commands: commands.into(),
+            sample_times: sample_times.into(),
             starts,
             initial: initial.as_array().iter().copied().collect(),
             parameters,

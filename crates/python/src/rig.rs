@@ -1,6 +1,6 @@
 //! `Rig`: motions of a friction rig.
 
-use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
+use crate::convert::{Numbers, Teller, options, parse, run_to_dict, to_python, watched};
 use circuit::{Motion, Rig, Start, specification};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -33,15 +33,16 @@ impl PyRig {
     fn run<'py>(
         &self,
         py: Python<'py>,
-        durations: Vec<f64>,
-        jerks: Vec<f64>,
-        sample_times: Vec<f64>,
+        durations: Numbers<'py>,
+        jerks: Numbers<'py>,
+        sample_times: Numbers<'py>,
         initial: From,
         rtol: f64,
         released: bool,
         shut: bool,
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let [durations, jerks, sample_times] = [durations, jerks, sample_times].map(Vec::from);
         let motion = Motion { durations: &durations, jerks: &jerks, released, shut };
         let from = match &initial {
             From::Position(position) => Start::Rest(*position),

@@ -1,6 +1,6 @@
 //! `Tank`: a fixed volume on a line, by shooting alone.
 
-use crate::convert::{detached, parse};
+use crate::convert::{Numbers, Teller, parse, watched};
 use crate::drive::{WithInitial, shot_to_dict};
 use circuit::{Shooting, Tank, specification};
 use numpy::PyReadonlyArray2;
@@ -24,14 +24,14 @@ impl PyTank {
     }
 
     /// As `Drive.shoot`; a command is the share of the line's opening, a start pressure and temperature.
-    #[pyo3(signature = (times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2))]
+    #[pyo3(signature = (times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2, look=None))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn shoot<'py>(
         &self,
         py: Python<'py>,
-        times: Vec<f64>,
-        commands: Vec<f64>,
-        sample_times: Vec<f64>,
+        times: Numbers<'py>,
+        commands: Numbers<'py>,
+        sample_times: Numbers<'py>,
         starts: Vec<usize>,
         initial: PyReadonlyArray2<'py, f64>,
         parameters: Vec<String>,
@@ -39,23 +39,21 @@ impl PyTank {
         outputs: Vec<String>,
         rtol: f64,
         threads: usize,
+        look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let initial = initial.as_array().iter().copied().collect();
-        let options = Options { rtol, ..Options::default() };
-        let with_initial = with_initial.into();
         let asked = Shooting {
-            times,
-            commands,
-            sample_times,
+            times: times.into(),
+            commands: commands.into(),
+            sample_times: sample_times.into(),
             starts,
-            initial,
+            initial: initial.as_array().iter().copied().collect(),
             parameters,
-            with_initial,
+            with_initial: with_initial.into(),
             outputs,
-            options,
+            options: Options { rtol, ..Options::default() },
             threads,
         };
-        let shot = detached(py, |interrupted| self.tank.shoot(&self.json, &asked, interrupted))?;
+        let shot = watched(py, look, |interrupted| self.tank.shoot(&self.json, &asked, interrupted))?;
         shot_to_dict(py, &asked, shot, self.tank.start_names())
     }
 }

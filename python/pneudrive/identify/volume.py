@@ -160,7 +160,7 @@ def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], wa
     for signs in [(0,) * len(bends), *product((-1, 1), repeat=len(bends))]:
         q = start.copy()
         q[bends] += STARTS_APART * np.array(signs)
-        if problem.at(q) is not None:
+        if problem.at(q, watch) is not None:
             found.append(problem.solve(q, watch))
     if not found:
         raise FitError("the tank cannot be simulated at the start values", remedy="give other start values")
@@ -239,7 +239,7 @@ class _Problem:
         """Free values, SI."""
         return np.array([self.value(i, q[i]) for i in range(len(self.names))])
 
-    def at(self, q: Array) -> _Found | None:
+    def at(self, q: Array, watch: Watch) -> _Found | None:
         """Residuals (measured - model), Pa, and their derivatives by the coordinates; None where no run is possible."""
         p = len(self.names)
         for path, value in zip(self.paths, self.values(q), strict=True):
@@ -251,9 +251,8 @@ class _Problem:
         for j, record in enumerate(self.records):
             times, openings = record.steps
             initial = np.array([[np.exp(q[p + j]), self.tank.start_temperature_k]])
-            shot = core.shoot(
-                times, openings, record.time_s, [0], initial, self.paths, [0], ["pressure_pa"], RTOL, threads=1
-            )
+            segment = (times, openings, record.time_s, [0], initial)
+            shot = core.shoot(*segment, self.paths, [0], ["pressure_pa"], RTOL, threads=1, look=lambda _: watch.look())
             if shot["failures"][0] is not None:
                 return None
             by = shot["sensitivities"][:, 0, :]
@@ -266,7 +265,7 @@ class _Problem:
 
     def solve(self, q: Array, watch: Watch, held: int | None = None) -> _Found:
         """Gauss-Newton with Levenberg's and Marquardt's damping; one coordinate may be held."""
-        at = self.at(q)
+        at = self.at(q, watch)
         if at is None:
             raise FitError("the tank cannot be simulated at the start values", remedy="give other start values")
         use = np.array([i != held for i in range(q.size)])
@@ -285,7 +284,7 @@ class _Problem:
                 move = np.zeros(q.size)
                 move[use] = np.linalg.solve(normal + damping * np.eye(len(gradient)), gradient) / scale
                 move = np.clip(move, -1.0, 1.0)
-                after = self.at(at.q + move)
+                after = self.at(at.q + move, watch)
                 if after is not None and after.cost <= at.cost:
                     break
                 damping *= 10.0

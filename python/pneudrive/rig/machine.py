@@ -16,6 +16,8 @@ from pneudrive.rig.interface import Hold, Move, Step
 from pneudrive.rig.motion import Motion, brake, dwell, move
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from pneudrive.rig.description import RigDescription
@@ -85,8 +87,10 @@ class Machine:
         speed = dwell["distance_m"] / age_s
         return self.steady_n(friction, speed) - self.steady_n({**friction, "dwell": None}, speed)
 
-    def run(self, step: Step, motion: Motion, times: Array) -> dict[str, Array]:
-        """Run one step; what it leaves behind goes into `past`.
+    def run(
+        self, step: Step, motion: Motion, times: Array, look: Callable[[], object] | None = None
+    ) -> dict[str, Array]:
+        """Run one step; what it leaves behind goes into `past`. `look` is called now and then; what it raises ends it.
 
         Raises
         ------
@@ -99,7 +103,7 @@ class Machine:
         hold = step if isinstance(step, Hold) else Hold(0.0)
         if hold.released:
             self._stays(friction)
-        columns = self._core(friction, motion, times, released=hold.released, shut=hold.shut)
+        columns = self._core(friction, motion, times, released=hold.released, shut=hold.shut, look=look)
         power = 0.0
         if isinstance(step, Move):
             way = abs(self.past.commanded_m - motion.start_m)
@@ -164,7 +168,14 @@ class Machine:
             )
 
     def _core(
-        self, friction: dict[str, Any], motion: Motion, times: Array, *, released: bool, shut: bool
+        self,
+        friction: dict[str, Any],
+        motion: Motion,
+        times: Array,
+        *,
+        released: bool,
+        shut: bool,
+        look: Callable[[], object] | None,
     ) -> dict[str, Array]:
         from pneudrive import _core
 
@@ -172,9 +183,10 @@ class Machine:
         room = float(past.room_k(d))
         pressures = (past.pressure_a_pa, past.pressure_b_pa)
         begin = past.commanded_m if past.state is None else past.state
+        told = None if look is None else lambda _: look()
         try:
             core = _core.Rig(json.dumps(core_rig(d, pressures, friction, room)))
-            result = core.run(motion.durations_s, motion.jerks_m_s3, times, begin, RTOL, released, shut)
+            result = core.run(motion.durations_s, motion.jerks_m_s3, times, begin, RTOL, released, shut, told)
         except (ValueError, RuntimeError) as error:
             raise SimulationError("the simulated rig cannot run", value=str(error)) from error
         past.state, past.commanded_m = result["final"], result["commanded_position_m"]

@@ -355,7 +355,7 @@ class RigSession:
             self._alive(run)
             run.before, run.step, run.motion, run.reached_s = self._machine.snapshot(), step, motion, 0.0
             machine = self._machine.copy()
-        true = machine.run(step, motion, times)
+        true = machine.run(step, motion, times, lambda: self._alive(run))
         with self._lock:
             self._alive(run)
             self._machine = machine

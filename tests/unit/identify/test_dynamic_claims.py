@@ -18,6 +18,7 @@ from pneudrive import _core
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
 from pneudrive.identify.dynamic.parameters import Candidates, chosen
 from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.dynamic.shooting import Shooter
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
 STEPS = [(0.0, 0.1), (0.4, -0.15), (0.8, 0.2), (1.2, -0.1), (1.5, 0.3), (1.8, -0.3)]
@@ -195,3 +196,28 @@ def test_a_search_is_cancelled_from_outside() -> None:
     made = record(pn.Drive.load("catalogue:reference"), 4, 1.0, steps=STEPS)
     with pytest.raises(Cancelled):
         pn.identify(guess, made, ["friction.coulomb"], progress=lambda _: flag.set(), cancel=flag)
+
+
+def test_a_search_is_cancelled_within_a_run_of_the_core(monkeypatch) -> None:
+    """The flag shows itself only while the core works: who looks at it between runs alone never sees it."""
+
+    class WhileItRuns:
+        runs = False
+
+        def is_set(self) -> bool:
+            return self.runs
+
+    flag, plain = WhileItRuns(), Shooter._shoot
+
+    def shoot(self, *args, **kwargs):
+        flag.runs = True
+        try:
+            return plain(self, *args, **kwargs)
+        finally:
+            flag.runs = False
+
+    monkeypatch.setattr(Shooter, "_shoot", shoot)
+    truth = pn.Drive.load("catalogue:reference")
+    made = record(truth, 4, 4.0, steps=[(0.02 * i, 0.3 * (-1.0) ** i) for i in range(200)])
+    with pytest.raises(Cancelled):
+        pn.identify(truth, made, ["friction.coulomb"], segment=None, rtol=1e-9, cancel=flag)

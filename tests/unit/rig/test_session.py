@@ -348,3 +348,27 @@ def test_gauges_at_the_regulator_do_not_see_what_the_piston_does_to_the_air():
         assert air < -5.0
     assert seen["chamber"] > 1e4
     assert abs(seen["regulator"]) < 1.5e3
+
+
+def test_who_stops_the_axis_ends_what_the_core_computes():
+    """Stick-slip at 1 mm/s takes a million steps; the run is left in the middle, where the axis is told to stop."""
+    rig = SimulatedRig.default().with_friction(breakaway=60.0).session()
+    reached = []
+
+    class Stops:
+        """Looks at the clock of the core, and stops the axis at its second look."""
+
+        def __call__(self, run):
+            reached.append(run)
+            if len(reached) == 3:  # the first one asks before the core begins
+                rig.stop()
+            plain(run)
+
+    plain, rig._alive = rig._alive, Stops()
+    with pytest.raises(RigError, match="the axis was stopped"):
+        rig.move(0.25, 1e-3)
+    assert len(reached) == 3
+    assert not rig.state().moving
+    rig._alive = plain
+    rig.move(0.05, 0.1)
+    assert rig.state().position_m == pytest.approx(0.05, abs=1e-4)

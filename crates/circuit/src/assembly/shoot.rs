@@ -12,7 +12,7 @@ use ode::{Options, Output, Stepper, System};
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How many derivatives one pass carries.
 pub const DIRECTIONS: usize = 8;
@@ -289,15 +289,18 @@ impl All<'_> {
                 thread.spawn_scoped(scope, work).map_err(|e| Error::Stopped(format!("no thread: {e}")))?;
             }
             drop(sender);
+            let mut looked = Instant::now();
             loop {
                 match receiver.recv_timeout(LOOK) {
                     Ok((segment, pass, done)) => self.enter(&mut shot, segment, pass, done?),
-                    Err(mpsc::RecvTimeoutError::Timeout) => {
-                        if interrupted(self.asked.sample_times[0]) {
-                            stop.store(true, Ordering::Relaxed);
-                        }
-                    }
+                    Err(mpsc::RecvTimeoutError::Timeout) => {}
                     Err(mpsc::RecvTimeoutError::Disconnected) => return Ok(()),
+                }
+                if looked.elapsed() >= LOOK {
+                    if interrupted(self.asked.sample_times[0]) {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                    looked = Instant::now();
                 }
             }
         })?;

@@ -21,7 +21,7 @@ from pneudrive.identify.dynamic.shooting import Shooter, segment_starts
 from pneudrive.identify.dynamic.states import measured_starts, observed, white_noise
 from pneudrive.identify.dynamic.uncertainty import Information, bootstrap, information, profile
 from pneudrive.identify.dynamic.undetermined import unresolved_damping
-from pneudrive.watch import Watch
+from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -216,10 +216,12 @@ def identify(
 
     def attempt(values: Array | None) -> Attempt:
         start = None if values is None else values[: len(parameters)]
-        problem, point = _problem(drive, parameters, records, present, described, options, start)
+        problem, point = _problem(drive, parameters, records, present, described, options, watcher.watch, start)
         return _solve(problem, point, stated, options, watcher)
 
     best = _best_of_attempts(attempt, options)
+    for experiment in best.solved.problem.experiments:
+        experiment.shooter.watch = UNWATCHED  # what is asked of the fit later is another call
     return assembled(drive, parameters, records, best, options, watcher)
 
 
@@ -298,6 +300,7 @@ def _problem(
     present: list[list[str]],
     described: dict[str, Channel],
     options: Options,
+    watch: Watch,
     values: Array | None = None,
 ) -> tuple[Problem, Point]:
     """Cut the recordings, find where the segments begin, and put the problem together; `values` are the start's."""
@@ -308,10 +311,11 @@ def _problem(
         own = [described[name] for name in names]
         starts = segment_starts(record.time_s, options.first_segment_s(record))
         outputs = [c.column for c in own]
-        shooter = Shooter(record, outputs, starts, candidates, options.rtol, options.threads, options.delay.value_s)
+        delay_s, threads = options.delay.value_s, options.threads
+        shooter = Shooter(record, outputs, starts, candidates, options.rtol, threads, delay_s, watch)
         noise = np.array([_noise(c, record, options.rtol) for c in own])
         inner = shooter.inner_states(drive)
-        state, spread = measured_starts(record, own, noise, starts, drive, len(inner))
+        state, spread = measured_starts(record, own, noise, starts, drive, len(inner), watch)
         experiments.append(Experiment(shooter, own, observed(shooter, values, state, spread, inner), noise))
     free_sensors = sensor_parameters(
         list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay.free

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.simulate import compiled
+from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.parameters import Candidates
+    from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]
 
@@ -70,6 +73,8 @@ class Shooter:
     threads : int
     delay_s : float
         By which the valve follows the command late, where a run says nothing else.
+    watch : Watch
+        Looked at during each run.
     """
 
     def __init__(
@@ -81,10 +86,11 @@ class Shooter:
         rtol: float,
         threads: int,
         delay_s: float = 0.0,
+        watch: Watch = UNWATCHED,
     ) -> None:
         self.recording, self.outputs, self.starts = recording, list(outputs), starts
         self.candidates, self._rtol, self._threads = candidates, rtol, threads
-        self._delay_s = delay_s
+        self._delay_s, self.watch = delay_s, watch
 
     def inner_states(self, drive: Drive) -> list[str]:
         """Name the friction's own states."""
@@ -92,11 +98,16 @@ class Shooter:
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
         """Return the same with segments that begin at other samples."""
-        return Shooter(self.recording, self.outputs, starts, self.candidates, self._rtol, self._threads, self._delay_s)
+        return self._with(starts=starts)
 
     def with_outputs(self, outputs: Sequence[str]) -> Shooter:
         """Return the same with other columns of the core."""
-        return Shooter(self.recording, outputs, self.starts, self.candidates, self._rtol, self._threads, self._delay_s)
+        return self._with(outputs=list(outputs))
+
+    def _with(self, **changed: object) -> Shooter:
+        other = copy(self)
+        vars(other).update(changed)
+        return other
 
     def run(
         self,
@@ -180,6 +191,7 @@ class Shooter:
             self.outputs,
             self._rtol,
             self._threads,
+            lambda _: self.watch.look(),
         )
 
 

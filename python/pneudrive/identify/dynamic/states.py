@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import Channel
     from pneudrive.identify.dynamic.shooting import Shooter
+    from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]
 
@@ -79,6 +80,7 @@ def measured_starts(
     starts: NDArray[np.int64],
     drive: Drive,
     inner: int,
+    watch: Watch,
 ) -> tuple[Array, Array]:
     """Take starts from the signals, smoothed; the rest as a drive at rest has it.
 
@@ -102,7 +104,7 @@ def measured_starts(
         if column is None:
             continue
         values = (recording[channel.column] - channel.offset) / channel.gain
-        state[:, column], slope, sloping = _smoothed(recording.time_s, values, starts, float(white))
+        state[:, column], slope, sloping = _smoothed(recording.time_s, values, starts, float(white), watch)
         spread[column] = np.hypot(white, channel.offset_spread)
         if channel.name == "position" and "velocity_m_s" not in recording:
             state[:, VELOCITY] = slope
@@ -137,7 +139,9 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
     return Starts(state, belief, np.r_[SIZE, 0.1 * most], ~np.isnan(spread), limits)
 
 
-def _smoothed(time_s: Array, values: Array, at: NDArray[np.int64], noise: float) -> tuple[Array, Array, float]:
+def _smoothed(
+    time_s: Array, values: Array, at: NDArray[np.int64], noise: float, watch: Watch
+) -> tuple[Array, Array, float]:
     """Value and slope of a parabola through the samples around each of some samples.
 
     The window is the widest of a few over which the signal is a parabola within its noise. The third value times the
@@ -150,6 +154,7 @@ def _smoothed(time_s: Array, values: Array, at: NDArray[np.int64], noise: float)
     widths = sorted({max(LEAST_HALF_WIDTH, widest >> k) for k in range(6)}, reverse=True)
     narrowest = widest
     for j, i in enumerate(at):
+        watch.look()
         for half in widths:
             near = slice(max(0, i - half), i + half + 1)
             t, y = time_s[near][good[near]] - time_s[i], values[near][good[near]]
