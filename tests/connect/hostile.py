@@ -14,7 +14,7 @@ import time
 from urllib.parse import urlsplit
 
 from asyncua import Client, ua
-from asyncua.ua.ua_binary import struct_to_binary
+from asyncua.ua.ua_binary import nodeid_to_binary, struct_to_binary
 
 SPACE = "urn:pneudrive:rig"
 HELLO = struct.pack("<IIIII", 0, 65535, 65535, 0, 0) + struct.pack("<i", 4) + b"opc:"
@@ -91,7 +91,7 @@ async def _flood(client, requests) -> None:
     protocol = client.uaclient.protocol
     for request in requests:
         request.RequestHeader.AuthenticationToken = protocol.authentication_token
-    bodies = [struct_to_binary(request) for request in requests]
+    bodies = [one.to_binary() if isinstance(one, _Ready) else struct_to_binary(one) for one in requests]
     protocol.data_received = lambda data: None
     number = 1000
     while not protocol.transport.is_closing():
@@ -167,8 +167,19 @@ def writes(url: str) -> None:
         return name, ua.DataValue(variant)
 
     requests: list[ua.WriteRequest] = []
+    begin = [("Heartbeat.Client", 1, "UInt32"), ("Command.Verb", 1, "Int32"), ("Command.Id", 1, "UInt32")]
 
     async def work(client, node) -> None:
+        if not requests:  # a command that is one, so that the others have something to spoil
+            requests.append(ua.WriteRequest())
+            requests[0].Parameters.NodesToWrite = [
+                ua.WriteValue(
+                    NodeId=node(name).nodeid,
+                    AttributeId=ua.AttributeIds.Value,
+                    Value=ua.DataValue(ua.Variant(number, ua.VariantType[kind])),
+                )
+                for name, number, kind in begin
+            ]
         while len(requests) < 40:
             request = ua.WriteRequest()
             pairs = [value() for _ in range(300 if len(requests) == 39 else rng.choice((1, 3)))]
@@ -264,8 +275,118 @@ def come_and_go(url: str) -> None:
     asyncio.run(_many(url, 30, work))
 
 
+def browses(url: str) -> None:
+    """Browse the nodes with most references, as many as a request takes and more; follow paths to and fro."""
+    heavy = [ua.NodeId(i) for i in (22, 7617, 8252, 58)]  # structures, lists of types, base of variables
+
+    def browse(count: int) -> ua.BrowseRequest:
+        request = ua.BrowseRequest()
+        request.Parameters.NodesToBrowse = [
+            ua.BrowseDescription(
+                NodeId=heavy[i % 4],
+                BrowseDirection=ua.BrowseDirection.Both,
+                ReferenceTypeId=ua.NodeId(ua.ObjectIds.References),
+                IncludeSubtypes=True,
+                ResultMask=63,
+            )
+            for i in range(count)
+        ]
+        return request
+
+    path = ua.BrowsePath(StartingNode=ua.NodeId(ua.ObjectIds.RootFolder))
+    path.RelativePath.Elements = [
+        ua.RelativePathElement(ua.NodeId(ua.ObjectIds.References), bool(i % 2), True, ua.QualifiedName(name))
+        for i, name in enumerate(["Objects", "Root"] * 8)
+    ]
+    follow = ua.TranslateBrowsePathsToNodeIdsRequest()
+    follow.Parameters.BrowsePaths = [path] * 16
+
+    async def work(client, node) -> None:
+        await _flood(client, [browse(400), browse(8), browse(1), follow])
+
+    asyncio.run(_many(url, 12, work))
+
+
+class _Ready:
+    """A request whose bytes are there; what is left out of it is put before them."""
+
+    def __init__(self, kind: int, body: bytes) -> None:
+        self.RequestHeader, self._kind, self._body = ua.RequestHeader(), kind, body
+
+    def to_binary(self) -> bytes:
+        return nodeid_to_binary(ua.NodeId(self._kind)) + struct_to_binary(self.RequestHeader) + self._body
+
+
+def dense_values(*sizes: int) -> list[_Ready]:
+    """Write requests whose value is an array of as many smallest parts as fit: each takes a thousand times its byte."""
+    write, head = ua.ObjectIds.WriteRequest_Encoding_DefaultBinary, b"\x01\0\x10\0\x0d\0\0\0\xff\xff\xff\xff\x01"
+    kinds = (17, 20, 21, 22, 23, 24, 25)  # node ids, names, texts, objects, data values, variants, diagnoses
+    arrays = [bytes([kind | 0x80]) + struct.pack("<i", size) + b"\0" * size for kind in kinds for size in sizes]
+    shapes = [
+        b"\xcb" + struct.pack("<i", 1) + b"\0" * 8 + struct.pack("<i", n // 4) + b"\1\0\0\0" * (n // 4) for n in sizes
+    ]
+    return [_Ready(write, struct.pack("<i", 1) + head + value) for value in [*arrays, *shapes, b"\x18" * 900]]
+
+
+def dense(url: str) -> None:
+    """Write values that are small on the way and large to look at."""
+
+    async def work(client, node) -> None:
+        await _flood(client, dense_values(70_000, 900))
+
+    asyncio.run(_many(url, 12, work))
+
+
+def crowd(url: str) -> None:
+    """Be more clients than there is room for; stay, and look now and then."""
+
+    async def work(client, node) -> None:
+        while True:
+            await client.nodes.server_state.read_value()
+            await asyncio.sleep(0.2)
+
+    asyncio.run(_many(url, 60, work))
+
+
+def unfinished(url: str) -> None:
+    """Create sessions and never log in; open the channel anew without end."""
+
+    async def one(renews: bool) -> None:
+        while True:
+            client = Client(url, timeout=5)
+            with contextlib.suppress(Exception):
+                await client.connect_socket()
+                await client.send_hello()
+                await client.open_secure_channel()
+                await client.create_session()
+                while not client.uaclient.protocol.transport.is_closing():
+                    if renews:
+                        await client.open_secure_channel(renew=True)
+                    else:
+                        await asyncio.sleep(0.05)
+            with contextlib.suppress(Exception):
+                client.disconnect_socket()
+            await asyncio.sleep(0.002)
+
+    async def go() -> None:
+        await asyncio.gather(*(one(i % 2 == 0) for i in range(40)))
+
+    asyncio.run(go())
+
+
+def stops(url: str) -> None:
+    """Halt and stop all the time."""
+
+    async def work(_, node) -> None:
+        for number in range(1, 10**6):
+            await _command(node, 6 + number % 2, number)
+
+    asyncio.run(_many(url, 12, work))
+
+
 ALL = [
     silent, half_open, garbage, reads, deaf, writes, subscriptions, second_commander, giant_acquires, come_and_go,
+    browses, dense, crowd, unfinished, stops,
 ]  # fmt: skip
 
 

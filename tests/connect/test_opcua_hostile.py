@@ -79,7 +79,19 @@ def at_rest(rig) -> None:
     assert rig.state().position_m == state.position_m
 
 
-BESIDE = ["silent", "half_open", "garbage", "reads", "deaf", "subscriptions", "come_and_go"]
+BESIDE = [
+    "silent",
+    "half_open",
+    "garbage",
+    "reads",
+    "deaf",
+    "subscriptions",
+    "come_and_go",
+    "browses",
+    "dense",
+    "crowd",
+    "unfinished",
+]
 COMMANDING = ["writes", "second_commander", "giant_acquires"]
 
 
@@ -95,6 +107,9 @@ def test_stop_is_answered_beside(name, served, processes):
         viewer.stop()
         at_rest(bench)
         thread.join()
+        late = load_rig(server.url)  # who comes while all this goes on gets in, and may stop the axis too
+        late.stop()
+        late.close()
     assert "has stopped the axis" in told[0]
     viewer.close()
     commander.close()
@@ -110,6 +125,18 @@ def test_stop_is_answered_against(name, served, processes):
             until(lambda: server._commander is not None)
             viewer.stop()  # who commands is dismissed; it comes again, or another one
     viewer.stop()
+    at_rest(bench)
+    viewer.close()
+    until(lambda: not server._front.connections)
+
+
+def test_stop_is_answered_among_many_that_stop(served, processes):
+    bench, server = served
+    viewer = load_rig(server.url)
+    with attacked(processes, "stops", server.url):
+        until(lambda: len(server._front.connections) > 5)
+        for _ in range(3):
+            viewer.stop()
     at_rest(bench)
     viewer.close()
     until(lambda: not server._front.connections)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import threading
 import time
@@ -25,6 +26,7 @@ NODES_A_REQUEST = 64  # what small PLCs still take
 #: A server on a busy machine may take this long for an answer; one that is gone is told at once.
 LEAST_TIMEOUT_S = 5.0
 CLOSING_S = 2.0
+AGAIN_S = (0.02, 0.1, 0.3)  # after which a server that hung up at once is asked again: it may have been busy
 # Words in the status codes of a server that does not want us: trying again does not help.
 REFUSALS = ("ertificate", "Identity", "UserAccess", "Security", "Signature", "No matching endpoints", "Nonce")
 
@@ -38,6 +40,10 @@ def quieten() -> None:
 
 class LinkError(ConnectionError):
     """The connection is lost."""
+
+
+class _HungUpError(LinkError):
+    """The server was there, and did not want us now."""
 
 
 @dataclass(frozen=True)
@@ -151,8 +157,25 @@ class Link:
         self._loop.run(self._write(values))
 
     async def _connect(self) -> None:
-        ua = opcua("asyncua.ua")
+        for wait_s in AGAIN_S:
+            with contextlib.suppress(_HungUpError):
+                return await self._connect_once()
+            await asyncio.sleep(wait_s)
+        return await self._connect_once()
+
+    async def _connect_once(self) -> None:
         await self._leave()
+        self._client = await self._log_in()
+        self.number += 1
+        self.lost = None
+        try:
+            await self._find_nodes()
+        except BaseException:
+            await self._leave()
+            raise
+
+    async def _log_in(self) -> Any:  # noqa: ANN401 - asyncua's client
+        ua = opcua("asyncua.ua")
         client = opcua().Client(self.url, timeout=self.timeout_s, watchdog_intervall=self.nodes.heartbeat_s)
         client.name = client.description = "pneudrive"
         try:
@@ -170,18 +193,12 @@ class Link:
             raise LinkError(_reason(error)) from None
         except (OSError, TimeoutError, asyncio.TimeoutError) as error:
             await _hang_up(client)
-            silent = isinstance(error, TimeoutError) or not getattr(error, "errno", None)  # it was there, and hung up
+            waited = isinstance(error, (TimeoutError, asyncio.TimeoutError))
+            hung_up = not waited and not getattr(error, "errno", None)  # it was there
             says = " (a server is silent, or hangs up, where server_certificate is not its own)"
-            hint = says if silent and self.access.certificate is not None else ""
-            raise LinkError(f"{_reason(error)}{hint}") from None
-        self._client = client
-        self.number += 1
-        self.lost = None
-        try:
-            await self._find_nodes()
-        except BaseException:
-            await self._leave()
-            raise
+            hint = says if (waited or hung_up) and self.access.certificate is not None else ""
+            raise (_HungUpError if hung_up else LinkError)(f"{_reason(error)}{hint}") from None
+        return client
 
     async def _leave(self) -> None:
         heart, client = self._heart, self._client
@@ -332,8 +349,6 @@ def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # no
 
 async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
     """End a connection, orderly where the server still answers."""
-    import contextlib
-
     with contextlib.suppress(Exception):  # whatever a half-closed connection raises: it ends here
         await asyncio.wait_for(client.disconnect(), CLOSING_S / 2)
     with contextlib.suppress(Exception):

@@ -6,7 +6,7 @@ from typing import Any
 
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Hold, Move, Sampling, Step
-from pneudrive.rig.opcua_nodes import HOLD, RELEASED, SHUT
+from pneudrive.rig.opcua_nodes import HOLD, RELEASED, SHUT, Verb
 
 LONGEST_STEP_S = 86400.0
 MOST_SAMPLES = 10_000_000  # of an acquisition
@@ -88,3 +88,25 @@ def check_size(steps: list[Step], sampling: Sampling) -> None:
     )
     if not 0.0 <= asked <= MOST_SAMPLES:
         raise RigError(f"an acquisition of {asked:.3g} samples", rule=f"0 to {MOST_SAMPLES:,} samples")
+
+
+def simulated_argument(verb: Verb, given: object) -> tuple[Any, ...]:
+    """Give the argument of a verb of simulated rigs, where it is of the right kind.
+
+    Raises
+    ------
+    RigError
+        It is not.
+    """
+    texts = isinstance(given, dict) and all(isinstance(level, str) for level in given.values())
+    rules = {
+        Verb.BEGIN_CYCLE: (isinstance(given, str), "a text: the key of a cycle"),
+        Verb.RESTORE: (isinstance(given, dict), "what `memory` gave"),
+        Verb.CHANGE: (texts, "factors with their levels, which are texts"),
+    }
+    if verb not in rules:
+        return ()
+    good, rule = rules[verb]
+    if not good:
+        raise RigError(f"simulation.text = {given!r} is nothing for {verb.name.lower()}", rule=rule)
+    return (given,)

@@ -4,38 +4,31 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
+import gc
 import logging
-import queue
-import threading
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import PneudriveError, RigError
-from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Hold, Move, Samples
+from pneudrive.errors import RigError
 from pneudrive.rig.opcua_access import Protection, opcua, protect
 from pneudrive.rig.opcua_link import COUNTER, Loop, quieten
 from pneudrive.rig.opcua_nodes import NodeMap, Verb
-from pneudrive.rig.opcua_program import check_size, first_step, program_of, sampling_of
-from pneudrive.rig.opcua_space import FAULT, SIMULATED, STOPS, Space
+from pneudrive.rig.opcua_space import FAULT, STOPS, Space
+from pneudrive.rig.opcua_worker import CLOSING_S, Command, Worker
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from pneudrive.rig.interface import Rig
-    from pneudrive.rig.opcua_front import Client, Front
+    from pneudrive.rig.opcua_front import Front
+    from pneudrive.rig.opcua_session import Client
 
 log = logging.getLogger(__name__)
 SILENT_SHARE = 0.75  # of the heartbeat time: the axis is stopped then, so that it is at rest when the time is over
 WATCH_SHARE = 0.02
 STATE_S = 0.05  # how often the state is shown while something may change
-STOPPING_S = 10.0  # how long a rig that runs on is told to stop again
-AGAIN_S = 0.1
-GENTLE_S = 0.2  # how long an acquisition that is halted has to end by itself
 STATE_PATIENCE_S = 0.2
-CLOSING_S = 2.0
 LEAST_REQUEST, BYTES_A_STEP = 1 << 16, 64
 STATE_FIELDS = {
     "position": "position_m",
@@ -47,29 +40,6 @@ STATE_FIELDS = {
     "time": "time_s",
     "moving": "moving",
 }
-SAMPLE_FIELDS = {
-    "time": "time_s",
-    "position": "position_m",
-    "force": "force_n",
-    "pressure_a": "pressure_a_pa",
-    "pressure_b": "pressure_b_pa",
-    "temperature": "temperature_k",
-    "step": "step",
-}
-
-
-@dataclass(frozen=True)
-class Command:
-    """What a client asks for."""
-
-    client: Client
-    identity: int
-    verb: int
-    arguments: dict[str, Any]
-
-
-class Interrupted(Exception):  # noqa: N818 - no error: halt, stop or a silent client
-    """What runs is to end now."""
 
 
 class RigServer:
@@ -111,13 +81,10 @@ class RigServer:
         self.protection = protection or Protection()
         self.heartbeat_s = heartbeat_s or nodes.heartbeat_s
         self.url = ""
-        low, high = rig.limits().position_m
-        self._longest_m = high - low
         self._loop = Loop()
         self._front: Front | None = None
         self._space: Any = None
-        self._queue: queue.Queue[Command | None] = queue.Queue()
-        self._worker = threading.Thread(target=self._work, name="rig", daemon=True)
+        self._worker = Worker(rig, nodes, self, self.heartbeat_s)
         # On the loop's thread:
         self._commander: Client | None = None
         self._since = ""
@@ -128,13 +95,6 @@ class RigServer:
         self._fault, self._fault_at = "", 0.0
         self._rig_fault: Any = None
         self._shown: asyncio.Task[Any] | None = None
-        # On several, guarded by the condition, which tells that the ring has room, or that what runs is to end:
-        self._taken = threading.Condition()
-        self._interrupted = ""  # why what was taken is to end
-        self._turn = 0  # of the verb that runs
-        self._idle = threading.Event()  # no verb of the rig runs
-        self._idle.set()
-        self._written = self._acknowledged = 0
 
     def __enter__(self) -> RigServer:
         """Start to serve."""
@@ -147,28 +107,25 @@ class RigServer:
         except BaseException:
             self._loop.close()
             raise
+        gc.freeze()  # the standard nodes are many small objects: to look through them takes a quarter of a second
         self._worker.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         """Bring the axis to rest, release the pressure and end."""
-        self._interrupt("the server ends")
-        stopper = threading.Thread(target=self._bring_to_rest, args=(False,), name="stop", daemon=True)
-        stopper.start()
-        self._queue.put(None)
-        stopper.join(CLOSING_S)
-        self._worker.join(CLOSING_S)
+        self._worker.close()
         if self._front is not None:
             with contextlib.suppress(Exception):  # of the library, while connections break
                 self._loop.run(self._front.stop(), CLOSING_S)
         self._loop.close()
+        gc.unfreeze()
 
     async def _start(self) -> None:
         from pneudrive.rig.opcua_front import Front
 
         asyncua = opcua()
         server = asyncua.Server()
-        with _without_collector():  # half of the start otherwise: the standard nodes are many small objects
+        with _without_collector():  # half of the start otherwise
             await server.init()
         server.set_server_name("pneudrive rig")
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}")
@@ -215,9 +172,7 @@ class RigServer:
         if name == "heartbeat.client" and (before is None or before.Value.Value != value.Value.Value):
             client.beat_at = time.monotonic()
         elif name == "samples.acknowledged" and client is self._commander:
-            with self._taken:
-                self._acknowledged = min(int(value.Value.Value), self._written)
-                self._taken.notify_all()
+            self._worker.acknowledge(int(value.Value.Value))
         elif name == "command.id":
             await self._command(client, int(value.Value.Value))
         return ua.StatusCode()
@@ -260,15 +215,13 @@ class RigServer:
             return f"{self._commander} commands this rig since {self._since}; others may look on, and stop it"
         if client.beat_at is None or time.monotonic() - client.beat_at > self.heartbeat_s:
             return "there is no heartbeat: heartbeat.client must count up first"
-        if self._held is not None or (self._open is not None and not self._interrupted):
+        if self._held is not None or (self._open is not None and not self._worker.interrupted):
             return "another command is running; halt or stop it first"
         return ""
 
     def _begin(self, command: Command) -> None:
-        with self._taken:
-            self._interrupted = ""
         self._open = command
-        self._queue.put(command)
+        self._worker.begin(command)
 
     def _stop(self, command: Command | None, why: str = "it was ended by halt or stop") -> None:
         """End what runs; who asked for it is answered when the axis is at rest."""
@@ -278,7 +231,7 @@ class RigServer:
             self._commander.dismissed = f"{why}; to command again, connect anew"
             self._commander = None
             self._told(why)
-        self._interrupt(why)
+        self._worker.interrupt(why)
         if self._held is not None:
             self._end_soon(self._held, why)
             self._held = None
@@ -292,31 +245,7 @@ class RigServer:
         asked, open_ = self._stops_asked or [], self._open
         gently = bool(asked) and all(one.verb == Verb.HALT for one in asked)
         gently = gently and (open_ is None or open_.verb == Verb.ACQUIRE)
-        threading.Thread(target=self._bring_to_rest, args=(gently,), name="stop", daemon=True).start()
-
-    def _interrupt(self, why: str) -> None:
-        with self._taken:
-            self._interrupted = why
-            self._taken.notify_all()
-
-    def _bring_to_rest(self, gently: bool) -> None:
-        """Stop the rig, in a thread of its own, as it may block; again where a verb had been about to begin."""
-        fault = ""
-        turn = self._turn
-        try:
-            if not (gently and self._idle.wait(GENTLE_S)):
-                self.rig.stop()
-                if not self._idle.wait(AGAIN_S):
-                    self.rig.stop()
-        except Exception as error:
-            log.exception("the rig does not stop")
-            fault = f"the rig does not stop: {error}"
-        with contextlib.suppress(RuntimeError):  # the loop is closed
-            self._loop.run(self._stopped(gently, fault))
-        deadline = time.monotonic() + STOPPING_S
-        with contextlib.suppress(Exception):
-            while not self._idle.wait(AGAIN_S) and turn == self._turn and time.monotonic() < deadline:
-                self.rig.stop()
+        self._worker.stop(gently)
 
     async def _stopped(self, gently: bool, fault: str) -> None:
         """Answer who asked; go on with what was held."""
@@ -406,96 +335,26 @@ class RigServer:
         values = {f"state.{name}": state[field] for name, field in STATE_FIELDS.items() if field in state}
         await self._write({**values, FAULT: " ".join(text for text in (own, self._fault) if text)})
 
-    # --- the worker --------------------------------------------------------------------------
+    # --- answers ------------------------------------------------------------------------------
 
-    def _work(self) -> None:
-        """Run commands one after the other: the worker thread."""
-        while (command := self._queue.get()) is not None:
-            with self._taken:
-                self._turn += 1
-                self._idle.clear()
-                fault = self._interrupted  # by a stop that came before we did
-            if not fault:
-                fault = self._run(command)
-            self._idle.set()
-            with contextlib.suppress(RuntimeError):  # the loop is closed
-                self._loop.run(self._ended(command, fault))
+    def show(self, values: dict[str, Any], slot: int = 0, client: Client | None = None) -> None:
+        """Show values, to all or to one client: for the worker's threads."""
+        self._loop.run(self._write(values, slot, client))
 
-    def _run(self, command: Command) -> str:
-        """Run one command; give its fault, empty where there is none."""
-        try:
-            self._verbs().get(command.verb, self._unknown)(command)
-        except Interrupted:
-            return self._interrupted
-        except Exception as error:
-            if self._interrupted:  # which is why the rig has ended it
-                return self._interrupted
-            if isinstance(error, PneudriveError):
-                return str(error)
-            log.exception("a verb of the rig failed")
-            return f"{type(error).__name__}: {error}"
-        return ""
+    def ended(self, command: Command, fault: str) -> None:
+        """Answer a command whose verb has ended: for the worker's threads."""
+        self._loop.run(self._ended(command, fault))
+
+    def stopped(self, gently: bool, fault: str) -> None:
+        """Answer who has asked for a stop: for the worker's threads."""
+        self._loop.run(self._stopped(gently, fault))
 
     async def _ended(self, command: Command, fault: str) -> None:
-        """Answer a command whose verb has ended."""
         await self._show_state()
         self._open = None
         await self._finish(command, fault)
         if self._stops_asked is None:
             self._next()
-
-    def _verbs(self) -> dict[int, Callable[[Command], object]]:
-        rig: Any = self.rig
-        known: dict[int, Callable[[Command], object]] = {
-            Verb.HOME: lambda _: rig.home(),
-            Verb.MOVE: lambda c: rig.move(*_move(first_step(c.arguments, Move, self._longest_m))),
-            Verb.HOLD: lambda c: rig.hold(*_hold(first_step(c.arguments, Hold, self._longest_m))),
-            Verb.SET_PRESSURE: lambda c: rig.set_pressure(
-                c.arguments["command.pressure_a"], c.arguments["command.pressure_b"]
-            ),
-            Verb.ACQUIRE: self._acquire,
-        }
-        for verb, ability in SIMULATED.items():
-            if isinstance(rig, ability) and "simulation.answer" in self.nodes:
-                known[verb] = lambda c, verb=verb: self._simulate(verb, c)
-        return known
-
-    def _unknown(self, command: Command) -> None:
-        raise RigError(f"verb {command.verb} is not known to this rig")
-
-    def _simulate(self, verb: Verb, command: Command) -> None:
-        asks_nothing = verb in (Verb.MEMORY, Verb.TRUTH, Verb.LEVELS)
-        method = getattr(self.rig, verb.name.lower())
-        text = command.arguments["simulation.text"]
-        answer = method() if asks_nothing else method(parse_json(text, "simulation.text", RigError))
-        self._loop.run(self._write({"simulation.answer": json.dumps(answer)}, client=command.client))
-
-    def _acquire(self, command: Command) -> None:
-        """Run the program and put its samples into the ring."""
-        steps, sampling = program_of(command.arguments, self._longest_m), sampling_of(command.arguments)
-        check_size(steps, sampling)
-        parts = self.rig.acquire(steps, sampling)
-        try:
-            for part in parts:
-                for start in range(0, len(part), self.nodes.chunk):
-                    self._put(_rows(part, start, start + self.nodes.chunk))
-        finally:
-            close = getattr(parts, "close", None)  # of a generator: come to rest now
-            if close is not None:
-                close()
-
-    def _put(self, chunk: Samples) -> None:
-        """Wait for a free slot and write it."""
-        with self._taken:
-            while self._written - self._acknowledged >= self.nodes.slots and not self._interrupted:
-                self._taken.wait(self.heartbeat_s)
-        if self._interrupted:
-            raise Interrupted
-        self._written += 1
-        values = {f"samples.{name}": getattr(chunk, field) for name, field in SAMPLE_FIELDS.items()}
-        slot = self.nodes.slot_of(self._written)
-        self._loop.run(self._write({**values, "samples.count": len(chunk), "samples.sequence": self._written}, slot))
-        self._loop.run(self._write({"samples.written": self._written}))
 
     async def _finish(self, command: Command, fault: str) -> None:
         """Answer, unless the client has asked for something else meanwhile."""
@@ -530,8 +389,6 @@ def _another(identity: int) -> int:
 
 @contextlib.contextmanager
 def _without_collector() -> Iterator[None]:
-    import gc
-
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -539,15 +396,3 @@ def _without_collector() -> Iterator[None]:
     finally:
         if collects:
             gc.enable()
-
-
-def _move(step: Move) -> tuple[float, float]:
-    return step.to_m, step.speed_m_s
-
-
-def _hold(step: Hold) -> tuple[float, bool]:
-    return step.duration_s, step.released
-
-
-def _rows(samples: Samples, start: int, stop: int) -> Samples:
-    return Samples(**{name: getattr(samples, name)[start:stop] for name in SAMPLE_FIELDS.values()})
