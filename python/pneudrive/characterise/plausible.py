@@ -146,6 +146,8 @@ def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> 
     RecordingError
         It does.
     """
+    if pressure_pa.size == 0 or _all_within(pressure_pa, LOWEST_PA, PRESSURES_PA[0]):
+        return
     low, high = np.quantile(thinned(pressure_pa), QUANTILES)
     if low < LOWEST_PA or high > PRESSURES_PA[0]:
         worst, why = (low, "lies below vacuum") if low < LOWEST_PA else (high, "no pneumatic rig has")
@@ -153,8 +155,25 @@ def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> 
             f"{name} is {worst / 1e5:.4g} bar absolute, which {why}",
             where=where,
             rule=f"from 0 to {PRESSURES_PA[0] / 1e5:g} bar absolute",
-            remedy="look at the column, its unit, its decimal sign, and whether it is gauge or absolute, in the layout",
+            remedy="look at the column, its unit, its decimal sign, and whether it is gauge or absolute: in the "
+            "layout, or in what wrote the file",
         )
+
+
+def refuse_channels(recording: Recording) -> None:
+    """Refuse a recording of a rig whose pressures or forces no rig can have.
+
+    Raises
+    ------
+    RecordingError
+        A pressure below vacuum, or pressures or forces beyond any rig.
+    """
+    where = str(recording.source or recording.name)
+    for channel in ("pressure_a_pa", "pressure_b_pa"):
+        refuse_pressure(channel.removesuffix("_pa"), getattr(recording, channel), where)
+    if recording.force_n.size and not _all_within(recording.force_n, -FORCES_N[0], FORCES_N[0]):
+        strongest = float(np.quantile(np.abs(thinned(recording.force_n)), QUANTILES[1]))
+        _no_more("the force reaches", strongest, FORCES_N[0], "N", "force", where)
 
 
 def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
@@ -165,24 +184,27 @@ def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
     RecordingError
         A pressure below vacuum, or pressures, speeds, travels or forces beyond any rig.
     """
+    refuse_channels(recording)
     where = str(recording.source or recording.name)
-    for channel in ("pressure_a_pa", "pressure_b_pa"):
-        refuse_pressure(channel.removesuffix("_pa"), getattr(recording, channel), where)
     fastest = max(abs(stroke.speed_m_s) for stroke in strokes)
     longest = max(abs(stroke.to_m - stroke.from_m) for stroke in strokes)
-    strongest = float(np.quantile(np.abs(thinned(recording.force_n)), QUANTILES[1]))
-    for what, value, limit, unit, column in (
-        ("the piston moves at", fastest, SPEEDS_M_S[0], "m/s", "time and the position"),
-        ("the strokes are", longest, LONGEST_M, "m long", "position"),
-        ("the force reaches", strongest, FORCES_N[0], "N", "force"),
-    ):
-        if value > limit:
-            raise RecordingError(
-                f"{what} {value:.4g} {unit}, which no pneumatic rig does",
-                where=where,
-                rule=f"at most {limit:g} {unit}",
-                remedy=f"look at the unit of the {column} in the layout",
-            )
+    _no_more("the piston moves at", fastest, SPEEDS_M_S[0], "m/s", "time and the position", where)
+    _no_more("the strokes are", longest, LONGEST_M, "m long", "position", where)
+
+
+def _no_more(what: str, value: float, limit: float, unit: str, column: str, where: str) -> None:
+    if value > limit:
+        raise RecordingError(
+            f"{what} {value:.4g} {unit}, which no pneumatic rig does",
+            where=where,
+            rule=f"at most {limit:g} {unit}",
+            remedy=f"look at the unit of the {column}: in the layout, or in what wrote the file",
+        )
+
+
+def _all_within(values: NDArray[np.float64], low: float, high: float) -> bool:
+    """Whether not even a single outlier is outside: the quantiles, which take long, are not asked for then."""
+    return bool(low <= values.min() and values.max() <= high)
 
 
 def doubts_of(recording: Recording, level: Level) -> dict[str, str]:

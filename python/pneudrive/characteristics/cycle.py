@@ -13,6 +13,7 @@ import numpy as np
 
 from pneudrive.characterise.budget import DirectionMeans, systematic_budget
 from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, quantiles
+from pneudrive.characterise.plausible import refuse_impossible
 from pneudrive.characterise.profile import build_profile
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.reversal import find_reversal_peaks, usable
@@ -176,10 +177,11 @@ def read_sliding(
     Raises
     ------
     CampaignError, RecordingError
-        If more than half of it is damaged, it does not move, or has no settled part.
+        If more than half of it is damaged, it does not move, holds what no rig can do, or has no settled part.
     """
     recording, flags = recording_of(file, identity, samples)
     strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
+    refuse_impossible(recording, strokes)
     _one_speed(recording, strokes)
     # In the settled part the piston does not accelerate but for ripple, whose mean is nothing: acceleration from
     # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
@@ -212,7 +214,7 @@ def read_standing(file: CycleFile, samples: Samples, identity: Identity) -> Cycl
     Raises
     ------
     CampaignError, RecordingError
-        If more than half of it is damaged, or it has too few samples.
+        If more than half of it is damaged, it holds pressures or forces that no rig has, or has too few samples.
     """
     recording, flags = recording_of(file, identity, samples)
     steps = steps_of(recording, samples)

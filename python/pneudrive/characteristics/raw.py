@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.plausible import refuse_channels
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.samples import clean
 from pneudrive.errors import RecordingError
@@ -26,7 +27,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     Raises
     ------
     RecordingError
-        If more than half of the samples are damaged.
+        If more than half of the samples are damaged, or hold what no rig can have.
     """
     name = file.head.cycle.key
     count = len(samples)
@@ -73,6 +74,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     if len(recording) < (1.0 - LOST_SHARE) * count:
         found = ", ".join(f"{kind} {number}" for kind, number in {**flags, **recording.flags}.items())
         raise RecordingError("more than half of the samples are damaged", where=name, value=f"{found} of {count}")
+    refuse_channels(recording)
     for kind, number in recording.flags.items():
         if kind != "gap":  # bursts are denser than the rest: an interval says nothing by its length
             flags[kind] = max(flags.get(kind, 0), number)

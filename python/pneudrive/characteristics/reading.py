@@ -224,8 +224,11 @@ def _way(samples: Samples) -> float:
 
 
 def _edges(files: Sequence[CycleFile]) -> Array:
-    """Bins over the way that sliding cycles move along, from the positions of some of them."""
-    low, high = np.inf, -np.inf
+    """Bins over the way that sliding cycles move along, from the positions of some of them.
+
+    One that lies a whole way beside the others (millimetres for metres) does not move the bins of all.
+    """
+    ends: list[Array] = []
     for i in np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int)) if files else ():
         try:
             position = files[i].samples().position_m
@@ -233,8 +236,12 @@ def _edges(files: Sequence[CycleFile]) -> Array:
             continue
         position = position[np.isfinite(position)]
         if position.size:
-            ends = np.quantile(position, ENDS)
-            low, high = min(low, float(ends[0])), max(high, float(ends[1]))
-    if not high > low:
-        low, high = 0.0, 1.0  # nothing moves: the cycles themselves say so
+            ends.append(np.quantile(position, ENDS))
+    low, high = 0.0, 1.0  # nothing moves: the cycles themselves say so
+    if ends:
+        known = np.array(ends)
+        usual = np.median(known, axis=0)
+        known = known[np.all(np.abs(known - usual) <= usual[1] - usual[0], axis=1)]
+        if known.size and known[:, 1].max() > known[:, 0].min():
+            low, high = float(known[:, 0].min()), float(known[:, 1].max())
     return np.linspace(low, high, BINS + 1)

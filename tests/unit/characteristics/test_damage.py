@@ -36,6 +36,10 @@ DAMAGE = {
     "one direction only": (lambda f: f[:300], "unpaired"),
     "nothing that moves": (lambda f: change(f, "position_m", slice(None), 0.1), None),
     "three samples": (lambda f: f[:3], None),
+    "pressures below vacuum": (lambda f: change(f, "pressure_a_pa", slice(None), lambda p: p - 5e5), None),
+    "pressures that no rig has": (lambda f: change(f, "pressure_b_pa", slice(None), lambda p: 1e3 * p), None),
+    "forces that no rig has": (lambda f: change(f, "force_n", slice(None), lambda v: 1e8 * v), None),
+    "positions in mm": (lambda f: change(f, "position_m", slice(None), lambda x: 1e3 * x), None),
     "positions that are no number": (lambda f: change(f, "position_m", slice(None), np.nan), None),
 }
 
@@ -118,7 +122,8 @@ def test_a_folder_that_is_no_campaign(tmp_path):
 
 MISTAKES = {
     "force of the other sign": (lambda f: f.with_columns(-pl.col("force_n")), "negative"),
-    "positions in millimetres": (lambda f: f.with_columns(pl.col("position_m") * 1e3), "another speed"),
+    "positions in millimetres": (lambda f: f.with_columns(pl.col("position_m") * 1e3), "which no pneumatic rig does"),
+    "positions in centimetres": (lambda f: f.with_columns(pl.col("position_m") * 1e2), "another speed"),
     "times in milliseconds": (lambda f: f.with_columns(pl.col("time_s") * 1e3), "another speed"),
     "nothing": (lambda f: f, None),
 }
