@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import sys
 import warnings
+from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
 
 _NOT_THE_CALLER = ("pneudrive", "pydantic")
@@ -122,6 +123,50 @@ def together(errors: Sequence[Wrong]) -> Wrong:
     first = errors[0]
     first.others = tuple(errors[1:])
     return first
+
+
+class Problems:
+    """What is wrong with a file, gathered until all of it was looked at, so that its author mends it in one go.
+
+    Examples
+    --------
+    >>> problems = Problems()
+    >>> for name in ("bore", "stroke"):
+    ...     with problems.caught():
+    ...         raise DescriptionError(f"{name} is missing")
+    >>> problems.tell()
+    Traceback (most recent call last):
+    pneudrive.errors.DescriptionError: bore is missing.
+    stroke is missing.
+    """
+
+    def __init__(self) -> None:
+        self.found: dict[tuple[str, str | None], PneudriveError] = {}
+
+    @contextmanager
+    def caught(self) -> Iterator[None]:
+        """Keep what is raised within; what comes after the block is looked at too."""
+        try:
+            yield
+        except PneudriveError as error:
+            self.add(error)
+
+    def take(self, read: Callable[..., Any], *arguments: object, otherwise: Any = None) -> Any:  # noqa: ANN401
+        """Give what a part is read as; where it is wrong, keep that, and give something to go on with."""
+        with self.caught():
+            return read(*arguments)
+        return otherwise
+
+    def add(self, error: PneudriveError) -> None:
+        """Take note of an error and of those that it carries, each once."""
+        for one in error.each():
+            one.others = ()
+            self.found.setdefault((one.what, one.where), one)
+
+    def tell(self) -> None:
+        """Raise all of it as one error, where there is any."""
+        if self.found:
+            raise together(list(self.found.values()))
 
 
 class DescriptionError(PneudriveError):

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.characterise.force_calibration import KEYS as FORCE_CALIBRATION_KEYS
 from pneudrive.characterise.text_table import TextForm
 from pneudrive.describe import toml
-from pneudrive.errors import LayoutError, nearest
+from pneudrive.errors import LayoutError, Problems, nearest
 from pneudrive.files.packed import COMPRESSIONS
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
     from pneudrive.characterise.column_units import ColumnUnit
     from pneudrive.characterise.force_calibration import ForceCalibration
     from pneudrive.characterise.layout_values import LayoutValues
@@ -239,56 +241,73 @@ class Layout(Shown):
         return LayoutValues(self, tree, sources, is_part=is_part)
 
     def _checked(self) -> Layout:
-        """Refuse unknown keys and wrong values before the first recording is opened."""
-        overrides = self.tree.get("for", [])
-        if not isinstance(overrides, list):
+        """Refuse unknown keys and wrong values before the first recording is opened, all at once."""
+        overrides, problems = self.tree.get("for", []), Problems()
+        if not isinstance(overrides, list) or not all(isinstance(one, dict) for one in overrides):
             raise self.fail("[for] must be written [[for]], one for each group of files", "for")
-        self._check_tree({k: v for k, v in self.tree.items() if k not in ("for", "schema")}, ())
-        if self.kind not in KINDS:
-            raise self.fail(f"kind = '{self.kind}' is not known", "kind", remedy=nearest(self.kind, KINDS))
+        trees = [({k: v for k, v in self.tree.items() if k not in ("for", "schema")}, ())]
+        for index, override in enumerate(overrides):
+            trees.append(({k: v for k, v in override.items() if k != "match"}, ("for", str(index))))
+        for tree, place in trees:
+            with problems.caught():
+                self._check_kinds(tree, place)
+        problems.tell()  # what is no table cannot be looked into
         for index, override in enumerate(overrides):
             if not isinstance(override.get("match"), str):
-                raise self.fail(
-                    "[[for]] does not say which files it is for", "for", str(index), remedy='match = "*257*"'
-                )
-            self._check_tree({k: v for k, v in override.items() if k != "match"}, ("for", str(index)))
+                what = "[[for]] does not say which files it is for"
+                problems.add(self.fail(what, "for", str(index), remedy='match = "*257*"'))
+        for tree, place in trees:
+            for error in self._unknown(tree, place):
+                problems.add(error)
+        if self.kind not in KINDS:
+            problems.add(self.fail(f"kind = '{self.kind}' is not known", "kind", remedy=nearest(self.kind, KINDS)))
+            problems.tell()  # which columns are needed is not known
         for chosen in ([], *([index] for index in range(len(overrides)))):
             # What is missing here, another [[for]] may give: only the layout of a file has to be whole.
             values = self._with_overrides(chosen, is_part=bool(overrides))
-            {"drive": values.drive_layout, "fixed-volume": values.volume_layout}.get(self.kind, values.file_layout)(
-                None
-            )
+            readers = {"drive": values.drive_layout, "fixed-volume": values.volume_layout}
+            with problems.caught():
+                readers.get(self.kind, values.file_layout)(None)
+        problems.tell()
         return self
 
-    def _check_tree(self, tree: dict[str, Any], prefix: tuple[str, ...]) -> None:
-        known = {*TOP_KEYS, *TABLES}
+    def _check_kinds(self, tree: dict[str, Any], prefix: tuple[str, ...]) -> None:
+        """Refuse what is a table and should be a value, and the other way round."""
+        problems = Problems()
         for key, value in tree.items():
             path = (*prefix, key)
-            if key not in known:
-                raise self.fail(f"unknown key '{key}'", *path, remedy=nearest(key, known))
-            if key in TABLES:
-                self._check_table(key, value, path)
-                continue
-            kind, words = TOP_KEYS[key]
-            if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-                raise self.fail(f"{key} = {value!r} must be {words}", *path)
+            if key in TABLES and not isinstance(value, dict):
+                problems.add(self.fail(f"[{key}] must be a table", *path))
+            elif key == "columns":
+                for name, column in value.items():
+                    if name != "cycle" and name in (TABLES[key] or ()) and not isinstance(column, dict):
+                        what, example = f"columns.{name} must be a table", f'{name} = {{ column = 0, unit = "..." }}'
+                        problems.add(self.fail(what, *path, name, remedy=example))
+            elif key in TOP_KEYS:
+                kind, words = TOP_KEYS[key]
+                if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+                    problems.add(self.fail(f"{key} = {value!r} must be {words}", *path))
+        problems.tell()
 
-    def _check_table(self, name: str, table: object, path: tuple[str, ...]) -> None:
-        if not isinstance(table, dict):
-            raise self.fail(f"[{name}] must be a table", *path)
-        known = TABLES[name]
-        for key, value in table.items():
-            if known is not None and key not in known:
-                raise self.fail(f"unknown key '{name}.{key}'", *path, key, remedy=nearest(key, known))
-            if name != "columns" or key == "cycle":
+    def _unknown(self, tree: dict[str, Any], prefix: tuple[str, ...]) -> Iterator[LayoutError]:
+        """Give an error for each key that is not known."""
+
+        def unknown(known: Collection[str], *keys: str) -> LayoutError:
+            return self.fail(f"unknown key '{'.'.join(keys)}'", *prefix, *keys, remedy=nearest(keys[-1], known))
+
+        for key, value in tree.items():
+            if key not in TABLES:
+                if key not in TOP_KEYS:
+                    yield unknown({*TOP_KEYS, *TABLES}, key)
                 continue
-            if not isinstance(value, dict):
-                example = f'{key} = {{ column = 0, unit = "..." }}'
-                raise self.fail(f"columns.{key} must be a table", *path, key, remedy=example)
-            for inner in value:
-                if inner not in COLUMN_KEYS:
-                    what = f"unknown key 'columns.{key}.{inner}'"
-                    raise self.fail(what, *path, key, inner, remedy=nearest(inner, COLUMN_KEYS))
+            known = TABLES[key]
+            for name, column in value.items():
+                if known is not None and name not in known:
+                    yield unknown(known, key, name)
+                elif key == "columns" and isinstance(column, dict) and name != "cycle":
+                    for inner in column:
+                        if inner not in COLUMN_KEYS:
+                            yield unknown(COLUMN_KEYS, key, name, inner)
 
 
 def stem(path: Path) -> str:

@@ -25,7 +25,7 @@ from pneudrive.characterise.layout import (
 from pneudrive.characterise.text_table import TextForm
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.geometry import KINDS, piston_areas
-from pneudrive.errors import DescriptionError, LayoutError, nearest
+from pneudrive.errors import DescriptionError, LayoutError, Problems, nearest
 from pneudrive.files.tables import FORMATS
 from pneudrive.units import parse, parse_pressure, parse_range
 
@@ -42,7 +42,7 @@ EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K"
 class LayoutValues:
     """Reads the merged tree of one file. ``sources`` says where an override's value was written.
 
-    ``is_part``: not everything that a file needs has to be there.
+    ``is_part``: not everything that a file needs has to be there. What is wrong is told together, once all was read.
     """
 
     def __init__(
@@ -54,6 +54,8 @@ class LayoutValues:
         is_part: bool = False,
     ) -> None:
         self.layout, self.tree, self.sources, self.is_part = layout, tree, sources, is_part
+        self.problems = Problems()
+        self.take = self.problems.take
 
     def fail(self, what: str, *path: str, rule: str | None = None, remedy: str | None = None) -> LayoutError:
         """Build an error at a key, wherever its value was written."""
@@ -80,28 +82,45 @@ class LayoutValues:
 
     def file_layout(self, path: Path | None) -> FileLayout:
         """Put everything together for one file; None stands for no file in particular."""
-        tree, form, ambient = self.tree, self.form(), self.ambient()
+        ambient = self.take(self.ambient, otherwise=STANDARD_ATMOSPHERE_PA)
         columns = self.columns(CHANNEL_UNITS, ("time", "position", "force"), ambient)
-        area_a, area_b, accuracy = self.areas()
+        area_a, area_b, accuracy = self.take(self.areas, otherwise=(0.0, 0.0, {}))
         incline, mass = self.posture()
-        alignment = self.read("rig", "alignment", lambda text: uncertainty(text, "rad"))
+        alignment = self.take(self.read, "rig", "alignment", lambda text: uncertainty(text, "rad"))
+        rest = {
+            "cycle": self.take(self.cycle),
+            "chamber_pressures": self.take(self.chambers, set(self.tree.get("columns", {})), ambient),
+            "stiffness_n_m": self.take(self.positive, "rig", "stiffness", "N/m"),
+            "window_m": self.take(self.read, "window", "position", lambda text: parse_range(text, "m")),
+        }
         return FileLayout(
-            format=form,
-            text=self.text_form(),
-            skip_samples=tree.get("skip_samples", 0),
-            columns=columns,
-            cycle=self.cycle(),
+            **self.common(columns, ambient, path),
+            **rest,
             area_a_m2=area_a,
             area_b_m2=area_b,
-            chamber_pressures=self.chambers(set(columns), ambient),
-            ambient_pressure_pa=ambient,
             incline_rad=incline,
             mass_beyond_sensor_kg=mass,
-            stiffness_n_m=self.positive("rig", "stiffness", "N/m"),
             geometry_accuracy=accuracy if alignment is None else {**accuracy, "alignment_rad": alignment},
-            window_m=self.read("window", "position", lambda text: parse_range(text, "m")),
-            labels=self.labels(path),
         )
+
+    def common(self, columns: dict[str, Column], ambient: float, path: Path | None) -> dict[str, Any]:
+        """Read what every layout says of a file, and tell what is wrong with all that was read.
+
+        Raises
+        ------
+        LayoutError
+            With everything that is wrong.
+        """
+        found = {
+            "format": self.take(self.form),
+            "text": self.take(self.text_form),
+            "skip_samples": self.tree.get("skip_samples", 0),
+            "columns": columns,
+            "ambient_pressure_pa": ambient,
+            "labels": self.take(self.labels, path),
+        }
+        self.problems.tell()
+        return found
 
     def drive_layout(self, path: Path | None) -> SampledLayout:
         """Put together what a recording of a drive needs."""
@@ -114,15 +133,8 @@ class LayoutValues:
 
     def sampled(self, units: dict[str, str], needed: tuple[str, ...], path: Path | None) -> SampledLayout:
         """Put together what is read of a file whose geometry is described elsewhere."""
-        form, ambient = self.form(), self.ambient()
-        return SampledLayout(
-            format=form,
-            text=self.text_form(),
-            skip_samples=self.tree.get("skip_samples", 0),
-            columns=self.columns(units, needed, ambient),
-            ambient_pressure_pa=ambient,
-            labels=self.labels(path),
-        )
+        ambient = self.take(self.ambient, otherwise=STANDARD_ATMOSPHERE_PA)
+        return SampledLayout(**self.common(self.columns(units, needed, ambient), ambient, path))
 
     def form(self) -> str:
         """Give the format of the file, with what goes before its samples checked."""
@@ -137,18 +149,24 @@ class LayoutValues:
     def columns(self, units: dict[str, str], needed: tuple[str, ...], ambient: float) -> dict[str, Column]:
         """Give the channels that the layout names; those that are needed must be among them."""
         said = self.tree.get("columns", {})
-        columns = {n: self.column(n, ambient) for n in units if n in said and self.is_whole(n)}
+        columns = {}
+        for name in units:
+            if name in said and self.is_whole(name):
+                with self.problems.caught():
+                    columns[name] = self.column(name, ambient)
         for channel in needed:
-            if channel not in columns and not self.is_part:
+            if channel not in said and not self.is_part:
                 unit = f', unit = "{EXAMPLES[units[channel]]}"' if units[channel] else ""
                 example = f"{channel} = {{ column = 0{unit} }}"
-                raise self.fail(f"[columns] does not say where the {channel} is", "columns", remedy=example)
+                self.problems.add(
+                    self.fail(f"[columns] does not say where the {channel} is", "columns", remedy=example)
+                )
         read: dict[int | str, str] = {}
         for channel, column in columns.items():
             other = read.setdefault(column.column, channel)
             if other != channel and units[other] != units[channel]:  # both chambers may share a transducer
                 what = f"columns.{other} and columns.{channel} read one column: {column.column!r}"
-                raise self.fail(what, "columns", channel, rule="a column is one quantity")
+                self.problems.add(self.fail(what, "columns", channel, rule="a column is one quantity"))
         return columns
 
     def is_whole(self, name: str) -> bool:
@@ -159,12 +177,13 @@ class LayoutValues:
 
     def posture(self) -> tuple[float, float]:
         """Incline in rad and mass beyond the sensor in kg."""
-        incline = self.read("rig", "incline", lambda text: parse(text, "rad")) or 0.0
-        mass = self.read("rig", "mass_beyond_sensor", lambda text: parse(text, "kg")) or 0.0
+        incline = self.take(self.read, "rig", "incline", lambda text: parse(text, "rad")) or 0.0
+        mass = self.take(self.read, "rig", "mass_beyond_sensor", lambda text: parse(text, "kg")) or 0.0
         if abs(incline) > math.pi / 2:
-            raise self.fail("rig.incline must lie between -90 deg and 90 deg", "rig", "incline")
+            self.problems.add(self.fail("rig.incline must lie between -90 deg and 90 deg", "rig", "incline"))
         if mass < 0:
-            raise self.fail("rig.mass_beyond_sensor must not be negative", "rig", "mass_beyond_sensor")
+            what = "rig.mass_beyond_sensor must not be negative"
+            self.problems.add(self.fail(what, "rig", "mass_beyond_sensor"))
         return incline, mass
 
     def text_form(self) -> TextForm:

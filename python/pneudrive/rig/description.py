@@ -125,7 +125,9 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
     content = open_file(path)
     reader = Reader(content, str(path))
     values = {table: reader.table(table, keys) for table, keys in KEYS.items()}
-    friction = _friction(reader)
+    friction: dict[str, Any] = {}
+    with reader.problems.caught():
+        friction = _friction(reader)
     mountings = _mountings(reader)
     reader.finish()
     _check(reader, values)
@@ -137,6 +139,8 @@ def _friction(reader: Reader) -> dict[str, Any]:
     from pneudrive.rig.friction_table import read_friction
 
     given = reader.content.pop("friction", {})
+    if not isinstance(given, dict):
+        raise DescriptionError("friction is a table", where=reader.where, value=given, rule="[friction]")
     law = given.pop("law", None)
     if not isinstance(law, str):
         what = "friction.law is missing" if law is None else "friction.law is a name alone"
@@ -152,22 +156,25 @@ def _friction(reader: Reader) -> dict[str, Any]:
 
 def _mountings(reader: Reader) -> dict[str, Mounting]:
     tables = reader.content.pop("mounting", {})
+    if not isinstance(tables, dict):
+        reader.problems.add(DescriptionError("mounting is a table", where=reader.where, rule="[mounting.NAME]"))
+        tables = {}
     out = {RIGID: Mounting()}
     for name, table in tables.items():
         values = reader.table(f"mounting.{name}", MOUNTING, table)
-        if table:
-            rule = f"keys: {', '.join(MOUNTING)}"
-            raise DescriptionError(f"mounting.{name}.{next(iter(table))} is unknown", where=reader.where, rule=rule)
+        rule = f"keys: {', '.join(MOUNTING)}"
+        for key in table if isinstance(table, dict) else ():
+            reader.problems.add(DescriptionError(f"mounting.{name}.{key} is unknown", where=reader.where, rule=rule))
         out[name] = Mounting(values["side_load"], values["coefficient"])
     return out
 
 
 def _check(reader: Reader, values: dict[str, dict[str, Any]]) -> None:
-    """Refuse values that do not fit together."""
+    """Refuse values that do not fit together, all at once."""
     cylinder, servo, chambers = values["cylinder"], values["servo"], values["chambers"]
 
     def refuse(what: str, rule: str) -> None:
-        raise DescriptionError(what, where=reader.where, rule=rule)
+        reader.problems.add(DescriptionError(what, where=reader.where, rule=rule))
 
     if 2.0 * servo["margin"] >= cylinder["stroke"]:
         refuse("servo.margin leaves no way to go", "0 <= margin < stroke / 2")
@@ -183,6 +190,7 @@ def _check(reader: Reader, values: dict[str, dict[str, Any]]) -> None:
     ratio = chambers["critical_pressure_ratio"]
     if ratio is not None and ratio >= 1.0:
         refuse(f"chambers.critical_pressure_ratio = {ratio} is out of bounds", "between 0 and 1")
+    reader.problems.tell()
 
 
 def _build(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import FrictionLaw
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, Problems, together
 
 if TYPE_CHECKING:
     from pneudrive.rig.reader import Reader
@@ -39,15 +39,19 @@ def read_friction(reader: Reader, law: str | FrictionLaw, given: dict[str, Any])
     entry = law.entry if isinstance(law, FrictionLaw) else friction_laws()[law]
     known = {p["key"] for p in entry["parameters"]}
     tables = {key for key in Friction.model_fields if key not in ("law", "formula", "parameters", "given")}
-    for key in given:
-        if key not in known | tables:
-            rule = f"keys: {', '.join(sorted(known | tables))}"
-            raise DescriptionError(f"friction.{key} is unknown", where=reader.where, rule=rule)
-    plain = {key: _plain(reader, f"friction.{key}", entry) for key, entry in given.items()}
+    rule = f"keys: {', '.join(sorted(known | tables))}"
+    plain, problems = {}, Problems()
+    for key, about in given.items():
+        with problems.caught():
+            if key not in known | tables:
+                raise DescriptionError(f"friction.{key} is unknown", where=reader.where, rule=rule)
+            plain[key] = _plain(reader, f"friction.{key}", about)
+    problems.tell()
     try:
         friction = Friction.model_validate({"law": law} | plain)
     except DescriptionError as error:
-        raise DescriptionError(error.what, where=reader.where, rule=error.rule, remedy=error.remedy) from None
+        told = [DescriptionError(e.what, where=reader.where, rule=e.rule, remedy=e.remedy) for e in error.each()]
+        raise together(told) from None
     core = friction.core()
     others = {key: table for key, table in core.items() if key not in ("law", "parameters", "pressure")}
     return {"parameters": core["parameters"], "pressure": core["pressure"], "dependences": others}

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from pneudrive.errors import ConnectionLostError, RigError
+from pneudrive.errors import ConnectionLostError, Problems, RigError
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
 from pneudrive.rig.opcua_access import ACCESS_KEYS, Access, read_access
@@ -449,23 +449,23 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
     if str(source).startswith(f"{SCHEME}://"):
         return open_rig(str(source))
     file = RigFile.load(source)
-    file.only("", {*KEYS, "password"})  # which has a message of its own
+    problems = Problems()
+    take = problems.take
+    take(file.only, "", {*KEYS, "password"})  # which has a message of its own
     if file.get("schema") not in (None, SCHEMA):
-        raise file.fail("the rig file is of another version", "schema", rule=f"schema = {SCHEMA}")
-    url = file.needed("url", file.string("url"), '"opc.tcp://192.168.0.10:4840"')
-    if not url.startswith(f"{SCHEME}://") or "@" in url:
-        raise file.fail(f"url = '{url}'", "url", rule=f"{SCHEME}://HOST:PORT, without user and password")
-    identity = read_identity(file)
+        problems.add(file.fail("the rig file is of another version", "schema", rule=f"schema = {SCHEMA}"))
+    url = take(lambda: file.needed("url", file.string("url"), '"opc.tcp://192.168.0.10:4840"'))
+    if url is not None and (not url.startswith(f"{SCHEME}://") or "@" in url):
+        rule = f"{SCHEME}://HOST:PORT, without user and password"
+        problems.add(file.fail(f"url = '{url}'", "url", rule=rule))
+    identity = take(read_identity, file)
     ambient = Identity.ambient_pressure_pa if identity is None else identity.ambient_pressure_pa
-    reconnect = file.quantity("reconnect", "s")
-    return open_rig(
-        url,
-        load_map(file.path("map")),
-        read_access(file),
-        identity,
-        read_limits(file, ambient),
-        RECONNECT_S if reconnect is None else reconnect,
-    )
+    limits = take(read_limits, file, ambient)
+    reconnect = take(file.quantity, "reconnect", "s")
+    nodes = take(lambda: load_map(file.path("map")))
+    access = take(read_access, file)
+    problems.tell()
+    return open_rig(url, nodes, access, identity, limits, RECONNECT_S if reconnect is None else reconnect)
 
 
 def _kind(step: Step) -> int:

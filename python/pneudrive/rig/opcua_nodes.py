@@ -21,7 +21,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, Problems
 from pneudrive.rig.rig_file import RigFile
 from pneudrive.units import converter, parse, parse_pressure
 
@@ -206,27 +206,30 @@ def load_map(path: str | Path | None = None) -> NodeMap:
     file.only("", {"schema", "namespace", "handshake", *tables})
     if file.get("schema") != SCHEMA:
         raise file.fail("this is no node map of this version", "schema", rule=f"schema = {SCHEMA}")
+    problems = Problems()
+    take = problems.take
     for table in tables:
-        file.only(table, [name.partition(".")[2] for name in KINDS if name.startswith(f"{table}.")])
-    file.only("handshake", HANDSHAKE)
+        take(file.only, table, [name.partition(".")[2] for name in KINDS if name.startswith(f"{table}.")])
+    take(file.only, "handshake", HANDSHAKE)
     nodes = {}
     for name, kind in KINDS.items():
-        node = _node(file, name, kind)
+        node = take(_node, file, name, kind)
         if node is not None:
             nodes[name] = node
-        elif not kind.optional:
-            raise file.fail(f"the map has no node {name}", name.partition(".")[0])
-    return NodeMap(
-        nodes=nodes,
-        namespace=file.string("namespace") or "",
-        heartbeat_s=file.quantity("handshake.heartbeat", "s", positive=True) or 1.0,
-        poll_s=file.quantity("handshake.poll", "s", positive=True) or 0.02,
-        patience_s=file.quantity("handshake.patience", "s", positive=True) or 120.0,
-        slots=file.count("handshake.slots", 8, least=2),
-        first_slot=file.count("handshake.first_slot", 0),
-        chunk=file.count("handshake.chunk", 1000, least=1),
-        steps=file.count("handshake.steps", 256, least=1),
-    )
+        elif not kind.optional and file.get(name) is None:
+            problems.add(file.fail(f"the map has no node {name}", name.partition(".")[0]))
+    shake = {
+        "heartbeat_s": take(file.quantity, "handshake.heartbeat", "s", True) or 1.0,
+        "poll_s": take(file.quantity, "handshake.poll", "s", True) or 0.02,
+        "patience_s": take(file.quantity, "handshake.patience", "s", True) or 120.0,
+        "slots": take(file.count, "handshake.slots", 8, 2),
+        "first_slot": take(file.count, "handshake.first_slot", 0),
+        "chunk": take(file.count, "handshake.chunk", 1000, 1),
+        "steps": take(file.count, "handshake.steps", 256, 1),
+    }
+    namespace = take(file.string, "namespace") or ""
+    problems.tell()
+    return NodeMap(nodes=nodes, namespace=namespace, **shake)
 
 
 def _node(file: RigFile, name: str, kind: Kind) -> Node | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe import toml
-from pneudrive.errors import DescriptionError, nearest
+from pneudrive.errors import DescriptionError, Problems, nearest
 from pneudrive.units import parse, parse_pressure
 
 if TYPE_CHECKING:
@@ -147,20 +147,27 @@ class Reader:
         self.where = where
         self.sources: dict[str, Source] = {}
         self.known: dict[str, list[str]] = {}
+        self.problems = Problems()
 
     def table(self, name: str, keys: Mapping[str, Key], given: dict[str, Any] | None = None) -> dict[str, Any]:
-        """Take the keys of a table; SI values, words, None where a key without a default is absent."""
+        """Take the keys of a table; SI values, words, None where a key without a default is absent.
+
+        What is wrong goes to `problems`, and None stands in its place.
+        """
         given = self.content.get(name, {}) if given is None else given
-        if not isinstance(given, dict):
-            raise DescriptionError(f"{name} is a table", where=self.where, value=given, rule=f"[{name}]")
         self.known[name] = list(keys)
-        out: dict[str, Any] = {}
+        if not isinstance(given, dict):
+            self.problems.add(DescriptionError(f"{name} is a table", where=self.where, value=given, rule=f"[{name}]"))
+            return dict.fromkeys(keys)
+        out: dict[str, Any] = dict.fromkeys(keys)
         for key, kind in keys.items():
             full = f"{name}.{key}"
             if key in given:
-                out[key] = self.value(full, given.pop(key), kind)
+                with self.problems.caught():
+                    out[key] = self.value(full, given.pop(key), kind)
             elif kind.default is ...:
-                raise DescriptionError(f"{full} is missing", where=self.where, remedy="see the default rig file")
+                remedy = "see the default rig file"
+                self.problems.add(DescriptionError(f"{full} is missing", where=self.where, remedy=remedy))
             else:
                 out[key] = kind.default
         return out
@@ -230,13 +237,21 @@ class Reader:
         return stated.value_pa
 
     def finish(self) -> None:
-        """Refuse what was not read."""
+        """Refuse what was not read, and all that is wrong with what was.
+
+        Raises
+        ------
+        DescriptionError
+            With everything that is wrong with the file.
+        """
         for table, rest in self.content.items():
             if table in TOP:
                 continue
             if table not in self.known:
                 rule = f"tables: {', '.join(sorted(self.known))}"
-                raise DescriptionError(f"[{table}] is unknown", where=self.where, rule=rule)
-            for key in rest:
-                rule = f"keys: {', '.join(self.known[table])}"
-                raise DescriptionError(f"{table}.{key} is unknown", where=self.where, rule=rule)
+                self.problems.add(DescriptionError(f"[{table}] is unknown", where=self.where, rule=rule))
+                continue
+            rule = f"keys: {', '.join(self.known[table])}"
+            for key in rest if isinstance(rest, dict) else ():
+                self.problems.add(DescriptionError(f"{table}.{key} is unknown", where=self.where, rule=rule))
+        self.problems.tell()

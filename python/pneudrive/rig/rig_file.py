@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.characterise.force_calibration import of_json, of_quantities
 from pneudrive.describe import toml
 from pneudrive.describe.geometry import KINDS, piston_areas
-from pneudrive.errors import DescriptionError, RigError, nearest
+from pneudrive.errors import DescriptionError, Problems, RigError, nearest, together
 from pneudrive.rig.interface import Envelope, Identity
 from pneudrive.units import parse, parse_pressure, parse_range
 
@@ -97,10 +98,11 @@ class RigFile:
             return {}
         if not isinstance(found, dict):
             raise self.fail(f"[{table}] must be a table", table)
-        for key in found:
-            if key not in known:
-                path = f"{table}.{key}" if table else key
-                raise self.fail(f"unknown key '{path}'", path, remedy=nearest(key, known))
+        paths = {key: f"{table}.{key}" if table else key for key in found if key not in known}
+        if paths:
+            raise together(
+                [self.fail(f"unknown key '{path}'", path, remedy=nearest(key, known)) for key, path in paths.items()]
+            )
         return found
 
     def said(self, key: str, how: Callable[[Any], Any]) -> Any:  # noqa: ANN401 - whatever `how` gives
@@ -171,38 +173,45 @@ def read_identity(file: RigFile) -> Identity | None:
     """Read ``[identity]``: which rig this is, and how its sensors are calibrated. None where there is no such table."""
     if "identity" not in file.tree:
         return None
-    file.only("identity", IDENTITY_KEYS)
-    name = file.needed("identity.name", file.string("identity.name"), '"Bench 3"')
-    ambient = file.pressure("identity.ambient_pressure", 0.0) or Identity.ambient_pressure_pa
-    area_a, area_b = _areas(file)
+    problems = Problems()
+    take = problems.take
+    take(file.only, "identity", IDENTITY_KEYS)
+    take(lambda: file.needed("identity.name", file.string("identity.name"), '"Bench 3"'))
+    ambient = take(file.pressure, "identity.ambient_pressure", 0.0) or Identity.ambient_pressure_pa
+    area_a, area_b = take(_areas, file, otherwise=(0.0, 0.0))
 
     def channels(table: str, read: Callable[[str, str], Any]) -> dict[str, Any]:
-        found = file.only(f"identity.{table}", {*CHANNEL_KEYS, *(("bore",) if table == "accuracy" else ())})
+        more = ("bore",) if table == "accuracy" else ()
+        found = take(file.only, f"identity.{table}", {*CHANNEL_KEYS, *more}, otherwise={})
         names = {**CHANNEL_KEYS, "bore": ("bore_m", "m")}
-        return {names[key][0]: read(f"identity.{table}.{key}", names[key][1]) for key in found}
+        return {names[key][0]: take(read, f"identity.{table}.{key}", names[key][1]) for key in found}
 
     def sensor_range(key: str, unit: str) -> tuple[float, float]:
         return _span(file, key, unit, ambient)
 
+    calibration = take(file.only, "identity.calibration", CHANNEL_KEYS, otherwise={})
+    labels = take(lambda: file.only("identity.labels", file.get("identity.labels") or {}), otherwise={})
+    found = {
+        "mass_beyond_sensor_kg": take(file.quantity, "identity.mass_beyond_sensor", "kg") or 0.0,
+        "incline_rad": take(file.said, "identity.incline", lambda text: parse(text, "rad")) or 0.0,
+        "stiffness_n_m": take(file.quantity, "identity.stiffness", "N/m", True),
+        "accuracy": channels("accuracy", file.quantity),
+        "limits": channels("range", sensor_range),
+        "resolution": channels("resolution", file.quantity),
+        "bandwidth_hz": channels("bandwidth", lambda key, _: file.quantity(key, "1/s", positive=True)),
+        "force_calibration": take(file.said, "identity.force_calibration", of_quantities),
+        "chambers": take(file.choice, "identity.chambers", CHAMBERS, "held"),
+        "pressure_measured_at": take(file.choice, "identity.pressure_measured_at", MEASURED_AT, "chamber"),
+    }
+    problems.tell()
     return Identity(
-        name=name,
+        **found,
+        name=file.tree["identity"]["name"],
         area_a_m2=area_a,
         area_b_m2=area_b,
         ambient_pressure_pa=ambient,
-        mass_beyond_sensor_kg=file.quantity("identity.mass_beyond_sensor", "kg") or 0.0,
-        incline_rad=file.said("identity.incline", lambda text: parse(text, "rad")) or 0.0,
-        stiffness_n_m=file.quantity("identity.stiffness", "N/m", positive=True),
-        accuracy=channels("accuracy", file.quantity),
-        limits=channels("range", sensor_range),
-        resolution=channels("resolution", file.quantity),
-        bandwidth_hz=channels("bandwidth", lambda key, _: file.quantity(key, "1/s", positive=True)),
-        force_calibration=file.said("identity.force_calibration", of_quantities),
-        calibration={
-            CHANNEL_KEYS[key][0]: str(text) for key, text in file.only("identity.calibration", CHANNEL_KEYS).items()
-        },
-        labels={key: str(text) for key, text in (file.get("identity.labels") or {}).items()},
-        chambers=file.choice("identity.chambers", CHAMBERS, "held"),
-        pressure_measured_at=file.choice("identity.pressure_measured_at", MEASURED_AT, "chamber"),
+        calibration={CHANNEL_KEYS[key][0]: str(text) for key, text in calibration.items()},
+        labels={key: str(text) for key, text in labels.items()},
     )
 
 
@@ -210,7 +219,9 @@ def read_limits(file: RigFile, ambient_pa: float) -> Envelope | None:
     """Read ``[limits]``: what the rig may be asked to do. None where there is no such table."""
     if "limits" not in file.tree:
         return None
-    file.only("limits", LIMIT_KEYS)
+    problems = Problems()
+    take = problems.take
+    take(file.only, "limits", LIMIT_KEYS)
 
     def most(key: str, unit: str, example: str) -> float:
         name = f"limits.{key}"
@@ -221,23 +232,24 @@ def read_limits(file: RigFile, ambient_pa: float) -> Envelope | None:
         file.needed(name, file.get(name), example)
         return _span(file, name, unit, ambient_pa)
 
-    position = span("position", "m", '"5 mm .. 295 mm"')
-    home = file.said("limits.home", lambda text: parse(text, "m"))
-    if home is not None and not position[0] <= home <= position[1]:
-        raise file.fail("limits.home lies outside limits.position", "limits.home")
-    return Envelope(
-        position_m=position,
-        speed_m_s=most("speed", "m/s", '"500 mm/s"'),
-        acceleration_m_s2=most("acceleration", "m/s^2", '"5 m/s2"'),
-        jerk_m_s3=most("jerk", "m/s^3", '"200 m/s3"'),
-        force_n=most("force", "N", '"150 N"'),
-        pressure_pa=span("pressure", "Pa", '"1 bar abs .. 3 bar abs"'),
-        separate_pressures=file.flag("limits.separate_pressures", False),
-        temperature_k=span("temperature", "K", '"15 degC .. 30 degC"'),
-        supply_pressure_pa=file.pressure("limits.supply_pressure", ambient_pa) or 0.0,
-        expected_friction_n=file.quantity("limits.expected_friction", "N") or 0.0,
-        home_m=position[0] if home is None else home,
-    )
+    home = take(file.said, "limits.home", lambda text: parse(text, "m"))
+    found = {
+        "position_m": take(span, "position", "m", '"5 mm .. 295 mm"'),
+        "speed_m_s": take(most, "speed", "m/s", '"500 mm/s"'),
+        "acceleration_m_s2": take(most, "acceleration", "m/s^2", '"5 m/s2"'),
+        "jerk_m_s3": take(most, "jerk", "m/s^3", '"200 m/s3"'),
+        "force_n": take(most, "force", "N", '"150 N"'),
+        "pressure_pa": take(span, "pressure", "Pa", '"1 bar abs .. 3 bar abs"'),
+        "separate_pressures": take(file.flag, "limits.separate_pressures", False),
+        "temperature_k": take(span, "temperature", "K", '"15 degC .. 30 degC"'),
+        "supply_pressure_pa": take(file.pressure, "limits.supply_pressure", ambient_pa) or 0.0,
+        "expected_friction_n": take(file.quantity, "limits.expected_friction", "N") or 0.0,
+    }
+    low, high = found["position_m"] or (-math.inf, math.inf)
+    if home is not None and not low <= home <= high:
+        problems.add(file.fail("limits.home lies outside limits.position", "limits.home"))
+    problems.tell()
+    return Envelope(**found, home_m=low if home is None else home)
 
 
 def identity_of(data: dict[str, Any]) -> Identity:

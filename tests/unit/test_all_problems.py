@@ -1,0 +1,131 @@
+"""Each file that a user writes is looked at to its end: one message names all that is wrong with it, line by line."""
+
+from __future__ import annotations
+
+import pytest
+
+from pneudrive.characterise.layout import Layout
+from pneudrive.errors import DescriptionError, LayoutError, PneudriveError, RigError
+from pneudrive.rig.description import DEFAULT, read_description
+from pneudrive.rig.opcua_client import load_opcua
+from pneudrive.rig.opcua_nodes import DEFAULT_MAP, load_map
+
+LAYOUT = """\
+format = "csv"
+decimal = ";"
+skip_sample = 3
+
+[columns]
+time = { column = 0, unit = "ms" }
+position = { column = 1, unit = "N" }
+force = { column = 2 }
+pressure_a = { column = 3, unit = "bar gauge", sale = 2 }
+
+[geometry]
+bore = "-25 mm"
+
+[rig]
+incline = "100 deg"
+
+[chamber_b]
+pressure = "3 bar"
+
+[labels]
+flags = "x"
+"""
+RIG = """\
+schema = 1
+kind = "opc-ua"
+url = "http://x"
+reconnect = "-3 s"
+colour = "red"
+
+[identity]
+bore = "0 mm"
+stiffness = "1 m"
+
+[limits]
+position = "5 mm"
+speed = "fast"
+"""
+
+
+def told(read, kind: type[PneudriveError]) -> str:
+    with pytest.raises(kind) as caught:
+        read()
+    return str(caught.value)
+
+
+def test_a_layout():
+    text = told(lambda: Layout.loads(LAYOUT), LayoutError)
+    for line, word in (
+        (2, "decimal"), (3, "skip_sample"), (7, "is a force"), (8, "columns.force has no unit"),
+        (9, "columns.pressure_a.sale"),
+        (12, "geometry.bore"), (15, "rig.incline"), (18, "chamber_b.pressure"), (20, "flags"),
+    ):  # fmt: skip
+        assert word in text
+        assert text.count(f"layout:{line}\n") == 1, f"line {line} once: {text}"
+
+
+def test_what_each_override_of_a_layout_lacks_is_told_once():
+    sound = (
+        LAYOUT.replace('column = 1, unit = "N"', 'column = 1, unit = "mm"')
+        .replace("column = 2 }", 'column = 2, unit = "N" }')
+        .replace("sale", "scale")
+    )
+    sound = (
+        sound.replace('";"', '"."')
+        .replace("skip_sample ", "skip_samples ")
+        .replace("-25", "25")
+        .replace("100 deg", "1 deg")
+    )
+    sound = sound.replace('"3 bar"', '"3 bar abs"').replace("flags", "seal")
+    Layout.loads(sound)
+    wrong = '\n[[for]]\nmatch = "a*"\nrig.incline = "300 deg"\n[[for]]\nrig.mass_beyond_sensor = "-1 kg"\n'
+    text = told(lambda: Layout.loads(sound.replace("1 deg", "200 deg") + wrong), LayoutError)
+    assert text.count("rig.incline must lie") == 2
+    assert text.count("mass_beyond_sensor must not be negative") == 1
+    assert text.count("does not say which files") == 1
+
+
+def test_a_simulated_rig(tmp_path):
+    text = DEFAULT.read_text(encoding="utf-8")
+    for old, new in (
+        ("stroke = {", "strok = {"), ("bore = {", "bore_ = 3\nbore = {"),
+        ("[encoder]", "[decoder]"), ("[servo]", "[servo]\nwheels = 4"),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new, 1)
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    said = told(lambda: read_description(tmp_path / "rig.toml"), DescriptionError)
+    for word in (
+        "cylinder.stroke is missing",
+        "cylinder.strok is unknown",
+        "cylinder.bore_ is unknown",
+        "[decoder]",
+        "encoder.resolution is missing",
+        "servo.wheels",
+    ):
+        assert said.count(word) == 1, word
+
+
+def test_a_rig_behind_opc_ua_and_a_node_map(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text(RIG)
+    said = told(lambda: load_opcua(path), RigError)
+    for word in (
+        "unknown key 'colour'", "url = 'http://x'", "reconnect must", "identity.name is missing", "identity.bore must",
+        "identity.stiffness", "limits.position", "limits.speed", "limits.acceleration is missing",
+        "limits.jerk is missing",
+    ):  # fmt: skip
+        assert said.count(word) == 1, word
+    text = DEFAULT_MAP.read_text(encoding="utf-8").replace("[command]", "[command]\nwish = 3", 1)
+    path.write_text(
+        text.replace("[handshake]", "[handshake]\nslits = 3", 1).replace("schema = 1", 'schema = 1\nhue = "x"', 1)
+    )
+    said = told(lambda: load_map(path), RigError)
+    assert "hue" in said
+    path.write_text(text.replace("[handshake]", "[handshake]\nslits = 3", 1))
+    said = told(lambda: load_map(path), RigError)
+    assert "command.wish" in said
+    assert "handshake.slits" in said
