@@ -305,6 +305,12 @@ class Campaign(Shown):
                 rule=f"it has {RIG}, {ABOUT} and {CYCLES}/",
                 remedy=f"Was a campaign killed before it had begun? pneudrive campaign run PROTOCOL --into {folder}",
             )
+        if exists(folder / CYCLES) and not (folder / CYCLES).is_dir():
+            raise CampaignError(
+                "a file stands where the folder of the cycles is needed",
+                where=str(folder / CYCLES),
+                remedy="Give it another name; the cycles that were in the folder are lost unless there is a copy.",
+            )
         rig = read_text(folder / RIG, CampaignError)
         about = read_json(folder / ABOUT, CampaignError)
         if not isinstance(about, dict):

@@ -351,7 +351,7 @@ def _lost(error: BaseException | None) -> bool:
 
 def _all_files(campaign: Campaign) -> list[Path]:
     """Give every file of the cycles, those that were put aside too: an index is used once."""
-    return [path for path in (campaign.path / "cycles").iterdir() if path.name[:1].isdigit()]
+    return list((campaign.path / "cycles").glob("[0-9]*"))
 
 
 def _number(path: Path) -> int:

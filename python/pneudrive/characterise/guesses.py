@@ -37,6 +37,7 @@ KNOWN_UNITS = {
 }
 GROUPED = ("tdms", "mf4")  # formats whose names begin with that of a group: group/channel
 HELD_SHARE = 0.9  # of its samples equal the one before: a command that is held, no measured force
+FEWEST = 3  # numbers of a column from which anything is guessed
 SAME_SIGNAL = 0.98  # columns that correlate at least like this may be one signal in two units
 SIDE_IN_NAME = re.compile(r"(?:^|[\W_]|p)(a|b|1|2)(?=$|[\W_])")
 
@@ -194,7 +195,9 @@ def _unit(reading: Reading, index: int, kind: str, values: NDArray[np.float64]) 
         if word in KNOWN_UNITS[kind] or word.lower() in known:
             return (word if word in KNOWN_UNITS[kind] else known[word.lower()]), True
     finite = values[np.isfinite(values)]
-    largest = float(np.abs(finite).max()) if finite.size else 0.0
+    if finite.size < FEWEST:
+        finite = np.zeros(FEWEST)  # nothing to guess from
+    largest = float(np.abs(finite).max())
     if kind == "time":
         step = float(np.median(np.diff(finite)))
         return ("ms" if step >= 0.5 else "s"), False
@@ -223,9 +226,11 @@ def _sides(guesses: list[Guess], columns: list[NDArray[np.float64]], time: NDArr
         elif command is not None:
             side, why = "a", "which chamber is a guess, by the order of the columns"
         elif force is not None:
-            f, p = sign * columns[force.index], columns[guess.index]
+            both = np.isfinite(columns[force.index]) & np.isfinite(columns[guess.index])
+            f, p = (columns[i][both] if both.any() else np.zeros(1) for i in (force.index, guess.index))
+            f = sign * f
             together = float(np.corrcoef(f, p)[0, 1]) if np.ptp(f) > 0 and np.ptp(p) > 0 else 0.0
-            mean = float(np.nanmean(f)) if abs(np.nanmean(f)) > 0.2 * np.nanstd(f) else together
+            mean = float(np.mean(f)) if abs(np.mean(f)) > 0.2 * np.std(f) else together
             if "pressure 1" in by_role:
                 mean = together
             side = "b" if mean >= 0 else "a"
@@ -251,6 +256,8 @@ def force_levels(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tu
     time, position, force = (columns[by_role[r].index] for r in ("time", "position", "force"))
     good = np.isfinite(time) & np.isfinite(position) & np.isfinite(force)
     good[1:] &= np.diff(time) > 0
+    if good.sum() < FEWEST:
+        return None, None  # what is named so holds no numbers
     velocity = local_slope(time[good], position[good])
     fast = np.abs(velocity) > 0.5 * np.median(np.abs(velocity))
     up, down = (force[good][fast & (velocity * d > 0)] for d in (1, -1))
