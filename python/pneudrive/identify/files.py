@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 SCHEMA = 1
+#: What a fit that is read back has to be of, and what is needed of its statistics.
+LAWS = ("coulomb", "stribeck")
+STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
 
 
 def write_fit(fit: FrictionFit, path: str | Path) -> None:
@@ -103,6 +107,20 @@ def _from_content(content: dict) -> FrictionFit:
     covariance = np.array(content["covariance"]["matrix"], dtype=float)
     if covariance.shape != (len(free), len(free)):
         raise ValueError(f"covariance of shape {covariance.shape} for {len(free)} parameters")
+    fitted = FrictionModel(
+        model["law"],
+        None if exponent == "free" else float(exponent),
+        tuple(model["chambers"]),
+        model["viscous"],
+        bool(model.get("lorentzian", False)),
+        str(model.get("pressure", "linear")),
+        model.get("knee_pa"),
+    )
+    if fitted.law not in LAWS or fitted.names != free:
+        raise ValueError(f"law, chambers and parameters do not fit together: {', '.join(free)}")
+    statistics = {name: float(value) for name, value in content["statistics"].items()}
+    if not all(math.isfinite(statistics[name]) and statistics[name] >= 0.0 for name in STATISTICS):
+        raise ValueError(f"statistics: {', '.join(STATISTICS)} are numbers of zero and above")
     return FrictionFit(
         law=content["law"],
         parameters={name: float(entry["value"]) for name, entry in entries.items()},
@@ -112,17 +130,9 @@ def _from_content(content: dict) -> FrictionFit:
         systematic={name: float(of[name].get("u_systematic", 0.0)) for name in free},
         undetermined=tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
         notes=tuple(content["notes"]),
-        statistics={name: float(value) for name, value in content["statistics"].items()},
-        provenance=dict(content["provenance"]),
-        model=FrictionModel(
-            model["law"],
-            None if exponent == "free" else float(exponent),
-            tuple(model["chambers"]),
-            model["viscous"],
-            bool(model.get("lorentzian", False)),
-            str(model.get("pressure", "linear")),
-            model.get("knee_pa"),
-        ),
+        statistics=statistics,
+        provenance={"direction": content["provenance"]["direction"], **content["provenance"]},
+        model=fitted,
     )
 
 
