@@ -100,7 +100,7 @@ def _shared(fit: FrictionFit, plan: Design) -> list[str]:
     for name, then in plan.half_widths_then.items():
         factor, unit = shown(unit_of(name))
         if (both := 2.0 * fit.systematic[name]) > then:
-            out.append(f"{name} +-{factor * both:.2g} {unit}")
+            out.append(f"{name} ± {factor * both:.2g} {unit}")
     if not out:
         return []
     return ["- errors that all values share (sensors, area) are more, and no point narrows them: " + ", ".join(out)]

@@ -75,3 +75,31 @@ def test_place_that_cannot_be_written(make_map, tmp_path):
     fit = fit_friction(make_map([0.01, 0.02], [5.0, 6.0], 0.1))
     with pytest.raises(CommandError, match="cannot be written"):
         fit.to_toml(tmp_path / "missing" / "fit.toml")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("law", '"dahl"'),
+        ("chambers", "[1, 2, 3]"),
+        ("chambers", '["c"]'),
+        ("names", "[]"),
+        ("matrix", "[[1.0]]"),
+        ("degrees_of_freedom", "nan"),
+        ("degrees_of_freedom", "inf"),
+        ("variance", "-1.0"),
+        *((key, None) for key in ("law", "chambers", "names", "matrix", "degrees_of_freedom", "rms_n", "direction")),
+    ],
+)
+def test_a_fit_whose_parts_do_not_fit_together(make_map, friction_of, tmp_path, key, value):
+    """Found by users' hands in fit.toml: each ended in a traceback somewhere behind the reader."""
+    path = tmp_path / "fit.toml"
+    next(fits(make_map, friction_of)).to_toml(path)
+    FrictionFit.from_toml(path)
+    lines = path.read_text().splitlines()
+    changed = [line for line in lines if value is not None or not line.startswith(f"{key} = ")]
+    changed = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in changed]
+    assert changed != lines
+    path.write_text("\n".join(changed))
+    with pytest.raises(FitError, match="no complete friction fit"):
+        FrictionFit.from_toml(path)
