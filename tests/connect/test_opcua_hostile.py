@@ -225,6 +225,9 @@ def test_what_a_rig_is_not_asked_for_is_refused_in_words():
             (lambda: rig.move(float("nan"), 0.1), "BadOutOfRange"),
             (lambda: rig.set_pressure(float("inf"), 1e5), "BadOutOfRange"),
             (lambda: rig.restore({"clock_s": float("nan")}), "restore"),
+            (lambda: rig.restore({**rig.memory(), "commanded_m": "x"}), "not the memory of a simulated rig"),
+            (lambda: rig.begin_cycle(None), "is nothing for begin_cycle"),
+            (lambda: rig.change(["seal"]), "is nothing for change"),
         ):
             with pytest.raises(RigError, match=words):
                 work()

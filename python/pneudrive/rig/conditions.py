@@ -80,6 +80,19 @@ class Past:
         names = {entry.name for entry in fields(cls)}
         if not isinstance(data, dict) or set(data) != names:
             raise RigError("this is not the memory of a simulated rig", value=data, rule=f"keys: {', '.join(names)}")
+        numbers = [
+            data[n] for n in ("clock_s", "travel_m", "seal_rise_k", "commanded_m", "pressure_a_pa", "pressure_b_pa")
+        ]
+        tables = {"shown": float, "levels": str, "changes": int}
+        state = data["state"] if data["state"] is not None else []
+        good = isinstance(data["key"], str) and isinstance(state, list) and all(map(_is_number, [*numbers, *state]))
+        good = good and all(
+            isinstance(data[name], dict) and all(isinstance(value, (kind, int)) for value in data[name].values())
+            for name, kind in tables.items()
+        )
+        if not good:
+            rule = "finite numbers, a key and levels that are texts"
+            raise RigError("this is not the memory of a simulated rig", value=data, rule=rule)
         copies: dict[str, Any] = deepcopy(data)
         return cls(**copies)
 
@@ -104,6 +117,10 @@ class Past:
         """Drift of the force sensor's zero with temperature and time."""
         warmer = self.room_k(d, after_s) - d.ambient_temperature_k
         return d.drift["per_k"] * warmer + d.drift["per_s"] * (self.clock_s + after_s)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def stream(seed: int, *words: str) -> np.random.Generator:
