@@ -17,7 +17,7 @@ from pneudrive.errors import ConnectionLostError, Problems, RigError
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
 from pneudrive.rig.opcua_access import ACCESS_KEYS, Access, read_access
-from pneudrive.rig.opcua_link import COUNTER, Link, LinkError
+from pneudrive.rig.opcua_link import COUNTER, HungUpError, Link, LinkError
 from pneudrive.rig.opcua_nodes import HOLD, RELEASED, SHUT, NodeMap, Verb, load_map
 from pneudrive.rig.rig_file import RigFile, envelope_of, identity_of, read_identity, read_limits
 
@@ -31,6 +31,7 @@ KEYS = {"schema", "kind", "url", "map", "reconnect", "identity", "limits", *ACCE
 RECONNECT_S = 60.0
 STOP_S = 10.0  # how long stopping tries to reach a server that is gone
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
+AGAIN_S = (0.02, 0.1, 0.3)  # after which a server that has hung up on a first connection is asked again
 FIRST_LOOK_S = 0.0005
 SLACK = 1.5  # a command may take this many times as long as its steps, and the patience of the map
 STATE = ("position", "force", "pressure_a", "pressure_b", "supply_pressure", "temperature", "time")
@@ -424,15 +425,26 @@ def open_rig(
         raise RigError(
             f"this is no address: {error}", where=url, rule="it is opc.tcp://HOST:PORT", remedy="check the address"
         ) from None
-    link = Link(url, nodes or load_map(), access or Access())
+    asked = url, nodes or load_map(), access or Access(), identity, limits, reconnect_s
+    try:
+        for wait_s in AGAIN_S:
+            with contextlib.suppress(HungUpError):
+                return _opened(*asked)
+            time.sleep(wait_s)
+        return _opened(*asked)
+    except LinkError as error:
+        remedy = "check that the server runs and the address; pneudrive rig serve starts one"
+        raise RigError(f"there is no connection to the rig: {error}", where=url, remedy=remedy) from None
+
+
+def _opened(
+    url: str, nodes: NodeMap, access: Access, identity: Identity | None, limits: Envelope | None, reconnect_s: float
+) -> OpcUaRig:
+    link = Link(url, nodes, access)
     try:
         link.connect()
         simulated = "simulation.abilities" in link.nodes and link.read("simulation.abilities")[0]
         return (SimulatedOpcUaRig if simulated else OpcUaRig)(link, identity, limits, reconnect_s)
-    except LinkError as error:
-        link.close()
-        remedy = "check that the server runs and the address; pneudrive rig serve starts one"
-        raise RigError(f"there is no connection to the rig: {error}", where=url, remedy=remedy) from None
     except BaseException:
         link.close()
         raise

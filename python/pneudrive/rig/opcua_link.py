@@ -26,7 +26,6 @@ NODES_A_REQUEST = 64  # what small PLCs still take
 #: A server on a busy machine may take this long for an answer; one that is gone is told at once.
 LEAST_TIMEOUT_S = 5.0
 CLOSING_S = 2.0
-AGAIN_S = (0.02, 0.1, 0.3)  # after which a server that hung up at once is asked again: it may have been busy
 # Words in the status codes of a server that does not want us: trying again does not help.
 REFUSALS = ("ertificate", "Identity", "UserAccess", "Security", "Signature", "No matching endpoints", "Nonce")
 
@@ -42,8 +41,8 @@ class LinkError(ConnectionError):
     """The connection is lost."""
 
 
-class _HungUpError(LinkError):
-    """The server was there, and did not want us now."""
+class HungUpError(LinkError):
+    """The server was there, and has hung up: it may be crowded."""
 
 
 @dataclass(frozen=True)
@@ -157,13 +156,6 @@ class Link:
         self._loop.run(self._write(values))
 
     async def _connect(self) -> None:
-        for wait_s in AGAIN_S:
-            with contextlib.suppress(_HungUpError):
-                return await self._connect_once()
-            await asyncio.sleep(wait_s)
-        return await self._connect_once()
-
-    async def _connect_once(self) -> None:
         await self._leave()
         self._client = await self._log_in()
         self.number += 1
@@ -197,7 +189,7 @@ class Link:
             hung_up = not waited and not getattr(error, "errno", None)  # it was there
             says = " (a server is silent, or hangs up, where server_certificate is not its own)"
             hint = says if (waited or hung_up) and self.access.certificate is not None else ""
-            raise (_HungUpError if hung_up else LinkError)(f"{_reason(error)}{hint}") from None
+            raise (HungUpError if hung_up else LinkError)(f"{_reason(error)}{hint}") from None
         return client
 
     async def _leave(self) -> None:
@@ -308,7 +300,7 @@ class Link:
             return await request
         except (OSError, TimeoutError, asyncio.TimeoutError, opcua("asyncua.ua").UaError) as error:
             self.lost = self.lost or _reason(error)
-            raise LinkError(self.lost) from None
+            raise HungUpError(self.lost) from None
 
     def _good(self, status: Any, name: str, node_id: Any) -> None:  # noqa: ANN401 - asyncua's types
         if status is None or status.is_good():
