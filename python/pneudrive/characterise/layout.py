@@ -245,7 +245,9 @@ class Layout(Shown):
         overrides, problems = self.tree.get("for", []), Problems()
         if not isinstance(overrides, list) or not all(isinstance(one, dict) for one in overrides):
             raise self.fail("[for] must be written [[for]], one for each group of files", "for")
-        trees = [({k: v for k, v in self.tree.items() if k not in ("for", "schema")}, ())]
+        trees: list[tuple[dict[str, Any], tuple[str, ...]]] = [
+            ({k: v for k, v in self.tree.items() if k not in ("for", "schema")}, ())
+        ]
         for index, override in enumerate(overrides):
             trees.append(({k: v for k, v in override.items() if k != "match"}, ("for", str(index))))
         for tree, place in trees:

@@ -466,8 +466,8 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
     take(file.only, "", {*KEYS, "password"})  # which has a message of its own
     if file.get("schema") not in (None, SCHEMA):
         problems.add(file.fail("the rig file is of another version", "schema", rule=f"schema = {SCHEMA}"))
-    url = take(lambda: file.needed("url", file.string("url"), '"opc.tcp://192.168.0.10:4840"'))
-    if url is not None and (not url.startswith(f"{SCHEME}://") or "@" in url):
+    url = take(lambda: file.needed("url", file.string("url"), '"opc.tcp://192.168.0.10:4840"'), otherwise="")
+    if isinstance(file.get("url"), str) and (not url.startswith(f"{SCHEME}://") or "@" in url):
         rule = f"{SCHEME}://HOST:PORT, without user and password"
         problems.add(file.fail(f"url = '{url}'", "url", rule=rule))
     identity = take(read_identity, file)

@@ -341,10 +341,13 @@ def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # no
 
 async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
     """End a connection, orderly where the server still answers."""
+    transport = getattr(client.uaclient.protocol, "transport", None)
     with contextlib.suppress(Exception):  # whatever a half-closed connection raises: it ends here
         await asyncio.wait_for(client.disconnect(), CLOSING_S / 2)
     with contextlib.suppress(Exception):
         client.disconnect_socket()
+    if transport is not None:
+        transport.abort()  # what is not sent yet is not waited for
 
 
 def _reason(error: BaseException) -> str:
