@@ -144,7 +144,7 @@ class Session:
         try:
             self._set(name, value)
         except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, name, value)
+            self._refuse(error, [name], value)
 
     def schedule(self, name: str, entries: Iterable[tuple[float, float]]) -> None:
         """Set an input at times to come; the integration ends on each of them exactly.
@@ -170,7 +170,7 @@ class Session:
         try:
             self._core.schedule(name, times, values)
         except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, name, values)
+            self._refuse(error, [name], values)
 
     def advance(
         self,
@@ -205,7 +205,7 @@ class Session:
                 watch.look()
                 self._advance(until, lambda t: watch.tell(t, until, "seconds simulated"))
         except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, None, until)
+            self._refuse(error, [], until)
 
     def read(self, name: str) -> float:
         """Return an output, or what an input is set to, at the present time.
@@ -224,7 +224,7 @@ class Session:
         try:
             return self._read(name)
         except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, name, None, self._core.columns)
+            self._refuse(error, [name], name, readable=True)
 
     def save(self) -> bytes:
         """Return the session as bytes: state, inputs, schedule, and what the solver remembers.
@@ -237,7 +237,7 @@ class Session:
         try:
             return self._core.save()
         except (ValueError, RuntimeError) as error:
-            self._refuse(error, None, None)
+            self._refuse(error, [], None)
 
     def restore(self, saved: bytes) -> None:
         """Go back to where `save` was called; what follows has the same bits as it had then.
@@ -252,10 +252,12 @@ class Session:
         CommandError
             The bytes are of something else, or damaged.
         """
+        if not isinstance(saved, bytes):
+            raise CommandError(f"a {type(saved).__name__} is no saved session", rule="bytes, as `save` returns them")
         try:
             self._core.restore(saved)
         except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, None, saved)
+            self._refuse(error, [], saved)
 
     def linearise(self, inputs: Sequence[str] = ("command", "load_force_n", "supply_pressure_pa")) -> Linear:
         """Return the exact derivatives of the drive's rates and outputs about the present state.
@@ -278,8 +280,7 @@ class Session:
         try:
             found = self._core.linearise(names)
         except (TypeError, ValueError, RuntimeError) as error:
-            known = [name for name, *_ in self._core.inputs]
-            self._refuse(error, next((name for name in names if name not in known), None), None)
+            self._refuse(error, names, inputs)
         outputs = (name for name in self._core.columns if name not in ("time_s", "command"))
         return Linear(
             *(found["a"], found["b"], found["c"], found["d"]),
@@ -287,15 +288,18 @@ class Session:
             *(found["state"], found["rates"], found["outputs"]),
         )
 
-    def _refuse(self, error: Exception, name: object, value: object, others: Sequence[str] = ()) -> NoReturn:
-        """Raise what the core refused, in words of a user."""
-        known = [*(own for own, *_ in self._core.inputs), *others]
-        if name is not None and name not in known:
-            what = "variable" if others else "input"
-            raise CommandError(f"a session has no {what} {name!r}", remedy=nearest(str(name), known)) from None
+    def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
+        """Raise what the core refused, in words of a user; outputs too are known where they are `readable`."""
+        if "borrowed" in str(error):  # the core lends a session to one call at a time
+            raise SimulationError("another thread advances the session", remedy="Let one thread hold it.") from None
+        known = [*(own for own, *_ in self._core.inputs), *(self._core.columns if readable else ())]
+        for name in names:
+            if name not in known:
+                what = "variable" if readable else "input"
+                raise CommandError(f"a session has no {what} {name!r}", remedy=nearest(str(name), known)) from None
         if isinstance(error, TypeError):
             raise CommandError(
-                f"{name or 'a time or saved session'} = {value!r} is a {type(value).__name__}", rule="a number"
+                f"{names[0] if names else 'until'} = {value!r} is a {type(value).__name__}", rule="a number"
             ) from None
         what, _, rule = str(error).partition(_RULE)
         if what.startswith(_ENDED):

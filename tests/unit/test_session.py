@@ -161,6 +161,31 @@ def test_cancelled_it_stands_before_its_end_and_goes_on():
     assert session.save() == undisturbed.save()
 
 
+def test_a_session_that_another_thread_advances_says_so():
+    session, flag = REFERENCE.start(START), threading.Event()
+    session.schedule("command", [(0.1 * k, 0.5 * (-1) ** k) for k in range(20_000)])
+
+    def run():
+        with pytest.raises(Cancelled):
+            session.advance(2000.0, cancel=flag)
+
+    def disturb():
+        while thread.is_alive():
+            session.set("load_force_n", 0.0)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        with pytest.raises(SimulationError, match="another thread advances the session"):
+            disturb()
+    finally:
+        flag.set()
+        thread.join()
+    reached = session.time
+    assert 0.0 < reached < 2000.0
+    session.advance(reached + 0.01)
+
+
 WRONG = {
     "name": (lambda s: s.set("commands", 0.5), CommandError, "Did you mean 'command'?"),
     "state": (lambda s: s.set("position_m", 0.5), CommandError, "no input 'position_m'"),
@@ -178,11 +203,12 @@ WRONG = {
     "shut": (lambda s: s.linearise(), CommandError, "the valve is shut"),
     "foreign": (lambda s: s.restore(STICKS.start(START).save()), CommandError, "of another drive"),
     "tolerance": (lambda s: s.restore(REFERENCE.start(START, rtol=1e-8).save()), CommandError, "another tolerance"),
+    "time": (lambda s: s.advance("1 s"), CommandError, "until = '1 s' is a str"),
     "bytes": (lambda s: s.restore(b"pneudrive"), CommandError, "are no session"),
     "cut": (lambda s: s.restore(s.save()[:-5]), CommandError, "damaged"),
     "empty": (lambda s: s.restore(s.save()[:8]), CommandError, "damaged"),
     "flipped": (lambda s: s.restore(s.save()[:40] + b"x" + s.save()[41:]), CommandError, "damaged"),
-    "number": (lambda s: s.restore(5), CommandError, "is a int"),
+    "number": (lambda s: s.restore(5), CommandError, "a int is no saved session"),
 }
 
 
