@@ -89,8 +89,8 @@ def simulate(
         ``attrs["ledger"]`` then says how well they close. Not for the chamber law ``as-printed``, which does not
         conserve energy.
     budget : int, optional
-        Attempts at a step after which the run is given up. Where nothing is said 200,000 for the run, 80,000 for each
-        second of motion and 200 for each entry of the command, and more below rtol = 1e-6. Ordinary drives take 200 to
+        Attempts at a step after which the run is given up. Where nothing is said 180,000 for the run, 80,000 for each
+        second of motion and 100 for each entry of the command, and more below rtol = 1e-6. Ordinary drives take 200 to
         10,000 a second.
     progress, cancel : optional
         See `pneudrive.watch.Watch`: a callback that is told how many of the seconds are simulated, and a flag that
@@ -103,8 +103,8 @@ def simulate(
         velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``; SI, absolute
         pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings, citations, assumed,
         and impacts: each contact with an end stop as a dict of time_s, end ("a" or "b"), speed_m_s (at first touch),
-        energy_j (kinetic, of the moving mass and load), depth_m and peak_force_n (the largest until it leaves).
-        Contacts slower than 1 mm/s are none.
+        energy_j (kinetic, of the moving mass and load), depth_m and peak_force_n (the largest until it leaves), and
+        met_cover: whether the stop was pressed through. Contacts slower than 1 mm/s that do not are none.
 
     Raises
     ------

@@ -25,7 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from pneudrive import Cylinder, Drive, Initial
+from pneudrive import Drive, Initial
 from pneudrive.errors import PneudriveWarning, SimulationError
 from pneudrive.simulate import Run, run
 
@@ -192,7 +192,7 @@ def _stop(draw: Draw, push: float, mass: float, room: float) -> dict[str, str]:
 
 
 def _commands(draw: Draw, duration: float) -> list[tuple[float, float]]:
-    """On and off, some creeping, now and then a train of short pulses."""
+    """On and off, some creeping, now and then a train of short pulses, or two changes within microseconds."""
     shortest = draw.one(0.02, 0.05, 0.1, 0.002)
     steps = [0.0]
     while len(steps) < 150:
@@ -200,6 +200,8 @@ def _commands(draw: Draw, duration: float) -> list[tuple[float, float]]:
         if following >= duration:
             break
         steps.append(following)
+        if draw.chance(0.05):
+            steps.append(min(following + draw.log(1e-7, 1e-4), duration))
 
     def size() -> float:
         return draw.one(1.0, draw.linear(-1.0, 1.0), draw.linear(-1.0, 1.0), 0.0, 0.02, 0.003, -1.0)
@@ -296,7 +298,7 @@ def _dependences(draw: Draw, law: str, coulomb: float, deflection: float) -> dic
     if draw.chance(0.1):
         wave = {"period": q(draw.log(5e-3, 0.3), "m"), "amplitude": draw.linear(0.0, 0.2)}
         out["position"] = {"harmonics": [wave]}
-        out["direction"] = {"positive": draw.linear(0.8, 1.2), "negative": 1.0}
+        out["direction"] = {"positive": draw.linear(0.5, 1.7), "negative": draw.linear(0.5, 1.7)}
         out["side_load"] = {"force": q(coulomb, "N"), "coefficient": draw.linear(0.0, 0.2)}
     return out
 
@@ -367,21 +369,9 @@ def broken(drawn: Case, done: Run) -> list[str]:
     ledger = done.provenance["ledger"]
     if not abs(ledger["mass_error"]) <= MASS_CLOSES:
         out.append(f"mass closes to {ledger['mass_error']:.1e}")
-    # Where hardly anything moves, the energy in the gas is what the tolerance is relative to.
-    closes = max(ENERGY_CLOSES, ENERGY_RTOL * drawn.rtol) + drawn.rtol * _stored(columns, cylinder) / max(
-        ledger["energy_turnover_j"], 1e-300
-    )
-    if not abs(ledger["energy_error"]) <= closes:
+    if not abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * drawn.rtol):
         out.append(f"energy closes to {ledger['energy_error']:.1e} at rtol {drawn.rtol:.1e}")
     return out
-
-
-def _stored(columns: dict[str, np.ndarray], cylinder: Cylinder) -> float:
-    """Return the largest energy of the gas in both chambers, J, with two degrees of freedom and a half."""
-    x = columns["position_m"]
-    room_a = cylinder.dead_volume_m3.a + cylinder.area_a_m2 * x
-    room_b = cylinder.dead_volume_m3.b + cylinder.area_b_m2 * (cylinder.stroke_m - x)
-    return float((2.5 * (columns["pressure_a_pa"] * room_a + columns["pressure_b_pa"] * room_b)).max())
 
 
 #: Laws that the independent model has.

@@ -227,8 +227,8 @@ def test_a_wrong_call_says_so_and_changes_nothing(case):
 def test_after_a_failure_only_a_restored_state_goes_on():
     soft = REFERENCE.replace({"cylinder.end_stop": {"stiffness": "1e3 N/m", "damping": "1 N s/m"}})
     session = soft.start({"position": "0.45 m"})
-    session.set("command", 1.0)
     saved = session.save()
+    session.set("load_force_n", 1e8)  # no cover holds that
     with pytest.raises(SimulationError, match="gone through the end stop"):
         session.advance(1.0)
     for call in (lambda: session.advance(2.0), lambda: session.set("command", 0.0), session.save, session.linearise):

@@ -152,6 +152,7 @@ impl<R: Lane> Circuit<R> {
             PartKind::Restriction => {
                 let is_open = (0..R::L).any(|lane| input.get(lane) != 0.0)
                     || (1..=R::DIRECTIONS).any(|direction| input.part(direction) != 0.0);
+                self.parts.restrictions[id.index].1.closed = !is_open;
                 // Kept in order: sums of flows do not depend on when an edge opened.
                 match (self.open.binary_search(&id.index), is_open) {
                     (Err(at), true) => self.open.insert(at, id.index),
@@ -277,6 +278,13 @@ impl<R: Lane> Circuit<R> {
         self.parts.stored(y, &net, &self.common)
     }
 
+    /// The energy that each part stores at state `y`, J.
+    pub fn stores(&self, y: &[R]) -> Vec<R> {
+        let mut net = self.work::<R>();
+        self.observe(y, &mut net);
+        self.parts.stores(y, &net, &self.common)
+    }
+
     /// What is stored at state `y` (accounts included), and every account.
     pub fn books(&self, y: &[R]) -> ([R; 3], Vec<R>) {
         let mut net = self.work::<R>();
@@ -301,7 +309,9 @@ impl Circuit<f64> {
         let usual = self.parts.cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
         let others = self.parts.other_cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
         let (place, stops, axis) = usual.chain(others).next()?;
-        Some(Impacts::new(stops.clone(), axis.mass, place.first))
+        let mut stops = stops.clone();
+        stops.meet(0);
+        Some(Impacts::new(stops, axis.mass, place.first))
     }
 }
 
@@ -348,6 +358,26 @@ impl<P: Real> Circuit<P> {
             self.parts.restrictions[i].1.pass(net);
         }
         self.parts.exchange(net, &self.common);
+    }
+}
+
+impl<R: Lane> Circuit<R> {
+    /// One where the chambers of every cylinder have room and gas at all states within what `spread` says of the
+    /// cylinder's place; see [`cylinder::Cylinder::holds`].
+    #[inline(always)]
+    fn cylinders_hold(&self, y: &[R], spread: impl Fn(Place) -> [R::Plain; INNER]) -> R::Plain {
+        let mut holds = R::Plain::one();
+        macro_rules! ask {
+            ($kind:ident) => {
+                for (place, cylinder) in &self.parts.$kind {
+                    let scale = Own::of(&self.scale, *place);
+                    holds = cylinder.holds(Own::of(y, *place), &spread(*place), scale, holds);
+                }
+            };
+        }
+        ask!(cylinders);
+        ask!(other_cylinders);
+        holds
     }
 }
 
@@ -411,23 +441,7 @@ impl<R: Lane> System<R> for Circuit<R> {
     }
 
     fn inside(&self, y: &[R], net: &mut Net<R>) -> R::Plain {
-        let mut inside = R::Plain::one();
-        for (place, cylinder) in &self.parts.cylinders {
-            inside = cylinder.holds(
-                Own::of(y, *place),
-                &[R::Plain::zero(); INNER],
-                Own::of(&self.scale, *place),
-                inside,
-            );
-        }
-        for (place, cylinder) in &self.parts.other_cylinders {
-            inside = cylinder.holds(
-                Own::of(y, *place),
-                &[R::Plain::zero(); INNER],
-                Own::of(&self.scale, *place),
-                inside,
-            );
-        }
+        let mut inside = self.cylinders_hold(y, |_| [R::Plain::zero(); INNER]);
         if !self.parts.volumes.is_empty() {
             self.parts.place(y, net, &self.common);
             self.parts.shape(net);
@@ -435,7 +449,8 @@ impl<R: Lane> System<R> for Circuit<R> {
                 let room = net.gas[volume.node].volume.plain();
                 let (states, scales): ([R; 2], _) =
                     (Own::of(y, *place).first(), Own::of(&self.scale, *place).first());
-                inside = volume.holds(room, states.map(|state| state.plain()), scales, inside);
+                let least = R::Plain::c(volume::LEAST_ROOM);
+                inside = volume.holds(room, states.map(|state| state.plain()), scales, least, inside);
             }
         }
         inside
@@ -445,16 +460,13 @@ impl<R: Lane> System<R> for Circuit<R> {
         if !self.parts.volumes.is_empty() {
             return -R::Plain::one();
         }
-        let mut inside = R::Plain::one();
-        for (place, cylinder) in &self.parts.cylinders {
-            let own = &spread[place.first..][..INNER];
-            inside = cylinder.holds(Own::of(y, *place), own, Own::of(&self.scale, *place), inside);
-        }
-        for (place, cylinder) in &self.parts.other_cylinders {
-            let own = &spread[place.first..][..INNER];
-            inside = cylinder.holds(Own::of(y, *place), own, Own::of(&self.scale, *place), inside);
-        }
-        inside
+        self.cylinders_hold(y, |place| std::array::from_fn(|i| spread[place.first + i]))
+    }
+
+    fn meet(&mut self, lane: usize) -> bool {
+        let usual = self.parts.cylinders.iter_mut().map(|(_, cylinder)| cylinder.meet(lane));
+        let others = self.parts.other_cylinders.iter_mut().map(|(_, cylinder)| cylinder.meet(lane));
+        usual.chain(others).fold(false, |met, own| own || met)
     }
 
     fn settle(&self, y: &mut [R]) {

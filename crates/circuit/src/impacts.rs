@@ -13,9 +13,11 @@ pub struct Impact {
     /// Closing speed at the first touch, m/s, and the kinetic energy then, J.
     pub speed: f64,
     pub energy: f64,
-    /// Largest depth, m, and largest force of the stop, N.
+    /// Largest depth, m, and largest force of the stop and of what is behind it, N.
     pub depth: f64,
     pub force: f64,
+    /// The stop was pressed through: the piston met the cover.
+    pub through: bool,
 }
 
 /// Contacts slower than this are none, m/s: a piston that is held against a stop trembles on it (assumed).
@@ -75,7 +77,15 @@ impl Impacts {
             let at_b = x > 0.5 * self.stops.stroke;
             let speed = if at_b { v } else { -v };
             let energy = 0.5 * self.mass * v * v;
-            self.open = Some(Impact { time: t + low * h, at_b, speed, energy, depth: 0.0, force: 0.0 });
+            self.open = Some(Impact {
+                time: t + low * h,
+                at_b,
+                speed,
+                energy,
+                depth: 0.0,
+                force: 0.0,
+                through: false,
+            });
         }
         for k in 1..=POINTS {
             let [x, v] = at(from + (1.0 - from) * f64::from(k) / f64::from(POINTS));
@@ -83,6 +93,7 @@ impl Impacts {
             let open = self.open.as_mut().expect("a contact");
             open.depth = open.depth.max(depth);
             open.force = open.force.max(force);
+            open.through |= self.stops.in_cover(depth, open.at_b);
         }
         if !self.touches(at(1.0)[0]) {
             self.close();
@@ -90,7 +101,7 @@ impl Impacts {
     }
 
     fn close(&mut self) {
-        self.done.extend(self.open.take().filter(|impact| impact.speed >= LEAST_SPEED));
+        self.done.extend(self.open.take().filter(|impact| impact.speed >= LEAST_SPEED || impact.through));
     }
 
     /// All impacts of the run, one that goes on included.

@@ -29,7 +29,8 @@ pub struct Channel {
 pub struct Balance {
     /// Mass stored minus mass that came in, relative to the mass that was stored or moved, -.
     pub mass_error: f64,
-    /// Energy stored minus energy that came in, relative to the energy turned over, -.
+    /// Energy stored minus energy that came in, relative to the energy turned over, or to what a part stores and gives
+    /// back where that is more, -.
     pub energy_error: f64,
     /// Entropy of the gas minus what came in and what was produced, relative to what was turned over, -.
     pub entropy_error: f64,
@@ -44,6 +45,7 @@ pub struct Balance {
 /// The accounts of a run closed, from its states at the samples (accounts included).
 pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
     let books: Vec<([f64; 3], Vec<f64>)> = samples.iter().map(|y| circuit.books(y)).collect();
+    let stores: Vec<Vec<f64>> = samples.iter().map(|y| circuit.stores(y)).collect();
     let (start, first) = books.first().expect("at least the initial state");
     let (end, last) = books.last().expect("at least the initial state");
     let total = |kind: Kind| -> f64 { sum(circuit, kind, |i| last[i] - first[i]) };
@@ -59,13 +61,18 @@ pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
     }
     let turnover = turned(Kind::Energy);
     let entropy_turnover = turned(Kind::EntropyIn) + produced.abs();
+    // What swings between a mass and a spring, again and again, is in no account.
+    let swing = (0..stores[0].len()).map(|part| {
+        let each = stores.iter().map(|stores| stores[part]);
+        each.clone().fold(f64::MIN, f64::max) - each.fold(f64::MAX, f64::min)
+    });
     let relative = |error: f64, size: f64| if size > 0.0 { error / size } else { error };
     Balance {
         mass_error: relative(
             end[0] - start[0] - total(Kind::Mass),
             start[0].max(end[0]).max(turned(Kind::Mass)),
         ),
-        energy_error: relative(end[1] - start[1] - total(Kind::Energy), turnover),
+        energy_error: relative(end[1] - start[1] - total(Kind::Energy), swing.fold(turnover, f64::max)),
         entropy_error: relative(end[2] - start[2] - total(Kind::EntropyIn) - produced, entropy_turnover),
         least_production,
         turnover,

@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 pub use axis::Axis;
 pub use carriage::Carriage;
 pub use cylinder::{Cylinder, OtherCylinder};
-pub use end_stops::EndStops;
+pub use end_stops::{Covers, EndStops};
 pub use face::Face;
 pub use link::Link;
 pub use reservoir::Reservoir;
@@ -186,6 +186,10 @@ pub trait Part<P: Real> {
     /// The part's accounts.
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         Vec::new()
+    }
+    /// Whether its accounts stand still as it is now.
+    fn rests(&self) -> bool {
+        false
     }
     /// Rates of the accounts.
     fn account<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
@@ -489,10 +493,22 @@ macro_rules! parts {
                 })*
                 sum
             }
+            /// The energy that each part stores, J.
+            pub fn stores<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> Vec<S> {
+                let mut stores = Vec::new();
+                $(stores.extend(self.$field.iter().map(|(at, part)| {
+                    part.stored(Own { y, place: *at }, net, common)[1]
+                }));)*
+                stores
+            }
             pub fn account<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
                 $(for (at, part) in &self.$field {
-                    let own = at.first_account..at.first_account + at.accounts;
-                    part.account(Own { y, place: *at }, net, common, &mut out[own]);
+                    let own = &mut out[at.first_account..at.first_account + at.accounts];
+                    if part.rests() {
+                        own.fill(S::zero());
+                    } else {
+                        part.account(Own { y, place: *at }, net, common, own);
+                    }
                 })*
             }
             pub fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {

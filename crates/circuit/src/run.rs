@@ -23,11 +23,11 @@ const ATTEMPTS_PER_LOOK: u64 = 20_000;
 
 /// Attempts at a step that a run may take where nobody says how many: at the default tolerance, for each second of
 /// motion and for each step of the command, and for the run itself.
-const BUDGET: [f64; 3] = [80_000.0, 200.0, 200_000.0];
+const BUDGET: [f64; 3] = [80_000.0, 100.0, 180_000.0];
 /// The tolerance to which the budget belongs, and the power with which it grows below. A smooth motion takes steps as
 /// long as the fifth root of the tolerance; kinks and events, of which most work is made, cost less than that.
 const BUDGET_RTOL: f64 = 1e-6;
-const BUDGET_POWER: f64 = 0.125;
+const BUDGET_POWER: f64 = 0.0625;
 
 /// Attempts that a run of `duration` s with so many commands may take.
 pub fn budget(duration: f64, commands: usize, rtol: f64) -> u64 {

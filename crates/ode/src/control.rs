@@ -57,6 +57,10 @@ const NOT_FINITE_FACTOR: f64 = 0.1;
 const OUTSIDE_FACTOR: f64 = 0.25;
 /// A step within this factor of the target is stretched or cut onto it.
 const STRETCH: f64 = 1.01;
+/// Cuts onto one event after which its tolerance grows, by so much with each further one: rounding may keep the event
+/// function (a force on a stiff end stop) from coming any nearer to zero.
+const FREE_CUTS: u32 = 20;
+const CUT_FACTOR: f64 = 10.0;
 /// Switches without any progress in time after which the lane has failed.
 const MAX_IDLE_SWITCHES: u32 = 16;
 
@@ -98,6 +102,8 @@ pub(crate) struct Control {
     pub cut: Option<f64>,
     /// The present attempt was cut to end on an event.
     pub cutting: bool,
+    /// Cuts since the last event, or the last step that was not cut.
+    pub cuts: u32,
     pub idle_switches: u32,
     pub failure: Option<Failure>,
     pub statistics: Statistics,
@@ -111,6 +117,7 @@ impl Control {
             last: false,
             cut: None,
             cutting: false,
+            cuts: 0,
             idle_switches: 0,
             failure: None,
             statistics: Statistics::default(),
@@ -155,6 +162,17 @@ impl Control {
         true
     }
 
+    /// Lets the next attempt end on an event, after `h`.
+    pub fn cut_onto_event(&mut self, h: f64) {
+        self.cut = Some(h);
+        self.cuts += 1;
+    }
+
+    /// How much wider than its own the tolerance of an event is by now: one while it is looked for.
+    pub fn patience(&self) -> f64 {
+        CUT_FACTOR.powi(self.cuts.saturating_sub(FREE_CUTS) as i32)
+    }
+
     /// Takes back the acceptance of an attempt with step `h`: it ended outside what the equations hold for.
     pub fn take_back(&mut self, h: f64) {
         self.wish = h * OUTSIDE_FACTOR;
@@ -166,6 +184,7 @@ impl Control {
     /// Notes a switch at time `t`; fails where time does not move between switches.
     pub fn note_switch(&mut self, t: f64, event: usize, moved: bool) {
         self.statistics.events += 1;
+        self.cuts = 0;
         self.idle_switches = if moved { 0 } else { self.idle_switches + 1 };
         if self.idle_switches > MAX_IDLE_SWITCHES {
             self.failure = Some(Failure::Chatter { t, event });

@@ -259,14 +259,20 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let h = FIRST_SHARE * size.max(rtol) / rate.max(LEAST_RATE);
             self.lanes[lane].wish = h.min(until - self.t[lane]).max(LEAST_FIRST_STEP);
         }
-        let n = self.structure.n();
-        let inside = self.system.inside(&self.y.as_flattened()[..n], &mut self.work);
         for lane in 0..R::L {
-            if is_outside::<R>(inside, lane) {
+            if self.starts_outside(lane) && self.system.meet(lane) {
+                self.refresh();
+            }
+            if self.starts_outside(lane) {
                 self.lanes[lane].failure = Some(Failure::Outside { t: self.t[lane] });
             }
         }
         self.started = true;
+    }
+
+    fn starts_outside(&mut self, lane: usize) -> bool {
+        let n = self.structure.n();
+        is_outside::<R>(self.system.inside(&self.y.as_flattened()[..n], &mut self.work), lane)
     }
 
     fn proposals(&mut self, until: f64) -> R::Plain {
@@ -394,7 +400,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                         control.statistics.steps -= 1;
                         control.statistics.rejected += 1;
                         if theta * h_lane > MIN_RELATIVE_STEP * t0.abs().max(1.0) {
-                            control.cut = Some(theta * h_lane);
+                            control.cut_onto_event(theta * h_lane);
                         } else {
                             self.switch(lane, event, false);
                             any_accepted = true;
@@ -408,7 +414,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let inside = self.system.inside(&self.step.y1.as_flattened()[..n], &mut self.work);
             if is_outside::<R>(inside, lane) {
                 self.lanes[lane].take_back(h_lane);
-                self.check_outside(lane);
+                if !self.system.meet(lane) {
+                    self.check_outside(lane);
+                }
                 continue;
             }
             if let Some(theta) = self.give_samples(lane, t0, h_lane, t1, output) {
@@ -428,7 +436,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             match taken {
                 Some(event) => self.switch(lane, event, true),
                 None => {
-                    self.lanes[lane].idle_switches = 0;
+                    let control = &mut self.lanes[lane];
+                    control.idle_switches = 0;
+                    control.cuts = if control.cutting { control.cuts } else { 0 };
                     self.event_shift = R::zero();
                 }
             }

@@ -58,6 +58,12 @@ pub trait System<R: Lane> {
         -R::Plain::one()
     }
 
+    /// A step of this lane would end outside: brings in what the equations leave out as long as nothing comes near it;
+    /// true where there was something.
+    fn meet(&mut self, _lane: usize) -> bool {
+        false
+    }
+
     /// Puts a sample onto the side of the present mode, from which the error of a step may have moved it.
     fn settle(&self, _y: &mut [R]) {}
 

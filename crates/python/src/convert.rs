@@ -110,6 +110,7 @@ fn impact<'py>(py: Python<'py>, impact: &Impact) -> PyResult<Bound<'py, PyDict>>
     out.set_item("energy_j", impact.energy)?;
     out.set_item("depth_m", impact.depth)?;
     out.set_item("peak_force_n", impact.force)?;
+    out.set_item("met_cover", impact.through)?;
     Ok(out)
 }
 

@@ -57,7 +57,7 @@ impl PyDrive {
             drive.simulate(&times, &commands, (duration, sample_rate), &initial, options, interrupted)
         })?;
         let warnings: Vec<String> =
-            drive.warnings().iter().cloned().chain(drive.impact_warning(&run.impacts)).collect();
+            drive.warnings().iter().cloned().chain(drive.impact_warnings(&run.impacts)).collect();
         let out = run_to_dict(py, drive.columns(), run)?;
         out.set_item("warnings", warnings)?;
         out.set_item("citations", drive.citations())?;

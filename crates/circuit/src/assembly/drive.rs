@@ -1,4 +1,4 @@
-use super::end_stop::{end_stop, impact_warning, stop_warning};
+use super::end_stop::{Ends, ends, impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
 use super::leak::leak;
 use crate::circuit::{AxisId, Circuit, GasId, PistonSide};
@@ -26,7 +26,7 @@ pub struct Drive<P = f64> {
     /// Edges of the valve: supply to a, a to exhaust, supply to b, b to exhaust.
     edges: [InputId; 4],
     supply: GasId,
-    stop: EndStop<P>,
+    ends: Ends<P>,
     /// The larger area of the piston, m2, and the stroke, m.
     area: P,
     stroke: P,
@@ -63,7 +63,7 @@ impl Drive {
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
         drive.warnings = friction.warnings(gauge, spec.cylinder.stroke_m);
         let areas = sides::<f64>(&lifted).map(|side| side.area);
-        drive.warnings.extend(stop_warning(&drive.stop, &spec.cylinder, areas, gauge));
+        drive.warnings.extend(stop_warning(&drive.ends.stop, &spec.cylinder, areas, gauge));
         drive.citations = friction.sources();
         drive.citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if printed {
@@ -161,9 +161,12 @@ where
         let [side_a, side_b] = sides(lifted);
         circuit.face(a, axis, true, stroke, side_a);
         circuit.face(b, axis, false, stroke, side_b);
-        let stop = end_stop(lifted, &[side_a, side_b]);
+        let ends = ends(lifted, &[side_a, side_b]);
         let area = side_a.area.max(side_b.area);
-        circuit.end_stops(axis, stop.clone(), stroke);
+        circuit.end_stops(axis, ends.stop.clone(), stroke);
+        if let Some(covers) = &ends.covers {
+            circuit.covers(axis, covers.clone());
+        }
         if let Some(spring) = lifted.optional(|spec| spec.load.spring.as_ref()) {
             circuit.spring(axis, spring.number(|s| s.stiffness_n_m), spring.number(|s| s.rest_position_m));
         }
@@ -179,7 +182,7 @@ where
             circuit.set_input(gap, 0, P::one());
         }
         let (warnings, citations) = (Vec::new(), Vec::new());
-        Ok(Drive { circuit, axis, a, b, edges, supply, stop, area, stroke, columns, warnings, citations })
+        Ok(Drive { circuit, axis, a, b, edges, supply, ends, area, stroke, columns, warnings, citations })
     }
 }
 
@@ -263,7 +266,7 @@ impl<P: Lane> Drive<P> {
 impl Drive {
     /// The end stops, as given or as they follow from the drive.
     pub fn end_stop(&self) -> &EndStop<f64> {
-        &self.stop
+        &self.ends.stop
     }
 
     /// What the user should know about this description.
@@ -271,9 +274,9 @@ impl Drive {
         &self.warnings
     }
 
-    /// What to say of impacts that are too hard for a cylinder of this size.
-    pub fn impact_warning(&self, impacts: &[Impact]) -> Option<String> {
-        impact_warning(self.area, impacts)
+    /// What to say of impacts that press a stop through, or are too hard for a cylinder of this size.
+    pub fn impact_warnings(&self, impacts: &[Impact]) -> impl Iterator<Item = String> {
+        through_warning(&self.ends, impacts).into_iter().chain(impact_warning(self.area, impacts))
     }
 
     /// Keys in references.bib of the laws and methods that this drive uses.

@@ -1,8 +1,10 @@
-//! End stops, where the description leaves them open: so stiff that a sensible drive cannot reach a cover.
+//! End stops, where the description leaves them open: so stiff that a sensible drive cannot reach a cover. And the
+//! covers, behind stops that a description makes softer.
 
 use crate::circuit::PistonSide;
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
+use crate::part::Covers;
 use crate::specification::{self, Valve};
 use math::Lane;
 use physics::IdealGas;
@@ -21,11 +23,29 @@ const DAMPING_RATIO: f64 = 0.5;
 /// Share of the depth from which the damper acts fully (assumed).
 const DAMPING_SHARE: f64 = 0.1;
 
+/// Share of the dead length from which on a piston that has pressed a stop through meets the cover, and the share that
+/// the cover may take up (assumed).
+const COVER_BEGINS: f64 = 0.8;
+const COVER_SHARE: f64 = 0.1;
+/// A cover takes so many times the speed of the piston, and this speed, m/s, in any case (assumed).
+const COVER_FACTOR: f64 = 2.0;
+const LEAST_COVER_SPEED: f64 = 10.0;
+
 /// Kinetic energy that a cylinder with cushions takes at its end, J for each m2 of piston (assumed): 2 J at a bore of
 /// 25 mm.
 const TAKEN_J_M2: f64 = 4000.0;
 
-/// The stop of `lifted`; what its description gives stays as it is.
+/// What a piston meets at the end of its stroke.
+#[derive(Clone, Debug)]
+pub(super) struct Ends<P> {
+    pub stop: EndStop<P>,
+    /// Where the stop may be pressed through.
+    pub covers: Option<Covers<P>>,
+    /// Stiffness that keeps any piston of the drive off the covers, N/m.
+    pub enough: P,
+}
+
+/// The ends of `lifted`; what its description gives stays as it is.
 ///
 ///   k = (M v^2 + 2 F d)/d^2                                        [N/m]
 ///   c = 2 zeta sqrt(k M),   d_c = d/10                             [N s/m], [m]
@@ -36,10 +56,11 @@ const TAKEN_J_M2: f64 = 4000.0;
 /// the smaller of sqrt(2 F L/M), all the work of F over the stroke L, and four times the speed at which a choked
 /// exhaust lets the piston go, C p_0 sqrt(R T/(R_0 T_0))/A with p_0, R_0 and T_0 of air at standard conditions; but not
 /// less than 1 m/s.
-pub(super) fn end_stop<P: Lane>(
-    lifted: &Lifted<specification::Drive>,
-    sides: &[PistonSide<P>; 2],
-) -> EndStop<P> {
+///
+/// A stop that is given softer than keeps such a piston within 0.8 of the dead length has the covers behind it: from
+/// there on a contact of the same form, with d a tenth of the dead length and v twice as large, but not less than
+/// 10 m/s.
+pub(super) fn ends<P: Lane>(lifted: &Lifted<specification::Drive>, sides: &[PistonSide<P>; 2]) -> Ends<P> {
     type Drive = specification::Drive;
     let number = |f: fn(&Drive) -> f64| -> P { lifted.number(f) };
     let c = P::c;
@@ -63,22 +84,32 @@ pub(super) fn end_stop<P: Lane>(
     let exhaust = conductance * c(P_0) * sound.sqrt() / small;
     let by_work = (c(2.0) * force * stroke / mass).sqrt();
     let speed = (c(FLOW_FACTOR) * exhaust).min(by_work).max(c(LEAST_SPEED));
-    let room = (number(|s| s.cylinder.dead_volume_a_m3) / area_a)
-        .min(number(|s| s.cylinder.dead_volume_b_m3) / area_b);
+    let rooms =
+        [number(|s| s.cylinder.dead_volume_a_m3) / area_a, number(|s| s.cylinder.dead_volume_b_m3) / area_b];
+    let room = rooms[0].min(rooms[1]);
     let depth = c(DEPTH_SHARE) * room;
+    let holds = |speed: P, depth: P| (mass * speed * speed + c(2.0) * force * depth) / (depth * depth);
+    let damping = |stiffness: P| c(2.0 * DAMPING_RATIO) * (stiffness * mass).sqrt();
 
     let given = |f: fn(&specification::EndStop) -> Option<f64>| -> Option<P> {
         f(&lifted.value.cylinder.end_stop)?;
         Some(lifted.number_or(0.0, |s| f(&s.cylinder.end_stop)))
     };
-    let stiffness = given(|stop| stop.stiffness_n_m)
-        .unwrap_or_else(|| (mass * speed * speed + c(2.0) * force * depth) / (depth * depth));
-    EndStop {
+    let enough = holds(speed, depth);
+    let stiffness = given(|stop| stop.stiffness_n_m).unwrap_or(enough);
+    let stop = EndStop {
         stiffness,
-        damping: given(|stop| stop.damping_n_s_m)
-            .unwrap_or_else(|| c(2.0 * DAMPING_RATIO) * (stiffness * mass).sqrt()),
+        damping: given(|stop| stop.damping_n_s_m).unwrap_or_else(|| damping(stiffness)),
         damping_depth: given(|stop| stop.damping_depth_m).unwrap_or_else(|| c(DAMPING_SHARE) * depth),
-    }
+    };
+    let soft = stiffness.get(0) < holds(speed, c(COVER_BEGINS) * room).get(0);
+    let covers = soft.then(|| {
+        let depth = c(COVER_SHARE) * room;
+        let stiffness = holds((c(COVER_FACTOR) * speed).max(c(LEAST_COVER_SPEED)), depth);
+        let law = EndStop { stiffness, damping: damping(stiffness), damping_depth: c(DAMPING_SHARE) * depth };
+        Covers::new(law, rooms.map(|room| c(COVER_BEGINS) * room), 1.0 - COVER_BEGINS)
+    });
+    Ends { stop, covers, enough }
 }
 
 /// A stop so soft that supply pressure pushes the piston through the dead volume before it.
@@ -96,10 +127,31 @@ pub(super) fn stop_warning(
     (depth > room).then(|| {
         format!(
             "supply pressure pushes the piston {:.3} mm into the end stop, but the dead volume of chamber {end} is only {:.3} mm long: \
-             a larger cylinder.end_stop.stiffness or cylinder.dead_volume.{end} keeps the chamber from vanishing",
+             a larger cylinder.end_stop.stiffness or cylinder.dead_volume.{end} keeps it off the cover",
             1e3 * depth, 1e3 * room
         )
     })
+}
+
+fn end(impact: &Impact) -> &'static str {
+    if impact.at_b { "b" } else { "a" }
+}
+
+/// What to say of impacts that have pressed a stop through.
+pub(super) fn through_warning(ends: &Ends<f64>, impacts: &[Impact]) -> Option<String> {
+    let through = || impacts.iter().filter(|impact| impact.through);
+    let deepest = through().max_by(|a, b| a.force.total_cmp(&b.force))?;
+    Some(format!(
+        "the piston has pressed the end stop through and met the cover {} time(s), the hardest at the end of chamber {}, at \
+         {:.4} s: {:.3} mm deep with {:.3e} N. cylinder.end_stop.stiffness = {:.3e} N/m holds it, and so does the stop that \
+         follows from the drive where none is given",
+        through().count(),
+        end(deepest),
+        deepest.time,
+        1e3 * deepest.depth,
+        deepest.force,
+        ends.enough
+    ))
 }
 
 /// What to say of the hardest of these impacts, where it is beyond what a cylinder with a piston of this area takes.
@@ -114,7 +166,7 @@ pub(super) fn impact_warning(area: f64, impacts: &[Impact]) -> Option<String> {
         impacts.len(),
         hardest.energy,
         hardest.speed,
-        if hardest.at_b { "b" } else { "a" },
+        end(hardest),
         hardest.time
     ))
 }

@@ -74,6 +74,7 @@ impl<R: Lane> Circuit<R> {
         let part = Restriction {
             law,
             opening: R::zero(),
+            closed: false,
             from: from.0,
             to: to.0,
             from_boundary: self.is_reservoir(from),
@@ -124,7 +125,14 @@ impl<R: Lane> Circuit<R> {
     }
 
     pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<R>, stroke: R) {
-        self.parts.end_stops.push((Place::default(), EndStops { law, stroke, axis: axis.0 }));
+        let part = EndStops { law, covers: None, stroke, axis: axis.0 };
+        self.parts.end_stops.push((Place::default(), part));
+    }
+
+    /// What lies behind the end stops of a cylinder, which has them.
+    pub fn covers(&mut self, axis: AxisId, covers: Covers<R>) {
+        let stops = self.parts.end_stops.iter_mut().find(|(_, stops)| stops.axis == axis.0);
+        stops.expect("an axis with end stops").1.covers = Some(covers);
     }
 
     pub fn spring(&mut self, axis: AxisId, stiffness: R, rest_position: R) {
@@ -168,9 +176,11 @@ impl<R: Lane> Circuit<R> {
             parts.volumes.retain(|(_, volume)| volume.node != a && volume.node != b);
             parts.faces.retain(|(_, face)| face.gas != a && face.gas != b);
             if axis.is_usual() {
-                parts.cylinders.push((Place::default(), Cylinder { axis, volumes, faces, stops }));
+                parts.cylinders.push((Place::default(), Cylinder::new(axis, volumes, faces, stops)));
             } else {
-                parts.other_cylinders.push((Place::default(), OtherCylinder { axis, volumes, faces, stops }));
+                parts
+                    .other_cylinders
+                    .push((Place::default(), OtherCylinder::new(axis, volumes, faces, stops)));
             }
         }
     }
@@ -204,6 +214,7 @@ where
         let structure = Arc::new(Structure::of(&dy, &scale, false));
         Arc::get_mut(&mut self.topology).expect("not shared yet").structure = structure;
         self.open.clear();
+        self.parts.restrictions.iter_mut().for_each(|(_, restriction)| restriction.closed = true);
         self
     }
 }

@@ -52,6 +52,10 @@ impl<R: Lane> Axis<R> {
 const DEFLECTION: &str = "bristle_deflection_m";
 /// Largest error scale of a deflection, as a multiple of that at which the spring carries the whole friction force.
 const DEFLECTION_SCALE: f64 = 100.0;
+/// The same for what a deflection makes in sliding, where bristle damping may be far steeper than the spring.
+const SLIDING_SCALE: f64 = 1e4;
+/// Speeds at which that is looked at, m/s.
+const SLIDING: [f64; 4] = [1e-3, 1e-2, 1e-1, 1.0];
 
 /// The largest error scale, m, with which the tolerance still resolves the spring of a law; infinite for a law without.
 pub(crate) fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
@@ -63,7 +67,19 @@ pub(crate) fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
     z[0] = R::one();
     let stiffness = 2.0 * contact.stored(&z).get(0);
     let levels = contact.law.levels();
-    DEFLECTION_SCALE * levels.coulomb.get(0).max(levels.breakaway.get(0)) / stiffness
+    let level = levels.coulomb.get(0).max(levels.breakaway.get(0));
+    let steepness = SLIDING.map(|v| {
+        let at = At { v: R::c(v), prepared: contact.law.prepare(R::c(v)), ..At::at_rest() };
+        let (mut z, mut rates) = (z.clone(), z.clone());
+        let [at_limit, beyond] = [1.0, 2.0].map(|share| {
+            z[0] = R::c(share * level / stiffness);
+            contact.force(&at, &z, &mut rates, R::one()).get(0)
+        });
+        (beyond - at_limit).abs() / level
+    });
+    let steepest = steepness.into_iter().fold(0.0, f64::max);
+    let share = DEFLECTION_SCALE.min(if steepest > 0.0 { SLIDING_SCALE / steepest } else { f64::INFINITY });
+    share * level / stiffness
 }
 
 /// Where the friction law of a mass is evaluated.

@@ -1,5 +1,7 @@
+use super::volume::LEAST_ROOM;
 use super::{
-    Axis, Common, EndStops, Face, Given, Input, Own, OwnMut, Part, State, Volume, axis::EVENT_TOLERANCE,
+    Axis, ChamberLaw, Common, EndStops, Face, Given, Input, Own, OwnMut, Part, State, Volume,
+    axis::EVENT_TOLERANCE,
 };
 use crate::ledger::Kind;
 use crate::net::Net;
@@ -18,6 +20,13 @@ pub struct Cylinder<P, const USUAL: bool = true> {
     pub volumes: [Volume<P>; 2],
     pub faces: [Face<P>; 2],
     pub stops: EndStops<P>,
+    /// Share of each dead volume that must be left: before the piston meets what lies far behind the end of its stroke,
+    /// the share that is left there.
+    least_room: [P; 2],
+    /// Least wall of a chamber, m2, once it has.
+    least_wall: P,
+    /// It has, in some lane.
+    met: bool,
 }
 
 /// Where the states of the two chambers and of the friction law begin.
@@ -39,7 +48,46 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
             volumes: [side!(Volume, volumes, 0), side!(Volume, volumes, 1)],
             faces: [side!(Face, faces, 0), side!(Face, faces, 1)],
             stops: EndStops::gather(&each.iter().map(|cylinder| &cylinder.stops).collect::<Vec<_>>()),
+            least_room: [0, 1].map(|side| R::from_lanes(|lane| each[lane].least_room[side])),
+            least_wall: R::from_lanes(|lane| each[lane].least_wall),
+            met: each.iter().any(|cylinder| cylinder.met),
         }
+    }
+}
+
+impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
+    /// Far behind the end of its stroke the piston meets the covers, where there are any, and has swept all of the
+    /// wall: it leaves no less than none, else heat would flow from cold to hot. Both are left out of the equations
+    /// until a step would end there: where no piston comes, they cost nothing and move no bit.
+    pub(crate) fn new(
+        axis: Axis<R>,
+        volumes: [Volume<R>; 2],
+        faces: [Face<R>; 2],
+        stops: EndStops<R>,
+    ) -> Self {
+        let least_room = [0, 1].map(|side| {
+            let (volume, face) = (&volumes[side], &faces[side]);
+            let swept = face.area * face.end_wall / (face.perimeter * volume.dead_volume);
+            let bare = match volume.law {
+                ChamberLaw::EnergyBalance if face.perimeter.get(0) > 0.0 => R::one() - swept,
+                _ => R::zero(),
+            };
+            let covered = stops.covers.as_ref().map_or(0.0, |covers| covers.left);
+            bare.max(R::c(covered)).max(R::c(LEAST_ROOM))
+        });
+        Cylinder { axis, volumes, faces, stops, least_room, least_wall: R::c(f64::NEG_INFINITY), met: false }
+    }
+
+    /// Brings what lies far behind the end of the stroke into the equations of a lane; true where it was left out.
+    pub(crate) fn meet(&mut self, lane: usize) -> bool {
+        let left_out = self.least_room.iter().any(|least| least.get(lane) > LEAST_ROOM);
+        if left_out {
+            self.least_room.iter_mut().for_each(|least| least.put(lane, LEAST_ROOM));
+            self.least_wall.put(lane, 0.0);
+            self.stops.meet(lane);
+            self.met = true;
+        }
+        left_out
     }
 }
 
@@ -47,7 +95,13 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
     /// `so_far` where both chambers have room and gas at every state within `spread` of `y`, minus one in each lane
     /// where one may have none.
     #[inline(always)]
-    pub(crate) fn holds(&self, y: Own<R>, spread: &[R::Plain], scale: Own<R>, so_far: R::Plain) -> R::Plain {
+    pub(crate) fn holds(
+        &self,
+        y: Own<R>,
+        spread: &[R::Plain; INNER],
+        scale: Own<R>,
+        so_far: R::Plain,
+    ) -> R::Plain {
         let (y, scale): ([R; INNER], [R; INNER]) = (y.first(), scale.first());
         let least = |i: usize| y[i].plain() - spread[i];
         let mut so_far = so_far;
@@ -59,6 +113,7 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
                 room,
                 [least(first), least(first + 1)],
                 [scale[first], scale[first + 1]],
+                self.least_room[i].plain(),
                 so_far,
             );
         }
@@ -109,6 +164,9 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
             let node = &mut net.gas[volume.node];
             volume.reset(node);
             face.enlarge(axis, node);
+            if self.met {
+                node.wall = node.wall.max(S::from(self.least_wall));
+            }
             volume.fill(states, node, common);
             face.push(node, axis, common);
         }

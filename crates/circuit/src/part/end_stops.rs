@@ -8,18 +8,80 @@ use physics::mechanics::EndStop;
 #[derive(Clone, Debug)]
 pub struct EndStops<P> {
     pub law: EndStop<P>,
+    /// What lies behind stops that can be pressed through.
+    pub covers: Option<Covers<P>>,
     /// Stroke, m.
     pub stroke: P,
     pub axis: usize,
 }
 
+/// The covers of a cylinder: a second contact, beside that of the stop, of whatever comes so deep. It is left out of
+/// the equations until a step would end there: where no piston comes, it costs nothing and moves no bit.
+#[derive(Clone, Debug)]
+pub struct Covers<P> {
+    pub law: EndStop<P>,
+    /// Depth at which the contact begins, m, behind the stops at x = 0 and at x = stroke.
+    pub behind: [P; 2],
+    /// Share of the dead volume that is left there, -.
+    pub left: f64,
+    /// The depths again, of the lanes that have come so far; infinite in the others.
+    met: [P; 2],
+    awake: bool,
+}
+
+impl<P: Real> Covers<P> {
+    pub fn new(law: EndStop<P>, behind: [P; 2], left: f64) -> Self {
+        Covers { law, behind, left, met: [P::c(f64::INFINITY); 2], awake: false }
+    }
+}
+
 impl<R: Lane> EndStops<R> {
     pub(crate) fn gather(each: &[&EndStops<f64>]) -> Self {
+        let covered = each.iter().any(|part| part.covers.is_some());
         EndStops {
             law: EndStop::gather(&each.iter().map(|part| &part.law).collect::<Vec<_>>()),
+            covers: covered.then(|| Covers::gather(each)),
             stroke: R::from_lanes(|lane| each[lane].stroke),
             axis: each[0].axis,
         }
+    }
+}
+
+impl<R: Lane> Covers<R> {
+    /// A lane without covers has them nowhere.
+    fn gather(each: &[&EndStops<f64>]) -> Self {
+        let own: Vec<_> = each.iter().map(|part| part.covers.as_ref()).collect();
+        let laws: Vec<_> =
+            own.iter().zip(each).map(|(own, part)| own.map_or(&part.law, |covers| &covers.law)).collect();
+        let behind = |lane: usize, end: usize| own[lane].map_or(f64::INFINITY, |covers| covers.behind[end]);
+        let behind = [0, 1].map(|end| R::from_lanes(|lane| behind(lane, end)));
+        let left = own.iter().flatten().map(|covers| covers.left).next();
+        Covers::new(EndStop::gather(&laws), behind, left.expect("covers in some lane"))
+    }
+}
+
+impl<R: Lane> EndStops<R> {
+    /// Brings the covers into the equations of a lane.
+    pub(crate) fn meet(&mut self, lane: usize) {
+        if let Some(covers) = &mut self.covers {
+            for (met, behind) in covers.met.iter_mut().zip(&covers.behind) {
+                met.take(lane, behind);
+            }
+            covers.awake = true;
+        }
+    }
+}
+
+impl<P: Real> Covers<P> {
+    /// How deep a piston in contact with a stop is in the cover behind it.
+    fn depth<S: Over<P>>(&self, depth: S, direction: S) -> S {
+        let [at_a, at_b] = self.met.map(S::from);
+        depth - S::select(direction.lt(S::zero()), at_b, at_a)
+    }
+
+    #[inline(never)]
+    fn force<S: Over<P>>(&self, depth: S, closing: S, direction: S) -> S {
+        self.law.force(self.depth(depth, direction), closing)
     }
 }
 
@@ -34,8 +96,24 @@ impl<P: Real> EndStops<P> {
 
     fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
         let node = &net.axis[self.axis];
-        let depth = self.contact(node.x, node.v).0.max(S::zero());
-        S::c(0.5) * S::from(self.law.stiffness) * depth * depth
+        let (depth, _, direction) = self.contact(node.x, node.v);
+        let energy = |law: &EndStop<P>, depth: S| {
+            let depth = depth.max(S::zero());
+            S::c(0.5) * S::from(law.stiffness) * depth * depth
+        };
+        let stop = energy(&self.law, depth);
+        let cover = self.covers.as_ref().map(|covers| energy(&covers.law, covers.depth(depth, direction)));
+        cover.map_or(stop, |cover| stop + cover)
+    }
+
+    /// Force that pushes back, N, of the stop and of the cover behind it.
+    #[inline(always)]
+    fn force<S: Over<P>>(&self, (depth, closing, direction): (S, S, S)) -> S {
+        let stop = self.law.force(depth, closing);
+        match &self.covers {
+            Some(covers) if covers.awake => stop + covers.force(depth, closing, direction),
+            _ => stop,
+        }
     }
 
     /// How far it is to each of the stops from `x`, m.
@@ -46,8 +124,8 @@ impl<P: Real> EndStops<P> {
     /// Adds the force of the stops to the axis.
     #[inline(always)]
     pub(super) fn push<S: Over<P>>(&self, node: &mut AxisNode<S>) {
-        let (depth, closing, direction) = self.contact(node.x, node.v);
-        node.end_stop = direction * self.law.force(depth, closing);
+        let contact = self.contact(node.x, node.v);
+        node.end_stop = contact.2 * self.force(contact);
         node.force += node.end_stop;
     }
 }
@@ -55,8 +133,13 @@ impl<P: Real> EndStops<P> {
 impl EndStops<f64> {
     /// Depth, m, and force that pushes back, N, of whichever stop is touched.
     pub(crate) fn pressed(&self, x: f64, v: f64) -> (f64, f64) {
-        let (depth, closing, _) = self.contact(x, v);
-        (depth.max(0.0), self.law.force(depth, closing))
+        let contact = self.contact(x, v);
+        (contact.0.max(0.0), self.force(contact))
+    }
+
+    /// Whether a piston that is so deep in the stop at this end presses on the cover.
+    pub(crate) fn in_cover(&self, depth: f64, at_b: bool) -> bool {
+        self.covers.as_ref().is_some_and(|covers| depth > covers.behind[usize::from(at_b)])
     }
 }
 
@@ -86,8 +169,8 @@ impl<P: Real> Part<P> for EndStops<P> {
     /// it, so its steps may be long: what the spring holds, and gives to the damper, is no integral.
     fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.axis];
-        let (depth, closing, _) = self.contact(node.x, node.v);
-        let work = self.law.force(depth, closing) * closing;
+        let contact = self.contact(node.x, node.v);
+        let work = self.force(contact) * contact.1;
         out[0] = -work;
         out[1] = work / S::from(common.ambient_temperature);
     }

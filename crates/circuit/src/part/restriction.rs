@@ -14,6 +14,8 @@ pub struct Restriction<P> {
     pub law: Iso6358<P>,
     /// Opening, 0 to 1: the share of the full conductance. An input: it may change at any time.
     pub opening: P,
+    /// Nothing passes it in any lane.
+    pub(crate) closed: bool,
     pub from: usize,
     pub to: usize,
     /// An end is a reservoir: what passes it crosses the boundary.
@@ -26,6 +28,7 @@ impl<R: Lane> Restriction<R> {
         Restriction {
             law: Iso6358::gather(&each.iter().map(|part| &part.law).collect::<Vec<_>>()),
             opening: R::from_lanes(|lane| each[lane].opening),
+            closed: each.iter().all(|part| part.closed),
             from: each[0].from,
             to: each[0].to,
             from_boundary: each[0].from_boundary,
@@ -79,6 +82,10 @@ impl<P: Real> Part<P> for Restriction<P> {
         ]
     }
 
+    fn rests(&self) -> bool {
+        self.closed
+    }
+
     fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
         let (m_dot, backward) = self.flow(one, two);
@@ -88,11 +95,12 @@ impl<P: Real> Part<P> for Restriction<P> {
         let sign = |boundary: bool, s: S| if boundary { s } else { zero };
         // Into the circuit: out of a reservoir at `from`, or back from one at `to`.
         let one_in = |flow: S| sign(self.from_boundary, flow) - sign(self.to_boundary, flow);
-        let s_from = specific_entropy(t_up, one.p, common);
-        let s_to = specific_entropy(t_up, two.p, common);
+        let carried = |boundary: bool, p: S| {
+            if boundary { m_dot * specific_entropy(t_up, p, common) } else { zero }
+        };
         out[0] = one_in(m_dot);
         out[1] = one_in(h_dot);
-        out[2] = sign(self.from_boundary, m_dot * s_from) - sign(self.to_boundary, m_dot * s_to);
+        out[2] = carried(self.from_boundary, one.p) - carried(self.to_boundary, two.p);
         out[3] = m_dot * S::from(common.gas.gas_constant) * log(one.p / two.p);
         let receiver = S::select(backward, one.t, two.t);
         let ratio = t_up / receiver;

@@ -113,20 +113,22 @@ impl<P: Real> Volume<P> {
 }
 
 impl<R: Lane> Volume<R> {
-    /// `so_far` where there is room and gas in the volume, minus one in each lane where there is not.
+    /// `so_far` where there is gas in the volume and more than the share `least_room` of the dead volume is left,
+    /// minus one in each lane where there is not.
     #[inline(always)]
     pub(crate) fn holds(
         &self,
         room: R::Plain,
         states: [R::Plain; 2],
         scales: [R; 2],
+        least_room: R::Plain,
         so_far: R::Plain,
     ) -> R::Plain {
         let mut out = so_far;
         let mut ask = |value: R::Plain, least: R::Plain| {
             out = R::Plain::select(least.lt(value), out, -R::Plain::one());
         };
-        ask(room, self.dead_volume.plain() * R::Plain::c(LEAST_ROOM));
+        ask(room, self.dead_volume.plain() * least_room);
         for (state, scale) in states.into_iter().zip(scales) {
             ask(state, scale.plain() * R::Plain::c(LEAST_GAS));
         }

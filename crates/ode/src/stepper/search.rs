@@ -27,11 +27,12 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     pub(super) fn look_for_event(&mut self, lane: usize, t0: f64, h: f64) -> Found {
         self.g1.copy_from_slice(&self.g0);
         let mut before = 0.0;
+        let patience = self.lanes[lane].patience();
         for theta in LOOKOUTS {
             self.look(lane, t0, h, theta);
             let mut first: Option<(f64, usize)> = None;
             for event in 0..self.g0.len() {
-                let tolerance = self.system.event_tolerance(event);
+                let tolerance = patience * self.system.event_tolerance(event);
                 if self.g_look[event].get(lane) >= -tolerance {
                     continue;
                 }
@@ -58,9 +59,11 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             std::mem::swap(&mut self.g1, &mut self.g_look);
             before = theta;
         }
-        match (0..self.g1.len())
-            .find(|&event| self.g1[event].get(lane) <= 0.0 && self.g0[event].get(lane) > 0.0)
-        {
+        let near = |event: usize| {
+            let above = if patience > 1.0 { patience * self.system.event_tolerance(event) } else { 0.0 };
+            self.g1[event].get(lane) <= above && self.g0[event].get(lane) > 0.0
+        };
+        match (0..self.g1.len()).find(|&event| near(event)) {
             Some(event) => Found::AtEnd(event),
             None => Found::Nothing,
         }
