@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 50_000_000  # a trajectory of that many rows takes about 6 GB
 MOST_BUDGET = 10**15
+#: A ledger that closes worse than this and than so many times the tolerance is told (assumed).
+ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0
 SOLVER = "Rodas5P"
 
 
@@ -177,9 +179,20 @@ def run(
         )
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None
+    result["warnings"] += _open_ledger(result["ledger"], rtol)
     for message in result["warnings"]:
         warn(message)
     return Run(result["columns"], _provenance(drive, result, rtol))
+
+
+def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
+    """Return what to say of energy that does not close."""
+    if ledger is None or abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):
+        return []
+    return [
+        f"energy closes only to {abs(ledger['energy_error']):.1e} of what is turned over, so friction or flow is not "
+        f"resolved: a smaller rtol than {rtol:.1e} resolves it, or bristles with less damping"
+    ]
 
 
 def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str, Any]:

@@ -4,6 +4,7 @@ Two hundred of each kind here; 20,000 by ``python tests/oracle/random_runs.py --
 """
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,3 +43,11 @@ def test_the_ledger_changes_no_bit_and_no_step_of_a_corner():
         plain, kept = (one.columns for one in runs)
         assert runs[0].provenance["statistics"] == runs[1].provenance["statistics"]
         assert all(np.array_equal(plain[name], kept[name]) for name in plain)
+
+
+def test_energy_that_does_not_close_is_told():
+    """Bristles with far too much damping, a coarse tolerance, hardly any energy: a step misses what friction takes."""
+    drawn = case(777, 367)
+    for rtol, told in ((drawn.rtol, True), (1e-7, False)):
+        warnings = replace(drawn, rtol=rtol).run().provenance["warnings"]
+        assert any("energy closes only to" in warning for warning in warnings) == told

@@ -466,7 +466,7 @@ impl<R: Lane> System<R> for Circuit<R> {
     fn meet(&mut self, lane: usize) -> bool {
         let usual = self.parts.cylinders.iter_mut().map(|(_, cylinder)| cylinder.meet(lane));
         let others = self.parts.other_cylinders.iter_mut().map(|(_, cylinder)| cylinder.meet(lane));
-        usual.chain(others).fold(false, |met, own| own || met)
+        usual.chain(others).fold(false, |met, own| met | own) // each is asked
     }
 
     fn settle(&self, y: &mut [R]) {
