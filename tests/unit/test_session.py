@@ -80,6 +80,33 @@ def session_columns(session):
     return [variable.name for variable in session.variables if variable.kind != "state"]
 
 
+def test_what_meets_a_cover_is_put_back_and_linearised_too():
+    """The cover behind a soft stop enters the equations when it is met: bytes and derivatives know whether it was."""
+    soft = {"cylinder.stroke": "100 mm", "cylinder.moving_mass": "5 kg"}
+    drive = REFERENCE.replace(soft | {"cylinder.dead_volume": {"a": "0.5 cm3", "b": "0.5 cm3"}})
+    session = drive.start({"position": "50 mm"})
+    session.set("command", 1.0)
+    depth, seen = 0.0, []
+    for k in range(2000):
+        seen.append((session.save(), [session.read(name) for name in COLUMNS], session.statistics))
+        session.advance(1e-4 * (k + 1))
+        if (deep := session.read("position_m") - 0.1) > depth:
+            depth, deepest = deep, session.save()
+    end = session.save()
+    for saved, read, statistics in seen[::400]:
+        for again in (session, drive.start()):
+            again.restore(saved)
+            assert ([again.read(name) for name in COLUMNS], again.statistics) == (read, statistics)
+            for k in range(round(1e4 * again.time), 2000):
+                again.advance(1e-4 * (k + 1))
+            assert again.save() == end
+    session.restore(deepest)
+    linear = session.linearise(["load_force_n"])
+    stiffness = -linear.A[1, 0] / linear.B[1, 0]
+    assert depth > 0.8e-3
+    assert stiffness > 3.0 * drive.end_stop["stiffness_n_m"]
+
+
 def test_a_schedule_is_the_same_as_setting_at_each_time():
     planned, by_hand = REFERENCE.start(START), REFERENCE.start(START)
     planned.schedule("command", [(0.1, 0.5), (0.0, 0.9), (0.1, -0.7), (0.25, 0.0)])

@@ -166,8 +166,14 @@ impl<R: Lane> Circuit<R> {
     }
 
     /// The value of an input.
-    pub fn input(&self, id: InputId) -> R {
-        *self.parts.clone().input_mut(id).1
+    pub fn input(&mut self, id: InputId) -> R {
+        *self.parts.input_mut(id).1
+    }
+
+    /// Whether `meet` has brought in what lies far behind the end of a stroke, in some lane.
+    pub fn has_met(&self) -> bool {
+        let usual = self.parts.cylinders.iter().any(|(_, cylinder)| cylinder.met);
+        usual || self.parts.other_cylinders.iter().any(|(_, cylinder)| cylinder.met)
     }
 
     /// The modes of all events, each as `each` leaves it.

@@ -93,7 +93,7 @@ fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
 impl Session {
     /// A drive at `initial`, its valve shut, everything else as described. `json` is its description.
     pub fn new(drive: &Drive, json: &str, initial: &Initial, rtol: f64) -> Self {
-        let (circuit, y) = drive.start(initial, 0.0);
+        let (mut circuit, y) = drive.start(initial, 0.0);
         let ids = drive.inputs();
         let mut values = [0.0; INPUTS.len()];
         for (value, id) in values[1..].iter_mut().zip(ids) {
@@ -244,9 +244,10 @@ impl Session {
     pub fn save(&self) -> Result<Vec<u8>, Error> {
         self.alive()?;
         let Some(stepper) = self.stepper.save() else { return refuse("the session cannot go on") };
-        let mut words = vec![self.mark, self.schedule.len() as u64];
+        let circuit = self.stepper.system();
+        let mut words = vec![self.mark, self.schedule.len() as u64, u64::from(circuit.has_met())];
         words.extend(self.values.map(f64::to_bits));
-        self.stepper.system().clone().change_modes(|mode| words.push(mode.to_bits()));
+        circuit.clone().change_modes(|mode| words.push(mode.to_bits()));
         words.extend(stepper);
         for &(time, input, value) in &self.schedule {
             words.extend([time.to_bits(), input as u64, value.to_bits()]);
@@ -266,7 +267,7 @@ impl Session {
         let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
         let whole = rest.len().is_multiple_of(8)
             && words.last() == Some(&mark_of(bytes[..bytes.len() - 8].iter().copied()));
-        if !whole || words.len() < 3 {
+        if !whole || words.len() < 4 {
             return refuse("these bytes of a session are damaged");
         }
         if words[0] != self.mark {
@@ -276,7 +277,7 @@ impl Session {
         }
         let mut n_modes = 0;
         self.stepper.system().clone().change_modes(|_| n_modes += 1);
-        let (values, rest) = words[2..words.len() - 1].split_at_checked(INPUTS.len()).unwrap_or_default();
+        let (values, rest) = words[3..words.len() - 1].split_at_checked(INPUTS.len()).unwrap_or_default();
         let (modes, rest) = rest.split_at_checked(n_modes).unwrap_or_default();
         let (stepper, entries) = rest.split_at_checked(self.stepper.words()).unwrap_or_default();
         let (entries, left) = entries.as_chunks::<3>();
@@ -286,6 +287,10 @@ impl Session {
         }
         let number = |word: &u64| f64::from_bits(*word);
         let circuit = self.stepper.system_mut();
+        *circuit = self.drive.circuit().clone();
+        if words[2] != 0 {
+            circuit.meet(0);
+        }
         for (id, value) in self.ids.into_iter().zip(&values[1..]) {
             circuit.set_input(id, 0, number(value));
         }

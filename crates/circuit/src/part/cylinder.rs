@@ -26,7 +26,7 @@ pub struct Cylinder<P, const USUAL: bool = true> {
     /// Least wall of a chamber, m2, once it has.
     least_wall: P,
     /// It has, in some lane.
-    met: bool,
+    pub(crate) met: bool,
 }
 
 /// Where the states of the two chambers and of the friction law begin.

@@ -55,8 +55,13 @@ impl<R: Lane> Covers<R> {
             own.iter().zip(each).map(|(own, part)| own.map_or(&part.law, |covers| &covers.law)).collect();
         let behind = |lane: usize, end: usize| own[lane].map_or(f64::INFINITY, |covers| covers.behind[end]);
         let behind = [0, 1].map(|end| R::from_lanes(|lane| behind(lane, end)));
+        let met = |lane: usize, end: usize| own[lane].map_or(f64::INFINITY, |covers| covers.met[end]);
         let left = own.iter().flatten().map(|covers| covers.left).next();
-        Covers::new(EndStop::gather(&laws), behind, left.expect("covers in some lane"))
+        Covers {
+            met: [0, 1].map(|end| R::from_lanes(|lane| met(lane, end))),
+            awake: own.iter().flatten().any(|covers| covers.awake),
+            ..Covers::new(EndStop::gather(&laws), behind, left.expect("covers in some lane"))
+        }
     }
 }
 

@@ -7,7 +7,8 @@ use crate::system::System;
 impl<Sys: System<f64>> Stepper<f64, Sys> {
     /// All that what follows depends on, beside the inputs and modes of the system; nothing of a lane that has failed.
     pub fn save(&self) -> Option<Vec<u64>> {
-        let Control { wish, after_rejection, cut, idle_switches, failure, statistics, .. } = &self.lanes[0];
+        let Control { wish, after_rejection, cut, cuts, idle_switches, failure, statistics, .. } =
+            &self.lanes[0];
         if failure.is_some() {
             return None;
         }
@@ -15,14 +16,22 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
         let flags = [self.fresh, self.started, *after_rejection, cut.is_some()];
         let numbers = [self.t[0], *wish, cut.unwrap_or(0.0)];
         let words = numbers.iter().chain(self.state()).map(|number| number.to_bits());
-        let counts =
-            [steps, rejected, right_hand_sides, jacobians, factorisations, events, u64::from(*idle_switches)];
+        let counts = [
+            steps,
+            rejected,
+            right_hand_sides,
+            jacobians,
+            factorisations,
+            events,
+            u64::from(*idle_switches),
+            u64::from(*cuts),
+        ];
         Some(words.chain(flags.map(u64::from)).chain(counts).collect())
     }
 
     /// How many words that are.
     pub fn words(&self) -> usize {
-        self.structure.n() + 14
+        self.structure.n() + 15
     }
 
     /// Goes on, bit for bit, where `save` was called; the inputs and modes of the system are those of that time.
@@ -42,6 +51,7 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
             after_rejection,
             cut: has_cut.then(|| number(2)),
             idle_switches: counts[6] as u32,
+            cuts: counts[7] as u32,
             ..Control::new()
         };
         self.fresh = false;
