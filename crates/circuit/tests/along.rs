@@ -20,16 +20,8 @@ fn a_run_agrees_with_its_own_equations() {
         .expect("runs");
     let names = drive.columns();
     let of = |name: &str| &run.columns[names.iter().position(|own| own == name).expect(name)];
-    let openings: Vec<[f64; 4]> =
-        of("command").iter().map(|&u| if u > 0.0 { [u, 0.0, 0.0, u] } else { [0.0, -u, -u, 0.0] }).collect();
-    let record = Record {
-        times: of("time_s"),
-        position: of("position_m"),
-        velocity: of("velocity_m_s"),
-        pressure: [of("pressure_a_pa"), of("pressure_b_pa")],
-        openings: &openings,
-        temperature: [ROOM, ROOM],
-    };
+    let openings = openings(of("command"));
+    let record = record(of, &openings);
     let rows = drive.along(&record).expect("a record of the drive");
     let column = |name: &str| ALONG.iter().position(|own| *own == name).expect("a column");
     let at = |name: &str, i: usize| rows[i * ALONG.len() + column(name)];

@@ -3,7 +3,7 @@
 
 mod support;
 
-use circuit::{ALONG, Drive, Record, Restart, Servo, Shooting, Tank, specification as spec};
+use circuit::{ALONG, Drive, Restart, Servo, Shooting, Tank, specification as spec};
 use ode::Options;
 use serde_json::Value;
 use support::*;
@@ -148,16 +148,8 @@ fn along_a_record() {
     let run = drive.simulate(plan.0, plan.1, (0.3, 1000.0), &at_rest(0.1, 3e5), tight, &mut never);
     let columns = run.expect("runs").columns;
     let of = |name: &str| &columns[drive.columns().iter().position(|own| own == name).expect(name)];
-    let openings: Vec<[f64; 4]> =
-        of("command").iter().map(|&u| if u > 0.0 { [u, 0.0, 0.0, u] } else { [0.0, -u, -u, 0.0] }).collect();
-    let record = Record {
-        times: of("time_s"),
-        position: of("position_m"),
-        velocity: of("velocity_m_s"),
-        pressure: [of("pressure_a_pa"), of("pressure_b_pa")],
-        openings: &openings,
-        temperature: [ROOM, ROOM],
-    };
+    let openings = openings(of("command"));
+    let record = record(of, &openings);
     let rows = drive.along(&record).expect("a record of the drive");
     assert_eq!(rows.len(), ALONG.len() * openings.len());
     let put_back = |i: usize| Restart {

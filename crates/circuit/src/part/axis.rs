@@ -262,6 +262,56 @@ impl<R: Lane> Axis<R> {
     }
 }
 
+/// Within `impl Part`: the events of a mass with friction, whose inner states begin at `$inner` among those of the part.
+macro_rules! events_of_a_mass {
+    ($self:ident => $axis:expr, $inner:expr) => {
+        fn n_events(&$self) -> usize {
+            $axis.events_of_law()
+        }
+
+        fn mode_mut(&mut $self, _event: usize) -> &mut P {
+            &mut $axis.mode
+        }
+
+        fn event(&$self, _event: usize, y: Own<P>, net: &Net<P>) -> P {
+            $axis.event_in(y.after($inner), net)
+        }
+
+        fn event_tolerance(&$self, _event: usize) -> f64 {
+            $crate::part::axis::EVENT_TOLERANCE
+        }
+
+        fn switch(
+            &mut $self,
+            _event: usize,
+            lane: usize,
+            y: OwnMut<P>,
+            net: &Net<P>,
+            common: &Common<P>,
+            accounts: &mut [P],
+        ) where
+            P: Lane,
+        {
+            $axis.switch_in(lane, y.split($inner), net, common, accounts);
+        }
+
+        fn find_mode(&mut $self, _event: usize, y: OwnMut<P>, net: &Net<P>)
+        where
+            P: Lane,
+        {
+            $axis.find_mode_in(y.split($inner), net);
+        }
+
+        fn settle(&$self, _event: usize, y: OwnMut<P>)
+        where
+            P: Lane,
+        {
+            $axis.settle_in(y.split($inner).0);
+        }
+    };
+}
+pub(super) use events_of_a_mass;
+
 impl<P: Real> Part<P> for Axis<P> {
     fn states(&self) -> Vec<State> {
         let mut states = vec![
@@ -317,47 +367,5 @@ impl<P: Real> Part<P> for Axis<P> {
         self.begin_in(given, y.split(2));
     }
 
-    fn n_events(&self) -> usize {
-        self.events_of_law()
-    }
-
-    fn mode_mut(&mut self, _event: usize) -> &mut P {
-        &mut self.mode
-    }
-
-    fn event(&self, _event: usize, y: Own<P>, net: &Net<P>) -> P {
-        self.event_in(y.after(2), net)
-    }
-
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        EVENT_TOLERANCE
-    }
-
-    fn switch(
-        &mut self,
-        _event: usize,
-        lane: usize,
-        y: OwnMut<P>,
-        net: &Net<P>,
-        common: &Common<P>,
-        accounts: &mut [P],
-    ) where
-        P: Lane,
-    {
-        self.switch_in(lane, y.split(2), net, common, accounts);
-    }
-
-    fn find_mode(&mut self, _event: usize, y: OwnMut<P>, net: &Net<P>)
-    where
-        P: Lane,
-    {
-        self.find_mode_in(y.split(2), net);
-    }
-
-    fn settle(&self, _event: usize, y: OwnMut<P>)
-    where
-        P: Lane,
-    {
-        self.settle_in(y.split(2).0);
-    }
+    events_of_a_mass!(self => self, 2);
 }

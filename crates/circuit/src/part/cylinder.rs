@@ -1,7 +1,7 @@
 use super::volume::LEAST_ROOM;
 use super::{
     Axis, ChamberLaw, Common, EndStops, Face, Given, Input, Own, OwnMut, Part, State, Volume,
-    axis::EVENT_TOLERANCE,
+    axis::events_of_a_mass,
 };
 use crate::ledger::Kind;
 use crate::net::Net;
@@ -240,47 +240,5 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
         out.copy_from_slice(&self.stops.ahead(x));
     }
 
-    fn n_events(&self) -> usize {
-        self.axis.events_of_law()
-    }
-
-    fn mode_mut(&mut self, _event: usize) -> &mut P {
-        &mut self.axis.mode
-    }
-
-    fn event(&self, _event: usize, y: Own<P>, net: &Net<P>) -> P {
-        self.axis.event_in(y.after(INNER), net)
-    }
-
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        EVENT_TOLERANCE
-    }
-
-    fn switch(
-        &mut self,
-        _event: usize,
-        lane: usize,
-        y: OwnMut<P>,
-        net: &Net<P>,
-        common: &Common<P>,
-        accounts: &mut [P],
-    ) where
-        P: Lane,
-    {
-        self.axis.switch_in(lane, y.split(INNER), net, common, accounts);
-    }
-
-    fn find_mode(&mut self, _event: usize, y: OwnMut<P>, net: &Net<P>)
-    where
-        P: Lane,
-    {
-        self.axis.find_mode_in(y.split(INNER), net);
-    }
-
-    fn settle(&self, _event: usize, y: OwnMut<P>)
-    where
-        P: Lane,
-    {
-        self.axis.settle_in(y.split(INNER).0);
-    }
+    events_of_a_mass!(self => self.axis, INNER);
 }

@@ -4,7 +4,7 @@
 
 pub mod pins;
 
-use circuit::{Circuit, Net, specification};
+use circuit::{Circuit, Net, Record, specification};
 use ode::{NoOutput, Options, Output, Paused, Stepper, System};
 use physics::flow::Iso6358;
 use physics::friction::{AnyLaw, Choices, LAWS, Meta};
@@ -190,5 +190,22 @@ pub fn at_rest(x: f64, p: f64) -> specification::Initial {
         temperature_a_k: ROOM,
         temperature_b_k: ROOM,
         contact_age_s: 0.0,
+    }
+}
+
+/// How far commands open each edge of the valve.
+pub fn openings(commands: &[f64]) -> Vec<[f64; 4]> {
+    commands.iter().map(|&u| if u > 0.0 { [u, 0.0, 0.0, u] } else { [0.0, -u, -u, 0.0] }).collect()
+}
+
+/// A record of a drive in a warm room, from its columns by name.
+pub fn record<'a>(of: impl Fn(&str) -> &'a Vec<f64>, openings: &'a [[f64; 4]]) -> Record<'a> {
+    Record {
+        times: of("time_s"),
+        position: of("position_m"),
+        velocity: of("velocity_m_s"),
+        pressure: [of("pressure_a_pa"), of("pressure_b_pa")],
+        openings,
+        temperature: [ROOM, ROOM],
     }
 }
