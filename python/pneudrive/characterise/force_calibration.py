@@ -186,6 +186,16 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
+def _table(given: object, known: set[str]) -> Mapping[str, Any]:
+    """Refuse what is no table, and keys that no calibration has."""
+    if not isinstance(given, dict):
+        raise DescriptionError("force_calibration must be a table")
+    for key in given:
+        if key not in known:
+            raise DescriptionError(f"unknown key '{key}' of a force calibration", remedy=nearest(str(key), known))
+    return given
+
+
 def of_quantities(table: Mapping[str, Any]) -> ForceCalibration:
     """Read a table of quantities with units, as TOML files hold it.
 
@@ -194,11 +204,7 @@ def of_quantities(table: Mapping[str, Any]) -> ForceCalibration:
     DescriptionError
         A key that is not known, a value without meaning, or no calibration.
     """
-    if not isinstance(table, dict):
-        raise DescriptionError("force_calibration must be a table")
-    for key in table:
-        if key not in KEYS:
-            raise DescriptionError(f"unknown key '{key}' of a force calibration", remedy=nearest(key, KEYS))
+    table = _table(table, KEYS)
     values: dict[str, Any] = {name: parse(table[key], "N") for key, name in QUANTITIES.items() if key in table}
     for key in ("reference", "shown"):
         if key in table:
@@ -222,10 +228,4 @@ def of_json(data: object) -> ForceCalibration:
     DescriptionError
         A key that is not known, a value without meaning, or no calibration.
     """
-    if not isinstance(data, dict):
-        raise DescriptionError("force_calibration is not an object")
-    names = {f.name for f in fields(ForceCalibration)}
-    for key in data:
-        if key not in names:
-            raise DescriptionError(f"unknown key '{key}' of a force calibration", remedy=nearest(str(key), names))
-    return ForceCalibration(**data)
+    return ForceCalibration(**_table(data, {f.name for f in fields(ForceCalibration)}))
