@@ -365,7 +365,7 @@ class Campaign(Shown):
                     continue
                 problems += [Problem(f"{CYCLES}/{path.name}", note, lost=False) for note in notes]
                 found.append(file)
-        found.sort(key=lambda file: (file.head.index, file.path.name))
+        found.sort(key=lambda file: file.head.index)  # equal ones stay in the order of their names
         unique: list[CycleFile] = []
         keys: dict[str, str] = {}
         for file in found:

@@ -75,17 +75,17 @@ class Looked:
         What is wrong with it, see `damage`.
     own : bool
         Whether it has a seal that holds.
-    parquet : bytes
-        The bytes that were looked at; empty where the file is large.
+    end : bytes
+        Its footer with what stands around it, for `sealed_text`; empty where the file is large.
     """
 
     wrong: str | None
     own: bool
-    parquet: bytes = b""
+    end: bytes = b""
 
 
 def sealed_text(parquet: Bytes, key: str) -> str | None:
-    """Find a text that a sealed file carries, without a library that would look at the whole footer.
+    """Find a text that a sealed file carries, by its bytes or their end, without a library that reads all of them.
 
     Returns
     -------
@@ -124,7 +124,8 @@ def look(path: Path) -> Looked:
         size = os.fstat(file.fileno()).st_size
         if size < MAPPED:
             parquet = file.read(size)
-            return Looked(*_look(parquet), parquet)
+            wrong, own = _look(parquet)
+            return Looked(wrong, own, parquet[(_footer(parquet) or 0) - len(PARQUET) :] if own else b"")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             return Looked(*_look(data))
 

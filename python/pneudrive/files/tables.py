@@ -9,22 +9,21 @@ the copy of the columns into memory that both processes see; so many small files
 from __future__ import annotations
 
 import atexit
-import contextlib
 import json
 import mmap
 import os
 import socket
-import stat
 import subprocess
 import threading
-from collections import deque
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.bulk import in_advance
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files import child, formats, seal
 from pneudrive.files.bounds import VARIABLE, bound
@@ -43,7 +42,8 @@ if TYPE_CHECKING:
 FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
 #: Files, and bytes of files, that are read at a time where there are many.
 MOST_FILES, MOST_BYTES = 100, 1 << 25
-FETCHED = 64  # files ahead of the one that is read
+#: Files that are looked at in one go, by how many threads: a disk has several to read, each processor some to check.
+LOOKED_AT, LOOKERS = 20, 4
 ALIGNED = 64  # bytes: where the arrays of an answer begin
 BYTES_PER_SECOND = 1e7
 ALARM = -14  # status of a process that its alarm ended
@@ -163,10 +163,7 @@ def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> I
         For each file in turn; the error, of `kind`, is what `open_table` would raise.
     """
     request = {"ask": "metadata", "form": "parquet"}
-    for some in _batches(paths, kind):
-        foreign = [one for one in some if one.foreign]
-        size = sum(one.size for one in foreign)
-        others = _reader.ask_each([one.path for one in foreign], size, request, kind)
+    for some, others in in_advance(lambda some: (some, _ask_foreign(some, request, kind)), _batches(paths, kind), 1):
         for one in some:
             if one.error is not None:
                 yield one.error
@@ -174,7 +171,7 @@ def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> I
                 answer = next(others)
                 yield answer if isinstance(answer, PneudriveError) else Text(answer[0]["metadata"].get(key), False)
             else:
-                found = seal.sealed_text(one.parquet, key) if one.parquet else None
+                found = seal.sealed_text(one.end, key) if one.end else None
                 yield Text(found or formats.parquet_metadata(one.path).get(key), True)
 
 
@@ -184,9 +181,7 @@ def read_columns(
     """Read columns of many Parquet files, of each those of `wanted` that it has; see `read_texts`."""
     request = {"ask": "some columns", "form": "parquet", "wanted": list(wanted), "rows": None, "dates": []}
     for some in _batches(paths, kind):
-        foreign = [one for one in some if one.foreign]
-        size = sum(one.size for one in foreign)
-        others = _reader.ask_each([one.path for one in foreign], size, request, kind)
+        others = _ask_foreign(some, request, kind)
         own = iter(_read_own([one.path for one in some if one.own], wanted, kind))
         for one in some:
             if one.error is not None:
@@ -214,7 +209,7 @@ class _File:
     size: int
     error: PneudriveError | None = None
     own: bool = False
-    parquet: bytes = b""
+    end: bytes = b""
 
     @property
     def foreign(self) -> bool:
@@ -225,32 +220,33 @@ def _batches(paths: Iterable[Path], kind: type[PneudriveError]) -> Iterator[list
     """Look at files, so many at a time that neither a message nor what they hold is large."""
     batch: list[_File] = []
     size = 0
-    for path in _fetched(paths):
-        try:
-            batch.append(_look(path, kind))
-        except kind as error:
-            batch.append(_File(path, 0, error))
-        size += batch[-1].size
-        if len(batch) >= MOST_FILES or size >= MOST_BYTES:
-            yield batch
-            batch, size = [], 0
+    rest = iter(paths)
+    parts = iter(lambda: list(islice(rest, LOOKED_AT)), [])
+    for part in in_advance(lambda part: [_looked(path, kind) for path in part], parts, LOOKERS):
+        for one in part:
+            batch.append(one)
+            size += one.size
+            if len(batch) >= MOST_FILES or size >= MOST_BYTES:
+                yield batch
+                batch, size = [], 0
     if batch:
         yield batch
 
 
-def _fetched(paths: Iterable[Path]) -> Iterator[Path]:
-    """Give the files in turn; the system is told of each some files before, so that a disk need not be waited for."""
-    waiting: deque[Path] = deque()
-    for path in paths:
-        with contextlib.suppress(OSError, ValueError, AttributeError):  # what is wrong is said later; not every system
-            if stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116 - a campaign has 20,000 of them
-                descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-                os.posix_fadvise(descriptor, 0, MOST_BYTES, os.POSIX_FADV_WILLNEED)
-                os.close(descriptor)
-        waiting.append(path)
-        if len(waiting) > FETCHED:
-            yield waiting.popleft()
-    yield from waiting
+def _looked(path: Path, kind: type[PneudriveError]) -> _File:
+    try:
+        return _look(path, kind)
+    except kind as error:
+        return _File(path, 0, error)
+
+
+def _ask_foreign(
+    some: Sequence[_File], request: dict[str, Any], kind: type[PneudriveError]
+) -> Iterator[Answer | PneudriveError]:
+    """Ask the reader process for the files of a batch that are somebody else's."""
+    foreign = [one for one in some if one.foreign]
+    size = sum(one.size for one in foreign)
+    return iter(list(_reader.ask_each([one.path for one in foreign], size, request, kind)))
 
 
 def _look(path: Path, kind: type[PneudriveError]) -> _File:
@@ -268,7 +264,7 @@ def _look(path: Path, kind: type[PneudriveError]) -> _File:
         raise unreadable(path, error, kind) from None
     if looked.wrong:
         raise kind(looked.wrong, where=str(path))
-    return _File(path, size, None, looked.own, looked.parquet)
+    return _File(path, size, None, looked.own, looked.end)
 
 
 def _read_own(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threading import Lock
+
 import numpy as np
 
 from oracle.campaigns import write_campaign
@@ -21,12 +23,14 @@ def test_work_grows_by_two_looks_a_cycle_and_two_messages_a_hundred(quick, tmp_p
     Patterns over position are one least squares problem for all cycles that cover the same bins.
     """
     calls: dict[str, int] = {}
+    lock = Lock()
 
     def count(module: object, name: str) -> None:
         function = getattr(module, name)
 
         def counted(*arguments, **options):
-            calls[name] = calls.get(name, 0) + 1
+            with lock:  # files are looked at by several threads
+                calls[name] = calls.get(name, 0) + 1
             return function(*arguments, **options)
 
         monkeypatch.setattr(module, name, counted)
