@@ -261,7 +261,7 @@ fn pin_all(name: &str, drives: u64) {
 
 #[test]
 fn a_few_drives_under_every_law_move_as_they_did() {
-    pin_all("sweep-of-4", 4);
+    pin_all("sweep-of-20", 20);
 }
 
 #[test]
