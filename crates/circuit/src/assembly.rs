@@ -10,12 +10,14 @@ mod rig;
 mod session;
 mod shoot;
 mod tank;
+mod variables;
 
 pub use along::{ALONG, Record, Restart};
 pub use drive::{Drive, Servo};
 pub use friction::{friction_law, steady_sensitivity};
 pub use own_law::own_law;
 pub use rig::{End, Motion, Rig, Start};
-pub use session::{INPUTS, Linear, Session, Settable};
+pub use session::{Linear, Session};
 pub use shoot::{ByStart, DIRECTIONS, Shooting, Shot};
 pub use tank::Tank;
+pub use variables::{Assembly, Quantity, Settable, Starting, Target, Variables};

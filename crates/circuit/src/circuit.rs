@@ -146,18 +146,20 @@ impl<R: Lane> Circuit<R> {
 
     /// Sets an input in one lane, derivatives included.
     pub fn set_input(&mut self, id: InputId, lane: usize, value: R) {
-        let input = self.parts.input_mut(id).1;
+        let input = self.parts.input_mut(id);
         input.take(lane, &value);
         match id.kind {
             PartKind::Restriction => {
                 let is_open = (0..R::L).any(|lane| input.get(lane) != 0.0)
                     || (1..=R::DIRECTIONS).any(|direction| input.part(direction) != 0.0);
-                self.parts.restrictions[id.index].1.closed = !is_open;
-                // Kept in order: sums of flows do not depend on when an edge opened.
-                match (self.open.binary_search(&id.index), is_open) {
-                    (Err(at), true) => self.open.insert(at, id.index),
-                    (Ok(at), false) => drop(self.open.remove(at)),
-                    _ => {}
+                let closed = &mut self.parts.restrictions[id.index].1.closed;
+                if *closed == is_open {
+                    *closed = !is_open;
+                    // Kept in order: sums of flows do not depend on when an edge opened.
+                    match self.open.binary_search(&id.index) {
+                        Err(at) => self.open.insert(at, id.index),
+                        Ok(at) => drop(self.open.remove(at)),
+                    }
                 }
             }
             PartKind::Reservoir => self.filled = next_filling(),
@@ -166,8 +168,13 @@ impl<R: Lane> Circuit<R> {
     }
 
     /// The value of an input.
-    pub fn input(&mut self, id: InputId) -> R {
-        *self.parts.input_mut(id).1
+    pub fn input(&self, id: InputId) -> R {
+        self.parts.input(id)
+    }
+
+    /// Its unit and bounds.
+    pub fn what_input(&self, id: InputId) -> &'static Input {
+        self.parts.what_input(id)
     }
 
     /// Whether `meet` has brought in what lies far behind the end of a stroke, in some lane.

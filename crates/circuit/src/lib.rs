@@ -15,8 +15,9 @@ mod run;
 pub mod specification;
 
 pub use assembly::{
-    ALONG, ByStart, DIRECTIONS, Drive, End, INPUTS, Linear, Motion, Record, Restart, Rig, Servo, Session,
-    Settable, Shooting, Shot, Start, Tank, friction_law, own_law, steady_sensitivity,
+    ALONG, Assembly, ByStart, DIRECTIONS, Drive, End, Linear, Motion, Quantity, Record, Restart, Rig, Servo,
+    Session, Settable, Shooting, Shot, Start, Starting, Tank, Target, Variables, friction_law, own_law,
+    steady_sensitivity,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide};
 pub use impacts::Impact;

@@ -164,6 +164,10 @@ pub trait Part<P: Real> {
         &[]
     }
     /// The value of one of them.
+    fn input(&self, input: usize) -> P {
+        unreachable!("there is no input {input}")
+    }
+    /// The place of one of them.
     fn input_mut(&mut self, input: usize) -> &mut P {
         unreachable!("there is no input {input}")
     }
@@ -377,13 +381,22 @@ macro_rules! parts {
                 all
             }
 
-            /// What an input is, and its value.
-            pub fn input_mut(&mut self, id: InputId) -> (&'static Input, &mut P) {
+            /// What an input is.
+            pub fn what_input(&self, id: InputId) -> &'static Input {
                 match id.kind {
-                    $(PartKind::$part => {
-                        let part = &mut self.$field[id.index].1;
-                        (&Part::<P>::inputs(part)[id.input], part.input_mut(id.input))
-                    })*
+                    $(PartKind::$part => &Part::<P>::inputs(&self.$field[id.index].1)[id.input],)*
+                }
+            }
+
+            pub fn input(&self, id: InputId) -> P {
+                match id.kind {
+                    $(PartKind::$part => self.$field[id.index].1.input(id.input),)*
+                }
+            }
+
+            pub fn input_mut(&mut self, id: InputId) -> &mut P {
+                match id.kind {
+                    $(PartKind::$part => self.$field[id.index].1.input_mut(id.input),)*
                 }
             }
         }

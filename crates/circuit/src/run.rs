@@ -1,5 +1,6 @@
-//! Short callers of `Stepper::advance`: segments of constant inputs, samples, errors in words.
+//! What a session writes while it runs: samples, impacts, accounts, and errors in words.
 
+use crate::assembly::{Assembly, Session};
 use crate::circuit::{Circuit, Lacking, Scarce};
 use crate::impacts::{Impact, Impacts};
 use crate::ledger::{Balance, balance};
@@ -50,7 +51,7 @@ impl<'a> Look<'a> {
 
 /// What a run leaves behind.
 pub struct Run {
-    /// One vector for each column, in the order of the recorder's names.
+    /// One vector for each column, in the order of the assembly's names.
     pub columns: Vec<Vec<f64>>,
     pub statistics: Statistics,
     pub balance: Option<Balance>,
@@ -58,65 +59,65 @@ pub struct Run {
 }
 
 /// Turns states into columns while the integration runs.
-pub struct Recorder<F> {
+pub struct Recorder {
+    assembly: Assembly,
     times: Vec<f64>,
     next: usize,
     net: Net<f64>,
-    /// Writes one row: (circuit, time, state, nodes, row).
-    row: F,
-    pub columns: Vec<Vec<f64>>,
-    buffer: Vec<f64>,
+    columns: Vec<Vec<f64>>,
+    row: Vec<f64>,
     states: Option<Vec<Vec<f64>>>,
     impacts: Option<Impacts>,
 }
 
-impl<F: FnMut(&Circuit<f64>, f64, &[f64], &mut Net<f64>, &mut [f64])> Recorder<F> {
-    pub fn new(circuit: &Circuit<f64>, times: Vec<f64>, n_columns: usize, row: F) -> Self {
-        let columns = vec![Vec::with_capacity(times.len()); n_columns];
-        let states = (!circuit.channels().is_empty()).then(Vec::new);
-        let impacts = circuit.impacts();
+impl Recorder {
+    pub fn new(assembly: &Assembly, times: Vec<f64>) -> Self {
+        let (circuit, n) = (&assembly.circuit, assembly.columns().len());
         Recorder {
             next: 0,
             net: circuit.work(),
-            row,
-            columns,
-            buffer: vec![0.0; n_columns],
-            states,
-            impacts,
+            columns: vec![Vec::with_capacity(times.len()); n],
+            row: vec![0.0; n],
+            states: (!circuit.channels().is_empty()).then(Vec::new),
+            impacts: circuit.impacts(),
+            assembly: assembly.clone(),
             times,
         }
     }
 
     /// The samples that are due now: at the end of a run, those at its last instant.
-    pub fn finish(&mut self, circuit: &Circuit<f64>, y: &[f64]) {
-        let y = &settled(circuit, y)[..];
+    fn complete(&mut self, session: &Session) {
+        let y = &session.settled()[..];
         while self.next < self.times.len() {
-            let t = self.times[self.next];
-            self.sample(0, t, y, circuit);
+            self.sample(0, self.times[self.next], y, session.circuit());
         }
     }
 
-    /// The impacts of the run, where there are end stops.
-    pub fn take_impacts(&mut self) -> Vec<Impact> {
-        self.impacts.take().map_or_else(Vec::new, Impacts::finish)
+    /// What the run up to the end leaves behind.
+    pub fn finish(mut self, session: &Session) -> Run {
+        self.complete(session);
+        let balance = self.states.as_ref().map(|states| balance(session.circuit(), states));
+        let impacts = self.impacts.take().map_or_else(Vec::new, Impacts::finish);
+        Run { columns: self.columns, statistics: session.statistics(), balance, impacts }
     }
 
-    /// The accounts of the run, where the circuit keeps them.
-    pub fn balance(&self, circuit: &Circuit<f64>) -> Option<Balance> {
-        self.states.as_ref().map(|states| balance(circuit, states))
+    /// The columns of a run that may have stopped before its end.
+    pub(crate) fn columns(mut self, session: &Session) -> Vec<Vec<f64>> {
+        if session.failed().is_none() {
+            self.complete(session);
+        }
+        self.columns
     }
 }
 
-impl<F: FnMut(&Circuit<f64>, f64, &[f64], &mut Net<f64>, &mut [f64])> Output<f64, Circuit<f64>>
-    for Recorder<F>
-{
+impl Output<f64, Circuit<f64>> for Recorder {
     fn due(&self, _lane: usize) -> f64 {
         self.times.get(self.next).copied().unwrap_or(f64::INFINITY)
     }
 
     fn sample(&mut self, _lane: usize, t: f64, y: &[f64], circuit: &Circuit<f64>) {
-        (self.row)(circuit, t, y, &mut self.net, &mut self.buffer);
-        for (column, value) in self.columns.iter_mut().zip(&self.buffer) {
+        self.assembly.row(circuit, t, y, &mut self.net, &mut self.row);
+        for (column, value) in self.columns.iter_mut().zip(&self.row) {
             column.push(*value);
         }
         if let Some(states) = &mut self.states {
@@ -160,8 +161,8 @@ impl States {
     }
 
     /// All rows, the samples still due being those at the end.
-    pub fn finish(mut self, circuit: &Circuit<f64>, y: &[f64]) -> Vec<f64> {
-        let y = &settled(circuit, y)[..];
+    pub fn finish(mut self, session: &Session) -> Vec<f64> {
+        let y = &session.settled()[..];
         while self.next < self.times.len() {
             self.keep(y);
         }

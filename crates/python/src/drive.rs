@@ -4,7 +4,7 @@ use crate::convert::{
     Numbers, Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched,
 };
 use crate::session::PySession;
-use circuit::{ALONG, ByStart, Drive, Record, Restart, Servo, Session, Shooting, Shot, specification};
+use circuit::{ALONG, ByStart, Drive, Record, Restart, Servo, Shooting, Shot, specification};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -66,8 +66,9 @@ impl PyDrive {
 
     /// A session of the drive at a start state, its valve shut.
     fn start(&self, initial: &Bound<'_, PyDict>, rtol: f64) -> PyResult<PySession> {
-        let session = Session::new(&self.drive, &self.json, &initial_state(initial)?, rtol);
-        Ok(PySession::new(session, self.drive.columns()))
+        let options = Options { rtol, ..Options::default() };
+        let session = self.drive.session(&initial_state(initial)?, options);
+        Ok(PySession::new(session.of_description(&self.json)))
     }
 
     /// The same run, but only its states as they are integrated, shape (samples, states).

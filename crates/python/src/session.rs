@@ -1,7 +1,7 @@
 //! `Session`: a drive that runs.
 
 use crate::convert::{Teller, statistics, to_python, watched};
-use circuit::{INPUTS, Look, Session};
+use circuit::{Look, Session};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -11,18 +11,17 @@ use pyo3::types::{PyBytes, PyDict};
 #[pyclass(name = "Session")]
 pub struct PySession {
     session: Session,
-    columns: Vec<String>,
 }
 
 impl PySession {
-    pub fn new(session: Session, columns: &[String]) -> Self {
-        PySession { session, columns: columns.to_vec() }
+    pub fn new(session: Session) -> Self {
+        PySession { session }
     }
-}
 
-fn input(name: &str) -> PyResult<usize> {
-    let place = INPUTS.iter().position(|input| input.name == name);
-    place.ok_or_else(|| PyValueError::new_err(format!("there is no input \"{name}\"")))
+    fn input(&self, name: &str) -> PyResult<usize> {
+        let place = self.session.inputs().iter().position(|input| input.name == name);
+        place.ok_or_else(|| PyValueError::new_err(format!("there is no input \"{name}\"")))
+    }
 }
 
 #[pymethods]
@@ -46,14 +45,15 @@ impl PySession {
 
     /// Name, unit, bounds in words and meaning of each input.
     #[getter]
-    fn inputs(&self) -> Vec<(&'static str, &'static str, String, &'static str)> {
-        INPUTS.iter().map(|own| (own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
+    fn inputs(&self) -> Vec<(&str, &'static str, String, &'static str)> {
+        let inputs = self.session.inputs().iter();
+        inputs.map(|own| (&*own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
     }
 
     /// Names of what can be read.
     #[getter]
     fn columns(&self) -> Vec<String> {
-        self.columns.clone()
+        self.session.columns().to_vec()
     }
 
     /// Names of the states, each with its unit.
@@ -64,26 +64,26 @@ impl PySession {
 
     /// Sets an input from now on.
     fn set(&mut self, name: &str, value: f64) -> PyResult<()> {
-        self.session.set(input(name)?, value).map_err(to_python)
+        self.session.set(self.input(name)?, value).map_err(to_python)
     }
 
     /// Sets an input at times to come.
     fn schedule(&mut self, name: &str, times: Vec<f64>, values: Vec<f64>) -> PyResult<()> {
-        self.session.schedule(input(name)?, &times, &values).map_err(to_python)
+        self.session.schedule(self.input(name)?, &times, &values).map_err(to_python)
     }
 
     /// Goes on until a time, s.
     #[pyo3(signature = (until, look=None))]
     fn advance(&mut self, py: Python<'_>, until: f64, look: Teller<'_>) -> PyResult<()> {
         let session = &mut self.session;
-        watched(py, look, |interrupted| session.advance(until, &mut Look::new(interrupted)))
+        watched(py, look, |interrupted| session.go_on(until, &mut Look::new(interrupted)))
     }
 
     /// A column, or an input, at the present state.
     fn read(&mut self, name: &str) -> PyResult<f64> {
-        match self.columns.iter().position(|column| column == name) {
+        match self.session.columns().iter().position(|column| column == name) {
             Some(column) => Ok(self.session.read(column)),
-            None => Ok(self.session.input(input(name)?)),
+            None => Ok(self.session.input(self.input(name)?)),
         }
     }
 
@@ -97,7 +97,7 @@ impl PySession {
 
     /// A, B, C, D by name, and the state, its rates and the outputs about which they are.
     fn linearise<'py>(&self, py: Python<'py>, inputs: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
-        let places = inputs.iter().map(|name| input(name)).collect::<PyResult<Vec<_>>>()?;
+        let places = inputs.iter().map(|name| self.input(name)).collect::<PyResult<Vec<_>>>()?;
         let linear = self.session.linearise(&places).map_err(to_python)?;
         let (states, inputs, outputs) = (linear.state.len(), places.len(), linear.outputs.len());
         let out = PyDict::new(py);

@@ -1,12 +1,13 @@
 //! The equations of a drive along a measured record: what they say of forces and pressure rates at states
 //! that were measured rather than integrated.
 
-use super::Drive;
+use super::drive::{COMMAND, Drive, EDGES, later};
+use super::session::Session;
 use crate::net::Net;
 use crate::run::{Error, Look, Recorder, sample_times};
 use crate::specification::Initial;
 use math::Dual;
-use ode::{NoOutput, Options, Stepper, System};
+use ode::{NoOutput, Options, System};
 
 /// One direction: that of the flow.
 type AlongFlow = Dual<f64, 1>;
@@ -116,7 +117,9 @@ impl Drive {
                 t[1]
             )));
         }
-        self.set_openings(&mut circuit, record.openings[i]);
+        for (edge, opening) in EDGES.zip(record.openings[i]) {
+            self.assembly().set(&mut circuit, edge, 0, opening);
+        }
         let still: Vec<AlongFlow> = y.iter().map(|&value| value.into()).collect();
         let mut rates = still.clone();
         circuit.rhs(0.0.into(), &still, &mut rates, net);
@@ -163,12 +166,11 @@ impl Drive {
         let mut gas = temperature;
         let mut inner = Vec::new();
         for _ in 0..SETTLING.0 {
-            let plan = (&[0.0][..], &[0.0][..], SETTLING.1);
-            let mut stepper = self.put_back(&restarts[0], gas, &inner, 0.0, options);
-            if self.follow(plan, &mut stepper, &mut NoOutput, |_| {}, &mut look).is_err() {
+            let mut session = self.put_back(&restarts[0], gas, &inner, 0.0, options);
+            if session.advance(restarts[0].t + SETTLING.1, &mut NoOutput, &mut look).is_err() {
                 break;
             }
-            inner = stepper.system().inner_states(self.axis(), stepper.state()).to_vec();
+            inner = session.circuit().inner_states(self.axis(), session.state()).to_vec();
         }
         let mut columns = vec![vec![f64::NAN; samples.len()]; self.columns().len()];
         let mut failures = Vec::new();
@@ -178,32 +180,26 @@ impl Drive {
             let is_last = j + 1 == restarts.len();
             let until = samples.partition_point(|&t| t < end || (is_last && t <= end));
             let k = times.partition_point(|&t| t <= restart.t).max(1) - 1;
-            let mut stepper = self.put_back(restart, gas, &inner, commands[k], options);
-            let command = std::cell::Cell::new(commands[k]);
-            let mut recorder = Recorder::new(
-                stepper.system(),
-                samples[from..until].to_vec(),
-                columns.len(),
-                |c, t, y, net, row| self.row(c, (t, command.get()), y, net, row),
-            );
-            let plan = (&times[k..], &commands[k..], end);
-            match self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), &mut look) {
-                Ok(()) => recorder.finish(stepper.system(), stepper.state()),
+            let mut session = self.put_back(restart, gas, &inner, commands[k], options);
+            session.plan(COMMAND, later(times, commands, restart.t.max(times[k]), end));
+            let mut recorder = Recorder::new(self.assembly(), samples[from..until].to_vec());
+            match session.advance(end, &mut recorder, &mut look) {
+                Ok(()) => {}
                 Err(Error::Stopped(message)) => failures.push(message),
                 Err(other) => return Err(other),
             }
-            for (column, own) in columns.iter_mut().zip(&recorder.columns) {
-                column[from..from + own.len()].copy_from_slice(own);
+            for (column, own) in columns.iter_mut().zip(recorder.columns(&session)) {
+                column[from..from + own.len()].copy_from_slice(&own);
             }
-            let state = stepper.state().to_vec();
-            inner = stepper.system().inner_states(self.axis(), &state).to_vec();
+            let state = session.state().to_vec();
+            inner = session.circuit().inner_states(self.axis(), &state).to_vec();
             let end = self.chambers(std::iter::once(state));
             gas = [end[1], end[3]];
         }
         Ok((columns, failures))
     }
 
-    /// A stepper at a measured state, with temperatures and inner states as they were.
+    /// A session at a measured state, with temperatures and inner states as they were.
     fn put_back(
         &self,
         restart: &Restart,
@@ -211,7 +207,7 @@ impl Drive {
         inner: &[f64],
         u: f64,
         options: Options,
-    ) -> Stepper<f64, crate::Circuit<f64>> {
+    ) -> Session {
         let initial = Initial {
             position_m: restart.position,
             velocity_m_s: restart.velocity,
@@ -224,6 +220,6 @@ impl Drive {
         let (circuit, mut y) = self.start(&initial, u);
         let first = circuit.n_states() - circuit.inner_states(self.axis(), &y).len();
         y[first..first + inner.len()].copy_from_slice(inner);
-        Stepper::new(circuit, restart.t, &y, options)
+        Session::new(self.assembly(), restart.t, (circuit, y), options)
     }
 }

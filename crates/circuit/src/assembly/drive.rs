@@ -1,15 +1,16 @@
 use super::end_stop::{Ends, ends, impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
 use super::leak::leak;
+use super::session::Session;
+use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::circuit::{AxisId, Circuit, GasId, PistonSide};
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
-use crate::net::Net;
-use crate::part::{ChamberLaw, Given, InputId};
-use crate::run::{Error, Look, Recorder, Run, States, advance, sample_times};
+use crate::part::{ChamberLaw, Given};
+use crate::run::{Error, Look, Recorder, Run, States, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over, Real};
-use ode::{Options, Output, Statistics, Stepper, System};
+use ode::{Options, Statistics, System};
 use physics::IdealGas;
 use physics::flow::Iso6358;
 use physics::friction::Contact;
@@ -18,21 +19,24 @@ use std::f64::consts::PI;
 
 /// A double-acting cylinder on a 5/3 proportional valve.
 #[derive(Clone, Debug)]
-pub struct Drive<P = f64> {
-    circuit: Circuit<P>,
+pub struct Drive {
+    wired: Wired<f64>,
+    /// The stroke, m.
+    stroke: f64,
+    warnings: Vec<String>,
+    citations: Vec<&'static str>,
+}
+
+/// The equations of a drive, from numbers with or without derivatives, and what it needs to know of them.
+#[derive(Clone, Debug)]
+pub(super) struct Wired<P> {
+    pub assembly: Assembly<P>,
     axis: AxisId,
     a: GasId,
     b: GasId,
-    /// Edges of the valve: supply to a, a to exhaust, supply to b, b to exhaust.
-    edges: [InputId; 4],
-    supply: GasId,
     ends: Ends<P>,
-    /// The larger area of the piston, m2, and the stroke, m.
+    /// The larger area of the piston, m2.
     area: P,
-    stroke: P,
-    columns: Vec<String>,
-    warnings: Vec<String>,
-    citations: Vec<&'static str>,
 }
 
 /// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both
@@ -58,32 +62,26 @@ impl Drive {
             )));
         }
         let lifted = Lifted::plain(spec);
-        let mut drive = Drive::lifted(&lifted, ledger)?;
+        let wired = Wired::lifted(&lifted, ledger)?;
         let friction = friction_law(&spec.friction)?;
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
-        drive.warnings = friction.warnings(gauge, spec.cylinder.stroke_m);
+        let mut warnings = friction.warnings(gauge, spec.cylinder.stroke_m);
         let areas = sides::<f64>(&lifted).map(|side| side.area);
-        drive.warnings.extend(stop_warning(&drive.ends.stop, &spec.cylinder, areas, gauge));
-        drive.citations = friction.sources();
-        drive.citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
+        warnings.extend(stop_warning(&wired.ends.stop, &spec.cylinder, areas, gauge));
+        let mut citations = friction.sources();
+        citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if printed {
-            drive.warnings.push(
+            warnings.push(
                 "chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only"
                     .into(),
             );
-            drive.citations.push("bracha");
+            citations.push("bracha");
         }
         if spec.cylinder.incline_rad != 0.0 {
-            drive.citations.push("bipm2019");
+            citations.push("bipm2019");
         }
-        Ok(drive)
+        Ok(Drive { wired, stroke: spec.cylinder.stroke_m, warnings, citations })
     }
-}
-
-/// How far a command opens each edge of the valve.
-pub(super) fn openings<R: Real>(u: R) -> [R; 4] {
-    let (extend, retract) = (u.max(R::zero()), (-u).max(R::zero()));
-    [extend, retract, retract, extend]
 }
 
 /// Both sides of the piston.
@@ -126,18 +124,15 @@ fn is_air(spec: &specification::Drive) -> bool {
     IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k).is_air()
 }
 
-impl<P: Lane> Drive<P>
+impl<P: Lane> Wired<P>
 where
     Deps: Over<P>,
 {
-    /// The equations, from numbers with or without derivatives.
-    pub(crate) fn lifted(lifted: &Lifted<specification::Drive>, ledger: bool) -> Result<Self, Error> {
+    pub fn lifted(lifted: &Lifted<specification::Drive>, ledger: bool) -> Result<Self, Error> {
         let number = |f: fn(&specification::Drive) -> f64| -> P { lifted.number(f) };
         let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
         let friction: Contact<P> = contact(&lifted.table(|spec| &spec.friction))?;
-        let mut columns: Vec<String> = COLUMNS.iter().map(ToString::to_string).collect();
-        columns.extend(friction.states().iter().map(|state| state.name.to_string()));
-
+        let inner: Vec<String> = friction.states().iter().map(|state| state.name.to_string()).collect();
         let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
         let mut circuit = Circuit::new(&gas, ambient[0], ambient[1]);
         let supply = circuit.reservoir(number(|s| s.supply.pressure_pa), number(|s| s.supply.temperature_k));
@@ -181,92 +176,100 @@ where
         if let Some(gap) = gap {
             circuit.set_input(gap, 0, P::one());
         }
-        let (warnings, citations) = (Vec::new(), Vec::new());
-        Ok(Drive { circuit, axis, a, b, edges, supply, ends, area, stroke, columns, warnings, citations })
+        let [pressure, temperature] = circuit.boundary(supply);
+        let input = |id, name, meaning| Settable::of(&circuit, id, name, meaning);
+        let [to_a, from_a, to_b, from_b] = edges;
+        let mut variables = Variables {
+            inputs: vec![
+                Settable::command(edges),
+                input(to_a, "opening_supply_a", "opening of the edge from supply to chamber a"),
+                input(from_a, "opening_a_exhaust", "opening of the edge from chamber a to exhaust"),
+                input(to_b, "opening_supply_b", "opening of the edge from supply to chamber b"),
+                input(from_b, "opening_b_exhaust", "opening of the edge from chamber b to exhaust"),
+                input(circuit.external_force(axis), "load_force_n", "external force in +x"),
+                input(pressure, "supply_pressure_pa", "absolute pressure of the supply"),
+                input(temperature, "supply_temperature_k", "temperature of the supply"),
+            ],
+            starts: vec![
+                (Starting::Axis(axis), ["position_m", "velocity_m_s"].map(Into::into).to_vec()),
+                (Starting::Gas(a), ["pressure_a_pa", "temperature_a_k"].map(Into::into).to_vec()),
+                (Starting::Gas(b), ["pressure_b_pa", "temperature_b_k"].map(Into::into).to_vec()),
+                (Starting::Inner(axis), inner.clone()),
+            ],
+            ..Variables::default()
+        };
+        let quantities = [
+            Quantity::Time,
+            Quantity::Position(axis),
+            Quantity::Velocity(axis),
+            Quantity::Acceleration(axis),
+            Quantity::Pressure(a),
+            Quantity::Temperature(a),
+            Quantity::Pressure(b),
+            Quantity::Temperature(b),
+            Quantity::Friction(axis),
+            Quantity::EndStop(axis),
+            Quantity::Command(edges),
+            Quantity::MassFlow(a),
+            Quantity::MassFlow(b),
+        ];
+        variables.read(COLUMNS.into_iter().zip(quantities));
+        variables.read(inner.into_iter().enumerate().map(|(i, name)| (name, Quantity::Inner(axis, i))));
+        Ok(Wired { assembly: Assembly::new(circuit, variables), axis, a, b, ends, area })
     }
 }
 
-impl<P: Lane> Drive<P> {
+/// Columns of a trajectory, before the inner states of friction.
+pub(super) const COLUMNS: [&str; 13] = [
+    "time_s",
+    "position_m",
+    "velocity_m_s",
+    "acceleration_m_s2",
+    "pressure_a_pa",
+    "temperature_a_k",
+    "pressure_b_pa",
+    "temperature_b_k",
+    "friction_force_n",
+    "end_stop_force_n",
+    "command",
+    "mass_flow_a_kg_s",
+    "mass_flow_b_kg_s",
+];
+
+/// Input of a drive that its valve's command is.
+pub(super) const COMMAND: usize = 0;
+/// Inputs of a drive that are the openings of its valve's edges.
+pub(super) const EDGES: std::ops::RangeInclusive<usize> = 1..=4;
+
+impl Drive {
     /// Names of the columns of a run.
     pub fn columns(&self) -> &[String] {
-        &self.columns
+        self.assembly().columns()
+    }
+
+    /// The circuit with its names.
+    pub fn assembly(&self) -> &Assembly {
+        &self.wired.assembly
     }
 
     /// The axis of the piston.
     pub fn axis(&self) -> AxisId {
-        self.axis
+        self.wired.axis
     }
 
     /// Number of states.
     pub fn n_states(&self) -> usize {
-        self.circuit.n_states()
+        self.circuit().n_states()
     }
 
     /// Opens the valve of one lane: u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
     pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: R) {
-        for (edge, opening) in self.edges.iter().zip(openings(u)) {
-            circuit.set_input(*edge, lane, opening);
-        }
+        self.assembly().set(circuit, COMMAND, lane, u);
     }
 
-    /// One row of the columns.
-    pub(crate) fn row<R: Lane>(
-        &self,
-        circuit: &Circuit<R>,
-        (t, u): (f64, f64),
-        y: &[R],
-        net: &mut Net<R>,
-        row: &mut [R],
-    ) {
-        circuit.observe(y, net);
-        let (axis, a, b) = (&net.axis[self.axis.0], &net.gas[self.a.0], &net.gas[self.b.0]);
-        let values = [
-            R::c(t),
-            axis.x,
-            axis.v,
-            axis.a,
-            a.p,
-            a.t,
-            b.p,
-            b.t,
-            axis.friction,
-            -axis.end_stop,
-            R::c(u),
-            a.m_dot,
-            b.m_dot,
-        ];
-        row[..values.len()].copy_from_slice(&values);
-        row[values.len()..].copy_from_slice(circuit.inner_states(self.axis, y));
-    }
-
-    /// The state as [`Drive::begin`] takes it.
-    pub(crate) fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P> {
-        circuit.observe(y, net);
-        let (axis, a, b) = (&net[self.axis], &net[self.a], &net[self.b]);
-        let mut state = vec![axis.x, axis.v, a.p, a.t, b.p, b.t];
-        state.extend_from_slice(circuit.inner_states(self.axis, y));
-        state
-    }
-
-    /// The start of a run with the command `u`: equations and state from position m, velocity m/s, pressure
-    /// Pa and temperature K in a and b, then the inner states of friction.
-    pub(crate) fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {
-        let mut circuit = self.circuit.clone();
-        self.set_command(&mut circuit, 0, P::c(u));
-        let y = circuit.begin(&Given {
-            gas: &[(self.a, start[2], start[3]), (self.b, start[4], start[5])],
-            axes: &[(self.axis, start[0], start[1])],
-            ages: &[],
-            inner: &[(self.axis, &start[CHAMBER_STATES..])],
-        });
-        (circuit, y)
-    }
-}
-
-impl Drive {
     /// The end stops, as given or as they follow from the drive.
     pub fn end_stop(&self) -> &EndStop<f64> {
-        &self.ends.stop
+        &self.wired.ends.stop
     }
 
     /// What the user should know about this description.
@@ -276,7 +279,7 @@ impl Drive {
 
     /// What to say of impacts that press a stop through, or are too hard for a cylinder of this size.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> impl Iterator<Item = String> {
-        through_warning(&self.ends, impacts).into_iter().chain(impact_warning(self.area, impacts))
+        through_warning(&self.wired.ends, impacts).into_iter().chain(impact_warning(self.wired.area, impacts))
     }
 
     /// Keys in references.bib of the laws and methods that this drive uses.
@@ -286,32 +289,24 @@ impl Drive {
 
     /// The drive's equations, and their state at `initial` with the command `u`.
     pub fn start(&self, initial: &Initial, u: f64) -> (Circuit<f64>, Vec<f64>) {
-        let mut circuit = self.circuit.clone();
+        let mut circuit = self.circuit().clone();
         self.set_command(&mut circuit, 0, u);
+        let axis = self.axis();
         let y = circuit.begin(&Given {
             gas: &[
-                (self.a, initial.pressure_a_pa, initial.temperature_a_k),
-                (self.b, initial.pressure_b_pa, initial.temperature_b_k),
+                (self.wired.a, initial.pressure_a_pa, initial.temperature_a_k),
+                (self.wired.b, initial.pressure_b_pa, initial.temperature_b_k),
             ],
-            axes: &[(self.axis, initial.position_m, initial.velocity_m_s)],
-            ages: &[(self.axis, initial.contact_age_s)],
+            axes: &[(axis, initial.position_m, initial.velocity_m_s)],
+            ages: &[(axis, initial.contact_age_s)],
             inner: &[],
         });
         (circuit, y)
     }
 
-    /// The inputs of each edge of the valve, of the external force, of the supply's pressure and temperature.
-    pub(super) fn inputs(&self) -> [InputId; 7] {
-        let [a, b, c, d] = self.edges;
-        let [pressure, temperature] = self.circuit.boundary(self.supply);
-        [a, b, c, d, self.circuit.external_force(self.axis), pressure, temperature]
-    }
-
-    /// Opens each edge of the valve by itself: supply to a, a to exhaust, supply to b, b to exhaust.
-    pub(super) fn set_openings(&self, circuit: &mut Circuit<f64>, openings: [f64; 4]) {
-        for (edge, opening) in self.edges.iter().zip(openings) {
-            circuit.set_input(*edge, 0, opening);
-        }
+    /// A session of the drive at `initial`, its valve shut, everything else as described.
+    pub fn session(&self, initial: &Initial, options: Options) -> Session {
+        Session::new(self.assembly(), 0.0, self.start(initial, 0.0), options)
     }
 
     pub(super) fn stroke(&self) -> f64 {
@@ -319,11 +314,24 @@ impl Drive {
     }
 
     pub(super) fn circuit(&self) -> &Circuit<f64> {
-        &self.circuit
+        &self.assembly().circuit
     }
 
     pub(super) fn chamber_ids(&self) -> [GasId; 2] {
-        [self.a, self.b]
+        [self.wired.a, self.wired.b]
+    }
+
+    /// A session at time zero under a plan: a command that is constant from each of `times` to the next.
+    fn planned(
+        &self,
+        (times, commands): (&[f64], &[f64]),
+        duration: f64,
+        initial: &Initial,
+        options: Options,
+    ) -> Session {
+        let mut session = Session::new(self.assembly(), 0.0, self.start(initial, commands[0]), options);
+        session.plan(COMMAND, later(times, commands, 0.0, duration));
+        session
     }
 
     /// Simulates a command that is constant from each of `times` to the next (the first at 0).
@@ -331,25 +339,15 @@ impl Drive {
         &self,
         times: &[f64],
         commands: &[f64],
-        sampling: (f64, f64),
+        (duration, rate): (f64, f64),
         initial: &Initial,
         options: Options,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Run, Error> {
-        let (duration, rate) = sampling;
-        let (circuit, y) = self.start(initial, commands[0]);
-        let command = std::cell::Cell::new(commands[0]);
-        let mut recorder =
-            Recorder::new(&circuit, sample_times(duration, rate), self.columns.len(), |c, t, y, net, row| {
-                self.row(c, (t, command.get()), y, net, row);
-            });
-        let mut stepper = Stepper::new(circuit, 0.0, &y, options);
-        let plan = (times, commands, duration);
-        self.follow(plan, &mut stepper, &mut recorder, |u| command.set(u), &mut Look::new(interrupted))?;
-        recorder.finish(stepper.system(), stepper.state());
-        let balance = recorder.balance(stepper.system());
-        let impacts = recorder.take_impacts();
-        Ok(Run { columns: recorder.columns, statistics: stepper.statistics(0), balance, impacts })
+        let mut session = self.planned((times, commands), duration, initial, options);
+        let mut recorder = Recorder::new(self.assembly(), sample_times(duration, rate));
+        session.advance(duration, &mut recorder, &mut Look::new(interrupted))?;
+        Ok(recorder.finish(&session))
     }
 
     /// The same run, but only its states as they are integrated: one row of x, v, m_a, U_a, m_b, U_b and
@@ -358,50 +356,24 @@ impl Drive {
         &self,
         times: &[f64],
         commands: &[f64],
-        sampling: (f64, f64),
+        (duration, rate): (f64, f64),
         initial: &Initial,
         options: Options,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Vec<f64>, Error> {
-        let (circuit, y) = self.start(initial, commands[0]);
-        let mut recorder = States::new(sample_times(sampling.0, sampling.1), y.len());
-        let mut stepper = Stepper::new(circuit, 0.0, &y, options);
-        let plan = (times, commands, sampling.0);
-        self.follow(plan, &mut stepper, &mut recorder, |_| {}, &mut Look::new(interrupted))?;
-        Ok(recorder.finish(stepper.system(), stepper.state()))
-    }
-
-    /// Advances through the segments of a plan (times, commands, duration), the stepper starting with
-    /// the first command.
-    pub(super) fn follow(
-        &self,
-        (times, commands, duration): (&[f64], &[f64], f64),
-        stepper: &mut Stepper<f64, Circuit<f64>>,
-        output: &mut impl Output<f64, Circuit<f64>>,
-        note: impl Fn(f64),
-        look: &mut Look<'_>,
-    ) -> Result<(), Error> {
-        for (i, &u) in commands.iter().enumerate() {
-            if times[i] >= duration {
-                break;
-            }
-            note(u);
-            if i > 0 {
-                self.set_command(stepper.system_mut(), 0, u);
-            }
-            let until = times.get(i + 1).map_or(duration, |&t| t.min(duration));
-            advance(stepper, until, output, look)?;
-        }
-        Ok(())
+        let mut session = self.planned((times, commands), duration, initial, options);
+        let mut states = States::new(sample_times(duration, rate), session.state().len());
+        session.advance(duration, &mut states, &mut Look::new(interrupted))?;
+        Ok(states.finish(&session))
     }
 
     /// (p_a, T_a, p_b, T_b) at each of the states, one after the other.
     pub fn chambers(&self, states: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
-        let mut net = self.circuit.work::<f64>();
+        let mut net = self.circuit().work::<f64>();
         let mut gas = Vec::new();
         for y in states {
-            self.circuit.observe(&y, &mut net);
-            gas.extend([self.a, self.b].iter().flat_map(|&id| [net[id].p, net[id].t]));
+            self.circuit().observe(&y, &mut net);
+            gas.extend(self.chamber_ids().iter().flat_map(|&id| [net[id].p, net[id].t]));
         }
         gas
     }
@@ -417,41 +389,32 @@ impl Drive {
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<(Vec<f64>, Vec<f64>, Statistics), Error> {
         let times = sample_times(sampling.0, sampling.1);
-        let (circuit, y) = self.start(initial, 0.0);
-        let mut recorder = States::new(times.clone(), y.len());
+        let mut session = self.session(initial, options);
+        let mut states = States::new(times.clone(), session.state().len());
         let mut commands = Vec::with_capacity(times.len());
-        let mut stepper = Stepper::new(circuit, 0.0, &y, options);
         let mut look = Look::new(interrupted);
         for pair in times.windows(2) {
-            let u = servo.command(pair[0], stepper.state()[0], stepper.state()[1]);
+            let u = servo.command(pair[0], session.state()[0], session.state()[1]);
             commands.push(u);
-            self.set_command(stepper.system_mut(), 0, u);
-            advance(&mut stepper, pair[1], &mut recorder, &mut look)?;
+            session.put(COMMAND, u);
+            session.advance(pair[1], &mut states, &mut look)?;
         }
         commands.extend(commands.last().copied());
-        Ok((recorder.finish(stepper.system(), stepper.state()), commands, stepper.statistics(0)))
+        let work = session.statistics();
+        Ok((states.finish(&session), commands, work))
     }
 }
 
-/// States of a start before those of friction.
-pub(crate) const CHAMBER_STATES: usize = 6;
-
-/// Columns of a trajectory, before the inner states.
-pub(crate) const COLUMNS: [&str; 13] = [
-    "time_s",
-    "position_m",
-    "velocity_m_s",
-    "acceleration_m_s2",
-    "pressure_a_pa",
-    "temperature_a_k",
-    "pressure_b_pa",
-    "temperature_b_k",
-    "friction_force_n",
-    "end_stop_force_n",
-    "command",
-    "mass_flow_a_kg_s",
-    "mass_flow_b_kg_s",
-];
+/// The commands of a plan that come after `from` and before `end`, each with its time.
+pub(super) fn later(
+    times: &[f64],
+    commands: &[f64],
+    from: f64,
+    end: f64,
+) -> impl Iterator<Item = (f64, f64)> {
+    let each = times.iter().copied().zip(commands.iter().copied());
+    each.filter(move |(time, _)| (from < *time) & (*time < end))
+}
 
 /// Proportional-derivative position control of a sine, u clipped to [-1, 1].
 #[derive(Clone, Copy, Debug)]

@@ -1,24 +1,21 @@
+use super::session::Session;
+use super::variables::{Assembly, Quantity, Settable, Variables};
 use super::{friction_law, leak::leak};
 use crate::circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide};
-use crate::ledger::Balance;
-use crate::net::Net;
 use crate::part::{Carriage, ChamberLaw, Given, InputId};
-use crate::run::{Error, Look, Recorder, Run, advance};
+use crate::run::{Error, Look, Recorder, Run};
 use crate::specification::{self, AirSupply, Orifice};
-use ode::{Options, Stepper};
+use ode::Options;
 use physics::IdealGas;
 use physics::flow::{Iso6358, LINEAR_ABOVE};
 
 /// A friction rig: a servo carriage drags the piston through a force sensor.
 #[derive(Clone, Debug)]
 pub struct Rig {
-    circuit: Circuit<f64>,
+    assembly: Assembly,
     axis: AxisId,
     carriage_axis: AxisId,
     carriage: CarriageId,
-    sensor: usize,
-    /// Chambers a and b, then where their air comes from.
-    gas: [GasId; 4],
     /// Pressure, Pa, in every volume at rest, and the temperature of the room, K.
     filling: Vec<(GasId, f64)>,
     room_k: f64,
@@ -26,25 +23,10 @@ pub struct Rig {
     /// What is always open, and what shutting off the supply closes.
     open: Vec<InputId>,
     supply: Vec<InputId>,
-    columns: Vec<String>,
 }
 
-const COLUMNS: [&str; 14] = [
-    "time_s",
-    "carriage_position_m",
-    "carriage_velocity_m_s",
-    "position_m",
-    "velocity_m_s",
-    "acceleration_m_s2",
-    "sensor_force_n",
-    "friction_force_n",
-    "pressure_a_pa",
-    "temperature_a_k",
-    "pressure_b_pa",
-    "temperature_b_k",
-    "supply_pressure_a_pa",
-    "supply_pressure_b_pa",
-];
+/// Input of a rig that the jerk of its carriage is.
+const JERK: usize = 0;
 
 /// Time constant with which an axis gives way, s, where nothing is said (assumed).
 const RELEASE_TIME: f64 = 0.02;
@@ -119,33 +101,47 @@ impl Rig {
         }
         let (carriage_axis, carriage) = circuit.servo(servo);
         let sensor = circuit.link(carriage_axis, axis, spec.sensor_stiffness_n_m, spec.sensor_damping_n_s_m);
-        let mut columns: Vec<String> = COLUMNS.iter().map(ToString::to_string).collect();
-        columns.extend(inner.iter().map(|state| state.name.to_string()));
-        let Air { gas, filling, open, supply } = air;
+        let Air { gas: [a, b, supply_a, supply_b], filling, open, supply } = air;
         let circuit = circuit.build(ledger);
+        let jerk = Settable::of(&circuit, carriage.jerk(), "jerk", "jerk of the carriage's command");
+        let mut variables = Variables { inputs: vec![jerk], ..Variables::default() };
+        variables.read([
+            ("time_s", Quantity::Time),
+            ("carriage_position_m", Quantity::Position(carriage_axis)),
+            ("carriage_velocity_m_s", Quantity::Velocity(carriage_axis)),
+            ("position_m", Quantity::Position(axis)),
+            ("velocity_m_s", Quantity::Velocity(axis)),
+            ("acceleration_m_s2", Quantity::Acceleration(axis)),
+            ("sensor_force_n", Quantity::Force(sensor)),
+            ("friction_force_n", Quantity::Friction(axis)),
+            ("pressure_a_pa", Quantity::Pressure(a)),
+            ("temperature_a_k", Quantity::Temperature(a)),
+            ("pressure_b_pa", Quantity::Pressure(b)),
+            ("temperature_b_k", Quantity::Temperature(b)),
+            ("supply_pressure_a_pa", Quantity::Pressure(supply_a)),
+            ("supply_pressure_b_pa", Quantity::Pressure(supply_b)),
+        ]);
+        variables.read(inner.iter().enumerate().map(|(i, state)| (state.name, Quantity::Inner(axis, i))));
         Ok(Rig {
-            circuit,
+            assembly: Assembly::new(circuit, variables),
             axis,
             carriage_axis,
             carriage,
-            sensor,
-            gas,
             filling,
             room_k,
             initial_age: spec.initial_age_s,
             open,
             supply,
-            columns,
         })
     }
 
     pub fn columns(&self) -> &[String] {
-        &self.columns
+        self.assembly.columns()
     }
 
     /// The rig's equations and their state at the start of `motion`.
     fn start(&self, from: Start, motion: &Motion) -> Result<(Circuit<f64>, Vec<f64>), Error> {
-        let mut circuit = self.circuit.clone();
+        let mut circuit = Circuit::clone(&self.assembly.circuit);
         for &id in &self.open {
             circuit.set_input(id, 0, 1.0);
         }
@@ -181,60 +177,25 @@ impl Rig {
         options: Options,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<(Run, End), Error> {
-        let (circuit, y) = self.start(from, motion)?;
-        let mut recorder =
-            Recorder::new(&circuit, times.to_vec(), self.columns.len(), |c, t, y, net, row| {
-                self.row(c, t, y, net, row);
-            });
-        let mut stepper = Stepper::new(circuit, 0.0, &y, options);
-        let mut until = 0.0;
-        let mut look = Look::new(interrupted);
-        for (&duration, &jerk) in motion.durations.iter().zip(motion.jerks) {
-            until += duration;
-            stepper.system_mut().set_input(self.carriage.jerk(), 0, jerk);
-            advance(&mut stepper, until, &mut recorder, &mut look)?;
-        }
-        recorder.finish(stepper.system(), stepper.state());
-        let balance: Option<Balance> = recorder.balance(stepper.system());
-        let circuit = stepper.system();
-        let mut state = stepper.state()[..circuit.n_states()].to_vec();
+        let mut session = Session::new(&self.assembly, 0.0, self.start(from, motion)?, options);
+        let ends = motion.durations.iter().scan(0.0, |until, duration| {
+            *until += duration;
+            Some(*until)
+        });
+        let ends: Vec<f64> = ends.collect();
+        session.put(JERK, motion.jerks[0]);
+        session.plan(JERK, ends.iter().copied().zip(motion.jerks[1..].iter().copied()));
+        let mut recorder = Recorder::new(&self.assembly, times.to_vec());
+        session.advance(ends[ends.len() - 1], &mut recorder, &mut Look::new(interrupted))?;
+        let run = recorder.finish(&session);
+        let circuit = session.circuit();
+        let mut state = session.state()[..circuit.n_states()].to_vec();
         if motion.released {
             circuit.take_over(self.carriage, &mut state);
         }
         circuit.come_to_rest(self.carriage, &mut state, AT_REST);
         let commanded = circuit.commanded(self.carriage, &state);
-        let run = Run {
-            columns: recorder.columns,
-            statistics: stepper.statistics(0),
-            balance,
-            impacts: Vec::new(),
-        };
         Ok((run, End { state, commanded }))
-    }
-
-    fn row(&self, circuit: &Circuit<f64>, t: f64, y: &[f64], net: &mut Net<f64>, row: &mut [f64]) {
-        circuit.observe(y, net);
-        let (axis, carriage) = (&net.axis[self.axis.0], &net.axis[self.carriage_axis.0]);
-        let force = circuit.link_force(self.sensor, net);
-        let [a, b, supply_a, supply_b] = self.gas.map(|id| &net[id]);
-        let values = [
-            t,
-            carriage.x,
-            carriage.v,
-            axis.x,
-            axis.v,
-            axis.a,
-            force,
-            axis.friction,
-            a.p,
-            a.t,
-            b.p,
-            b.t,
-            supply_a.p,
-            supply_b.p,
-        ];
-        row[..values.len()].copy_from_slice(&values);
-        row[values.len()..].copy_from_slice(circuit.inner_states(self.axis, y));
     }
 }
 

@@ -1,46 +1,15 @@
-//! A drive that runs: its inputs are set, it is advanced and read, saved and put back, and linearised.
+//! What runs: a circuit whose inputs are set, now or at times to come, that is advanced and read, saved and put back,
+//! and linearised. Everything else that runs a circuit calls it.
 
-use super::Drive;
-use super::drive::{COLUMNS, openings};
+use super::variables::{Assembly, Quantity, Settable, Target};
 use crate::circuit::Circuit;
 use crate::net::Net;
-use crate::part::InputId;
-use crate::run::{Error, Look, advance, budget};
-use crate::specification::Initial;
-use math::{Dual, Real};
-use ode::{NoOutput, Options, Statistics, Stepper, System};
-use physics::Bounds;
-
-/// What can be set while a drive runs.
-#[derive(Clone, Copy, Debug)]
-pub struct Settable {
-    pub name: &'static str,
-    pub unit: &'static str,
-    pub bounds: Bounds,
-    pub meaning: &'static str,
-}
-
-const fn settable(name: &'static str, unit: &'static str, bounds: Bounds, meaning: &'static str) -> Settable {
-    Settable { name, unit, bounds, meaning }
-}
-
-const OPENING: Bounds = physics::within(0.0, 1.0);
-/// The inputs of a drive: the command, then those of `Drive::inputs`.
-pub const INPUTS: [Settable; 8] = [
-    settable("command", "1", physics::within(-1.0, 1.0), "valve command"),
-    settable("opening_supply_a", "1", OPENING, "opening of the edge from supply to chamber a"),
-    settable("opening_a_exhaust", "1", OPENING, "opening of the edge from chamber a to exhaust"),
-    settable("opening_supply_b", "1", OPENING, "opening of the edge from supply to chamber b"),
-    settable("opening_b_exhaust", "1", OPENING, "opening of the edge from chamber b to exhaust"),
-    settable("load_force_n", "N", physics::any(), "external force in +x"),
-    settable("supply_pressure_pa", "Pa", physics::above(0.0), "absolute pressure of the supply"),
-    settable("supply_temperature_k", "K", physics::above(0.0), "temperature of the supply"),
-];
-const COMMAND: usize = 0;
-const EDGES: std::ops::RangeInclusive<usize> = 1..=4;
+use crate::run::{Error, Look, advance, budget, settled};
+use math::{Dual, Lane, Real};
+use ode::{NoOutput, Options, Output, Statistics, Stepper, System};
 
 /// Bytes of a session begin with this, and the version of their form.
-const MAGIC: &[u8; 8] = b"pnd-ses\x01";
+const MAGIC: &[u8; 8] = b"pnd-ses\x02";
 
 /// Directions of one pass of a linearisation.
 const DIRECTIONS: usize = 8;
@@ -59,18 +28,15 @@ pub struct Linear {
     pub outputs: Vec<f64>,
 }
 
-/// A running drive.
+/// A running circuit.
 #[derive(Clone)]
-pub struct Session {
-    drive: Drive,
-    stepper: Stepper<f64, Circuit<f64>>,
-    ids: [InputId; INPUTS.len() - 1],
-    values: [f64; INPUTS.len()],
+pub struct Session<R: Lane = f64> {
+    assembly: Assembly<R>,
+    stepper: Stepper<R, Circuit<R>>,
     /// (time, input, value), by time; what comes first is last.
     schedule: Vec<(f64, usize, f64)>,
-    net: Net<f64>,
-    state: Vec<f64>,
-    row: Vec<f64>,
+    net: Net<R>,
+    row: Vec<R>,
     /// `row` is of the present state and inputs.
     is_read: bool,
     failed: Option<String>,
@@ -90,31 +56,19 @@ fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
     Err(Error::Specification(message.into()))
 }
 
-impl Session {
-    /// A drive at `initial`, its valve shut, everything else as described. `json` is its description.
-    pub fn new(drive: &Drive, json: &str, initial: &Initial, rtol: f64) -> Self {
-        let (mut circuit, y) = drive.start(initial, 0.0);
-        let ids = drive.inputs();
-        let mut values = [0.0; INPUTS.len()];
-        for (value, id) in values[1..].iter_mut().zip(ids) {
-            *value = circuit.input(id);
-        }
-        let mark = mark_of(
-            json.bytes().chain(rtol.to_bits().to_le_bytes()).chain(env!("CARGO_PKG_VERSION").bytes()),
-        );
+impl<R: Lane> Session<R> {
+    /// The circuit of an assembly at a time, with its inputs and state there.
+    pub fn new(assembly: &Assembly<R>, t: f64, (circuit, y): (Circuit<R>, Vec<R>), options: Options) -> Self {
         Session {
             net: circuit.work(),
-            stepper: Stepper::new(circuit, 0.0, &y, Options { rtol, ..Options::default() }),
-            drive: drive.clone(),
-            ids,
-            values,
+            row: vec![R::zero(); assembly.columns().len()],
+            assembly: assembly.clone(),
+            stepper: Stepper::new(circuit, t, &y, options),
             schedule: Vec::new(),
-            row: vec![0.0; drive.columns().len()],
-            state: y,
             is_read: false,
             failed: None,
-            rtol,
-            mark,
+            rtol: options.rtol,
+            mark: 0,
         }
     }
 
@@ -126,22 +80,23 @@ impl Session {
         self.stepper.statistics(0)
     }
 
+    pub fn circuit(&self) -> &Circuit<R> {
+        self.stepper.system()
+    }
+
+    /// The present state, accounts included.
+    pub fn state(&self) -> &[R] {
+        self.stepper.state()
+    }
+
+    /// The present state as a sample.
+    pub fn settled(&self) -> Vec<R> {
+        settled(self.circuit(), self.state())
+    }
+
     /// Why it cannot go on, if it cannot.
     pub fn failed(&self) -> Option<&str> {
         self.failed.as_deref()
-    }
-
-    /// What an input is set to; the command is not a number while edges are set by themselves.
-    pub fn input(&self, input: usize) -> f64 {
-        self.values[input]
-    }
-
-    fn check(&self, input: usize, value: f64) -> Result<(), Error> {
-        let Settable { name, unit, bounds, .. } = INPUTS[input];
-        if value.is_finite() && bounds.contain(value) {
-            return Ok(());
-        }
-        refuse(format!("{name} = {value} {unit} is out of bounds: it must be {bounds}"))
     }
 
     fn alive(&self) -> Result<(), Error> {
@@ -151,70 +106,49 @@ impl Session {
         }
     }
 
-    /// Sets an input from now on.
-    pub fn set(&mut self, input: usize, value: f64) -> Result<(), Error> {
-        self.check(input, value)?;
-        self.alive()?;
-        self.put(input, value);
-        Ok(())
+    fn not_before(&self, what: &str, t: f64) -> Result<(), Error> {
+        if t.is_finite() && t >= self.time() {
+            return Ok(());
+        }
+        refuse(format!("{what} = {t} s must be finite and not before the present, {} s", self.time()))
     }
 
-    fn put(&mut self, input: usize, value: f64) {
+    /// Sets an input from now on, whatever its bounds.
+    pub(crate) fn put(&mut self, input: usize, value: f64) {
         let circuit = self.stepper.system_mut();
-        if input == COMMAND {
-            self.drive.set_command(circuit, 0, value);
-            self.values[EDGES].copy_from_slice(&openings(value));
-        } else {
-            circuit.set_input(self.ids[input - 1], 0, value);
-            if EDGES.contains(&input) {
-                self.values[COMMAND] = f64::NAN;
-            }
+        for lane in 0..R::L {
+            self.assembly.set(circuit, input, lane, R::c(value));
         }
-        self.values[input] = value;
         self.is_read = false;
     }
 
-    /// Sets an input at times to come: the integration ends on each of them exactly.
-    pub fn schedule(&mut self, input: usize, times: &[f64], values: &[f64]) -> Result<(), Error> {
-        self.alive()?;
-        if times.len() != values.len() {
-            return refuse(format!(
-                "{} times and {} values: there must be one value for each time",
-                times.len(),
-                values.len()
-            ));
-        }
-        for (&time, &value) in times.iter().zip(values) {
-            self.check(input, value)?;
-            if !(time.is_finite() && time >= self.time()) {
-                return refuse(format!(
-                    "t = {time} s has passed: it must be finite and not before the present, {} s",
-                    self.time()
-                ));
-            }
-        }
-        self.schedule.extend(times.iter().zip(values).map(|(&time, &value)| (time, input, value)));
+    /// Sets an input at times to come, whatever its bounds: the integration ends on each of them exactly.
+    pub(crate) fn plan(&mut self, input: usize, entries: impl IntoIterator<Item = (f64, f64)>) {
+        self.schedule.extend(entries.into_iter().map(|(time, value)| (time, input, value)));
         // Stable, and from the last to the first: of entries at one time the one given last holds.
         self.schedule.reverse();
         self.schedule.sort_by(|one, other| other.0.total_cmp(&one.0));
-        Ok(())
+    }
+
+    /// Allows as many attempts at a step as a run to a time usually may take.
+    pub fn allow_until(&mut self, until: f64) {
+        let due = self.schedule.iter().filter(|entry| entry.0 <= until).count();
+        self.stepper.allow(budget(until - self.time(), due + 1, self.rtol));
     }
 
     /// Goes on until a time, s.
-    pub fn advance(&mut self, until: f64, look: &mut Look<'_>) -> Result<(), Error> {
+    pub fn advance(
+        &mut self,
+        until: f64,
+        output: &mut impl Output<R, Circuit<R>>,
+        look: &mut Look<'_>,
+    ) -> Result<(), Error> {
         self.alive()?;
-        if !(until.is_finite() && until >= self.time()) {
-            return refuse(format!(
-                "until = {until} s must be finite and not before the present, {} s",
-                self.time()
-            ));
-        }
+        self.not_before("until", until)?;
         self.is_read = false;
-        let due = self.schedule.iter().filter(|entry| entry.0 <= until).count();
-        self.stepper.allow(budget(until - self.time(), due + 1, self.rtol));
         loop {
             let next = self.schedule.last().copied().filter(|entry| entry.0 <= until);
-            match advance(&mut self.stepper, next.map_or(until, |entry| entry.0), &mut NoOutput, look) {
+            match advance(&mut self.stepper, next.map_or(until, |entry| entry.0), output, look) {
                 Err(Error::Stopped(message)) => {
                     self.failed = Some(message.clone());
                     return Err(Error::Stopped(message));
@@ -227,26 +161,95 @@ impl Session {
         }
     }
 
-    /// A column of the drive at the present state and inputs.
-    pub fn read(&mut self, column: usize) -> f64 {
+    /// A column at the present state and inputs.
+    pub fn read(&mut self, column: usize) -> R {
         if !self.is_read {
-            let circuit = self.stepper.system();
-            self.state.copy_from_slice(self.stepper.state());
-            circuit.settle(&mut self.state);
-            let at = (self.stepper.time(0), self.values[COMMAND]);
-            self.drive.row(circuit, at, &self.state, &mut self.net, &mut self.row);
+            let y = self.settled();
+            let (circuit, t) = (self.stepper.system(), self.stepper.time(0));
+            self.assembly.row(circuit, t, &y, &mut self.net, &mut self.row);
             self.is_read = true;
         }
         self.row[column]
+    }
+
+    /// The numbers of a start at the present state.
+    pub fn outside(&mut self) -> Vec<R> {
+        self.assembly.outside(self.stepper.system(), self.stepper.state(), &mut self.net)
+    }
+}
+
+impl Session {
+    /// The same, and bytes of it are taken by sessions of this description alone.
+    pub fn of_description(mut self, json: &str) -> Self {
+        let version = env!("CARGO_PKG_VERSION").bytes();
+        self.mark = mark_of(json.bytes().chain(self.rtol.to_bits().to_le_bytes()).chain(version));
+        self
+    }
+
+    /// What can be set.
+    pub fn inputs(&self) -> &[Settable] {
+        &self.assembly.variables.inputs
+    }
+
+    /// What can be read.
+    pub fn columns(&self) -> &[String] {
+        self.assembly.columns()
+    }
+
+    /// What an input is set to; the command is not a number while edges are set by themselves.
+    pub fn input(&self, input: usize) -> f64 {
+        self.assembly.get(self.circuit(), input)
+    }
+
+    fn check(&self, input: usize, value: f64) -> Result<(), Error> {
+        let Settable { name, unit, bounds, .. } = &self.inputs()[input];
+        if value.is_finite() && bounds.contain(value) {
+            return Ok(());
+        }
+        refuse(format!("{name} = {value} {unit} is out of bounds: it must be {bounds}"))
+    }
+
+    /// Sets an input from now on.
+    pub fn set(&mut self, input: usize, value: f64) -> Result<(), Error> {
+        self.check(input, value)?;
+        self.alive()?;
+        self.put(input, value);
+        Ok(())
+    }
+
+    /// Sets an input at times to come.
+    pub fn schedule(&mut self, input: usize, times: &[f64], values: &[f64]) -> Result<(), Error> {
+        self.alive()?;
+        if times.len() != values.len() {
+            return refuse(format!(
+                "{} times and {} values: there must be one value for each time",
+                times.len(),
+                values.len()
+            ));
+        }
+        for (&time, &value) in times.iter().zip(values) {
+            self.check(input, value)?;
+            self.not_before("t", time)?;
+        }
+        self.plan(input, times.iter().copied().zip(values.iter().copied()));
+        Ok(())
+    }
+
+    /// Goes on until a time, s, with a budget of its own.
+    pub fn go_on(&mut self, until: f64, look: &mut Look<'_>) -> Result<(), Error> {
+        if until.is_finite() {
+            self.allow_until(until);
+        }
+        self.advance(until, &mut NoOutput, look)
     }
 
     /// The whole session as bytes; a failed one has none.
     pub fn save(&self) -> Result<Vec<u8>, Error> {
         self.alive()?;
         let Some(stepper) = self.stepper.save() else { return refuse("the session cannot go on") };
-        let circuit = self.stepper.system();
+        let circuit = self.circuit();
         let mut words = vec![self.mark, self.schedule.len() as u64, u64::from(circuit.has_met())];
-        words.extend(self.values.map(f64::to_bits));
+        words.extend(circuit.inputs().iter().map(|(id, ..)| circuit.input(*id).to_bits()));
         circuit.clone().change_modes(|mode| words.push(mode.to_bits()));
         words.extend(stepper);
         for &(time, input, value) in &self.schedule {
@@ -276,27 +279,28 @@ impl Session {
             );
         }
         let mut n_modes = 0;
-        self.stepper.system().clone().change_modes(|_| n_modes += 1);
-        let (values, rest) = words[3..words.len() - 1].split_at_checked(INPUTS.len()).unwrap_or_default();
+        self.circuit().clone().change_modes(|_| n_modes += 1);
+        let ids = self.circuit().inputs();
+        let (values, rest) = words[3..words.len() - 1].split_at_checked(ids.len()).unwrap_or_default();
         let (modes, rest) = rest.split_at_checked(n_modes).unwrap_or_default();
         let (stepper, entries) = rest.split_at_checked(self.stepper.words()).unwrap_or_default();
         let (entries, left) = entries.as_chunks::<3>();
         let fits = left.is_empty() && entries.len() as u64 == words[1];
-        if stepper.is_empty() || !fits || entries.iter().any(|entry| entry[1] >= INPUTS.len() as u64) {
+        let n_inputs = self.inputs().len() as u64;
+        if stepper.is_empty() || !fits || entries.iter().any(|entry| entry[1] >= n_inputs) {
             return refuse("these bytes of a session are damaged");
         }
         let number = |word: &u64| f64::from_bits(*word);
         let circuit = self.stepper.system_mut();
-        *circuit = self.drive.circuit().clone();
+        circuit.clone_from(&self.assembly.circuit);
         if words[2] != 0 {
             circuit.meet(0);
         }
-        for (id, value) in self.ids.into_iter().zip(&values[1..]) {
+        for ((id, ..), value) in ids.into_iter().zip(values) {
             circuit.set_input(id, 0, number(value));
         }
         let mut modes = modes.iter();
         circuit.change_modes(|mode| *mode = modes.next().map_or(0.0, number));
-        self.values = std::array::from_fn(|i| number(&values[i]));
         self.stepper.restore(stepper);
         self.schedule =
             entries.iter().map(|[t, input, value]| (number(t), *input as usize, number(value))).collect();
@@ -306,27 +310,37 @@ impl Session {
 
     /// The names and units of the states.
     pub fn state_names(&self) -> &[String] {
-        self.stepper.system().state_names()
+        self.circuit().state_names()
     }
 
     /// The exact derivatives of rates and outputs by the states and by some inputs. Outputs are the columns but time
     /// and command.
     pub fn linearise(&self, inputs: &[usize]) -> Result<Linear, Error> {
         self.alive()?;
-        let u = self.values[COMMAND];
-        if inputs.contains(&COMMAND) && (u == 0.0 || u.is_nan()) {
-            return refuse(if u == 0.0 {
-                "command = 0: the valve is shut, and its flow has one slope towards extending and another towards retracting. \
-                 Set a small command in one direction, or linearise by the openings of the edges"
-            } else {
-                "the edges of the valve are set by themselves: there is no command to differentiate by. Linearise by their openings"
-            });
+        let commands: Vec<(usize, usize, f64)> = (inputs.iter().enumerate())
+            .filter(|(_, input)| matches!(self.inputs()[**input].target, Target::Edges(_)))
+            .map(|(direction, &input)| (direction, input, self.input(input)))
+            .collect();
+        for (_, input, u) in &commands {
+            let name = &self.inputs()[*input].name;
+            if *u == 0.0 {
+                return refuse(format!(
+                    "{name} = 0: the valve is shut, and its flow has one slope towards extending and another towards retracting. \
+                     Set a small command in one direction, or linearise by the openings of the edges"
+                ));
+            }
+            if u.is_nan() {
+                return refuse(format!(
+                    "the edges of the valve are set by themselves: there is no {name} to differentiate by. Linearise by their openings"
+                ));
+            }
         }
         let (circuit, n) = (self.stepper.system(), self.stepper.system().n_states());
         let mut y0 = self.stepper.state().to_vec();
         circuit.settle(&mut y0);
-        let columns: Vec<usize> = (0..self.row.len())
-            .filter(|&i| COLUMNS.get(i).is_none_or(|name| !["time_s", "command"].contains(name)))
+        let quantities = &self.assembly.variables.quantities;
+        let columns: Vec<usize> = (0..quantities.len())
+            .filter(|&i| !matches!(quantities[i], Quantity::Time | Quantity::Command(_)))
             .collect();
         let directions = n + inputs.len();
         let lifted = Circuit::<Seeded>::gather(&[circuit]);
@@ -338,21 +352,20 @@ impl Session {
                 eps: std::array::from_fn(|k| f64::from(u8::from(first + k == direction))),
             };
             let mut circuit = lifted.clone();
-            let mut values = self.values.map(Seeded::c);
-            if let Some(k) = inputs.iter().position(|&input| input == COMMAND) {
-                values[EDGES].copy_from_slice(&openings(seeded(u, n + k)));
+            for &(k, input, u) in &commands {
+                self.assembly.set(&mut circuit, input, 0, seeded(u, n + k));
             }
             for (k, &input) in inputs.iter().enumerate() {
-                // An edge moves with the command and by itself.
-                values[input] += seeded(0.0, n + k);
-            }
-            for (id, value) in self.ids.into_iter().zip(&values[1..]) {
-                circuit.set_input(id, 0, *value);
+                if let Target::Input(id) = self.inputs()[input].target {
+                    // An edge moves with the command and by itself.
+                    let value = circuit.input(id) + seeded(0.0, n + k);
+                    circuit.set_input(id, 0, value);
+                }
             }
             let y: Vec<Seeded> = y0.iter().enumerate().map(|(i, &value)| seeded(value, i)).collect();
             let mut net = circuit.work::<Seeded>();
             circuit.rhs(Seeded::zero(), &y, &mut dy, &mut net);
-            self.drive.row(&circuit, (self.time(), u), &y, &mut net, &mut row);
+            self.assembly.row(&circuit, self.time(), &y, &mut net, &mut row);
             let numbers = dy[..n].iter().chain(columns.iter().map(|&column| &row[column]));
             for (slopes, number) in slopes.iter_mut().zip(numbers) {
                 let pass = first..directions.min(first + DIRECTIONS);

@@ -1,15 +1,15 @@
 //! Several runs of an assembly from starts of their own, with derivatives: what multiple shooting needs.
 
-use super::Drive;
-use super::drive::CHAMBER_STATES;
+use super::drive::{Drive, Wired, later};
+use super::session::Session;
+use super::variables::{Assembly, Starting};
 use crate::circuit::Circuit;
 use crate::lifted::{Lifted, tangents};
 use crate::net::Net;
-use crate::run::{Error, Look, advance, budget, settled};
+use crate::run::{Error, Look, budget};
 use crate::specification;
 use math::{Dual, Lane};
-use ode::{Options, Output, Stepper, System};
-use std::ops::Range;
+use ode::{Options, Output, System};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
@@ -92,16 +92,7 @@ pub struct Shot {
 impl Drive {
     /// Names of the numbers that a run starts from.
     pub fn start_names(&self) -> Vec<String> {
-        let chambers = [
-            "position_m",
-            "velocity_m_s",
-            "pressure_a_pa",
-            "temperature_a_k",
-            "pressure_b_pa",
-            "temperature_b_k",
-        ];
-        let inner = &self.columns()[super::drive::COLUMNS.len()..];
-        chambers.iter().map(ToString::to_string).chain(inner.iter().cloned()).collect()
+        self.assembly().start_names()
     }
 
     /// Runs the segments of `asked`, with exact derivatives of the discrete solution. The result does not
@@ -114,63 +105,20 @@ impl Drive {
     ) -> Result<Shot, Error> {
         let lift = || {
             let (spec, free) = tangents::<specification::Drive>(json, "", &asked.parameters)?;
-            Ok(move |first| Drive::lifted(&Lifted::new(&spec, &free, first), false))
+            Ok(move |first| Ok(Wired::lifted(&Lifted::new(&spec, &free, first), false)?.assembly))
         };
-        shoot_with(self, (&self.start_names(), 2..CHAMBER_STATES), lift, asked, interrupted)
+        shoot(self.assembly(), lift, asked, interrupted)
     }
 }
 
-/// What can be run from a start of its own, under one command that is held from time to time.
-pub(super) trait Shootable<P: Lane>: Sync {
-    /// Names of the columns of a run.
-    fn columns(&self) -> &[String];
-
-    /// Gives the inputs their values at a command.
-    fn set_command(&self, circuit: &mut Circuit<P>, u: f64);
-
-    /// Equations and state from the numbers of a start.
-    fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>);
-
-    /// One row of the columns at a time and a command.
-    fn row(&self, circuit: &Circuit<P>, at: (f64, f64), y: &[P], net: &mut Net<P>, row: &mut [P]);
-
-    /// The state as `begin` takes it.
-    fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P>;
-}
-
-impl<P: Lane> Shootable<P> for Drive<P> {
-    fn columns(&self) -> &[String] {
-        Drive::columns(self)
-    }
-
-    fn set_command(&self, circuit: &mut Circuit<P>, u: f64) {
-        Drive::set_command(self, circuit, 0, P::c(u));
-    }
-
-    fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {
-        Drive::begin(self, start, u)
-    }
-
-    fn row(&self, circuit: &Circuit<P>, at: (f64, f64), y: &[P], net: &mut Net<P>, row: &mut [P]) {
-        Drive::row(self, circuit, at, y, net, row);
-    }
-
-    fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P> {
-        Drive::outside(self, circuit, y, net)
-    }
-}
-
-/// Runs `plain`, or, where derivatives are asked for, what `lift` makes for each pass of directions. Of a start
-/// its names are given, and which of its numbers are of gas: above zero.
-pub(super) fn shoot_with<M: Shootable<f64>, S: Shootable<Sensitive>, F: Fn(usize) -> Result<S, Error>>(
-    plain: &M,
-    (names, gas): (&[String], Range<usize>),
+/// Runs `plain`, or, where derivatives are asked for, what `lift` makes for each pass of directions.
+pub(super) fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
+    plain: &Assembly,
     lift: impl FnOnce() -> Result<F, Error>,
     asked: &Shooting,
     interrupted: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Shot, Error> {
-    let states = names.len();
-    check(asked, names, &gas)?;
+    let states = check(asked, plain)?;
     let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
     let columns = columns.collect::<Result<Vec<_>, _>>()?;
     let n_parameters = asked.parameters.len();
@@ -195,7 +143,8 @@ fn column(names: &[String], name: &str) -> Result<usize, Error> {
     }
 }
 
-fn check(asked: &Shooting, names: &[String], gas: &Range<usize>) -> Result<(), Error> {
+/// How many numbers a start has, where what is asked is in order.
+fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
     let increasing = |times: &[f64]| times.windows(2).all(|pair| pair[0] < pair[1]);
     let n = asked.sample_times.len();
     if n < 2 || !increasing(&asked.sample_times) {
@@ -212,24 +161,26 @@ fn check(asked: &Shooting, names: &[String], gas: &Range<usize>) -> Result<(), E
     {
         return refuse(format!("starts must be increasing samples from 0 to below {}", n - 1));
     }
+    let names: Vec<(&String, bool)> = (of.variables.starts.iter())
+        .flat_map(|(of, names)| names.iter().map(|name| (name, matches!(of, Starting::Gas(_)))))
+        .collect();
     let width = names.len();
     if asked.initial.len() != asked.starts.len() * width {
         return refuse(format!(
             "initial must have {} rows, one for each segment, of {}",
             asked.starts.len(),
-            names.join(", ")
+            of.start_names().join(", ")
         ));
     }
     for (j, row) in asked.initial.chunks_exact(width).enumerate() {
-        for (i, (value, name)) in row.iter().zip(names).enumerate() {
-            let of_gas = gas.contains(&i);
+        for (value, &(name, of_gas)) in row.iter().zip(&names) {
             if !value.is_finite() || (of_gas && *value <= 0.0) {
                 let rule = if of_gas { "above zero" } else { "finite" };
                 return refuse(format!("initial: {name} = {value} of segment {j} must be {rule}"));
             }
         }
     }
-    Ok(())
+    Ok(width)
 }
 
 /// All runs of a request.
@@ -251,9 +202,9 @@ struct Done<P> {
 
 impl All<'_> {
     /// Runs every segment with the assembly of each pass.
-    fn run<P: Lane, M: Shootable<P>>(
+    fn run<P: Lane>(
         &self,
-        drives: &[M],
+        drives: &[Assembly<P>],
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
         let (segments, samples) = (self.asked.starts.len(), self.asked.sample_times.len());
@@ -316,9 +267,9 @@ impl All<'_> {
         starts[segment]..starts.get(segment + 1).copied().unwrap_or(self.asked.sample_times.len())
     }
 
-    fn segment<P: Lane, M: Shootable<P>>(
+    fn segment<P: Lane>(
         &self,
-        drive: &M,
+        drive: &Assembly<P>,
         segment: usize,
         pass: usize,
         stop: &AtomicBool,
@@ -336,47 +287,33 @@ impl All<'_> {
         let start: Vec<P> = (0..self.states)
             .map(|i| P::from_parts(|part| if part == 0 { row[i] } else { seed(i, first + part - 1) }))
             .collect();
-        let mut at = asked.times.partition_point(|&time| time <= from) - 1;
-        let (circuit, y) = drive.begin(&start, asked.commands[at]);
-        let mut net = circuit.work::<P>();
+        let at = asked.times.partition_point(|&time| time <= from) - 1;
+        let begun = drive.begin(&start, P::c(asked.commands[at]));
         let mut tracker = Tracker {
             drive,
             columns: self.columns,
             times: &asked.sample_times[samples],
             next: 0,
-            net: net.clone(),
+            net: begun.0.work(),
             row: vec![P::zero(); drive.columns().len()],
             rows: Vec::new(),
-            command: asked.commands[at],
         };
         let work =
             budget(end - from, asked.times.partition_point(|&time| time < end) - at, asked.options.rtol);
         let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
-        let mut stepper = Stepper::new(circuit, from, &y, options);
+        let mut session = Session::new(drive, from, begun, options);
+        session.plan(0, later(&asked.times, &asked.commands, from, end));
         let mut stopped = |_| stop.load(Ordering::Relaxed);
-        let mut look = Look::new(&mut stopped);
-        let failure = loop {
-            let until = asked.times.get(at + 1).map_or(end, |&time| time.min(end));
-            match advance(&mut stepper, until, &mut tracker, &mut look) {
-                Err(Error::Stopped(message)) => break Some(message),
-                other => other?,
+        match session.advance(end, &mut tracker, &mut Look::new(&mut stopped)) {
+            Ok(()) => {
+                tracker.finish(&session);
+                Ok(Done { rows: tracker.rows, end: session.outside(), failure: None })
             }
-            if until >= end {
-                break None;
+            Err(Error::Stopped(message)) => {
+                Ok(Done { rows: tracker.rows, end: Vec::new(), failure: Some(message) })
             }
-            if stop.load(Ordering::Relaxed) {
-                return Err(Error::Interrupted { t: until });
-            }
-            at += 1;
-            tracker.command = asked.commands[at];
-            drive.set_command(stepper.system_mut(), asked.commands[at]);
-        };
-        let mut end = Vec::new();
-        if failure.is_none() {
-            tracker.finish(&stepper);
-            end = drive.outside(stepper.system(), stepper.state(), &mut net);
+            Err(other) => Err(other),
         }
-        Ok(Done { rows: tracker.rows, end, failure })
     }
 
     /// Writes what one pass of one segment gave.
@@ -401,34 +338,33 @@ impl All<'_> {
 }
 
 /// Keeps the outputs at the samples of one segment.
-struct Tracker<'a, P, M> {
-    drive: &'a M,
+struct Tracker<'a, P> {
+    drive: &'a Assembly<P>,
     columns: &'a [usize],
     times: &'a [f64],
     next: usize,
     net: Net<P>,
     row: Vec<P>,
     rows: Vec<P>,
-    command: f64,
 }
 
-impl<P: Lane, M: Shootable<P>> Tracker<'_, P, M> {
+impl<P: Lane> Tracker<'_, P> {
     /// The samples still due are those at the end.
-    fn finish(&mut self, stepper: &Stepper<P, Circuit<P>>) {
-        let y = settled(stepper.system(), stepper.state());
+    fn finish(&mut self, session: &Session<P>) {
+        let y = session.settled();
         while self.next < self.times.len() {
-            self.sample(0, self.times[self.next], &y, stepper.system());
+            self.sample(0, self.times[self.next], &y, session.circuit());
         }
     }
 }
 
-impl<P: Lane, M: Shootable<P>> Output<P, Circuit<P>> for Tracker<'_, P, M> {
+impl<P: Lane> Output<P, Circuit<P>> for Tracker<'_, P> {
     fn due(&self, _lane: usize) -> f64 {
         self.times.get(self.next).copied().unwrap_or(f64::INFINITY)
     }
 
     fn sample(&mut self, _lane: usize, t: f64, y: &[P], circuit: &Circuit<P>) {
-        self.drive.row(circuit, (t, self.command), y, &mut self.net, &mut self.row);
+        self.drive.row(circuit, t, y, &mut self.net, &mut self.row);
         self.rows.extend(self.columns.iter().map(|&column| self.row[column]));
         self.next += 1;
     }

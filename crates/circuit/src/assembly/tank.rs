@@ -1,84 +1,84 @@
 use super::leak::leak;
-use super::shoot::{Shootable, Shooting, Shot, shoot_with};
-use crate::circuit::{Circuit, GasId};
+use super::shoot::{Shooting, Shot, shoot};
+use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
+use crate::circuit::Circuit;
 use crate::lifted::{Lifted, tangents};
-use crate::net::Net;
-use crate::part::{ChamberLaw, InputId};
+use crate::part::ChamberLaw;
 use crate::run::Error;
 use crate::specification;
 use math::{Deps, Lane, Over};
 use physics::IdealGas;
 use physics::flow::Iso6358;
 
-/// Columns of a run.
-const COLUMNS: [&str; 4] = ["time_s", "pressure_pa", "temperature_k", "mass_flow_kg_s"];
-/// Names of the numbers that a run starts from.
-const STARTS: [&str; 2] = ["pressure_pa", "temperature_k"];
-
 /// A volume without a piston, on a line with a restriction and with a leak into the ambient air. A command is
 /// the share of the line's opening.
 #[derive(Clone, Debug)]
-pub struct Tank<P = f64> {
-    circuit: Circuit<P>,
-    gas: GasId,
-    line: Option<InputId>,
-    columns: Vec<String>,
+pub struct Tank {
+    assembly: Assembly,
 }
 
-impl<P: Lane> Tank<P>
+/// The equations, from numbers with or without derivatives.
+fn wire<P: Lane>(lifted: &Lifted<specification::Tank>) -> Assembly<P>
 where
     Deps: Over<P>,
 {
-    /// The equations, from numbers with or without derivatives.
-    fn lifted(lifted: &Lifted<specification::Tank>) -> Self {
-        let number = |f: fn(&specification::Tank) -> f64| -> P { lifted.number(f) };
-        let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
-        let is_air =
-            IdealGas::new(lifted.value.gas.heat_capacity_ratio, lifted.value.gas.gas_constant_j_kg_k)
-                .is_air();
-        let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
-        let mut circuit = Circuit::new(&gas, ambient[0], ambient[1]);
-        let around = circuit.reservoir(ambient[0], ambient[1]);
-        // The whole wall's conductance: a coefficient, W/(m2 K), on a wall of 1 m2.
-        let heat = number(|s| s.volume.heat_transfer_w_k);
-        let wall = number(|s| s.volume.wall_temperature_k);
-        let volume = number(|s| s.volume.volume_m3);
-        let tank = circuit.volume(ChamberLaw::EnergyBalance, volume, P::one(), heat, wall);
-        let line = lifted.optional(|spec| spec.line.as_ref()).map(|line| {
-            let other = circuit.reservoir(line.number(|l| l.pressure_pa), line.number(|l| l.temperature_k));
-            let index = |l: &specification::Line| l.subsonic_index;
-            let law = Iso6358::for_gas(
-                line.number(|l| l.conductance_m3_s_pa),
-                line.number(|l| l.critical_pressure_ratio),
-                line.number(index),
-                line.number(|l| l.linear_above),
-                index(line.value) == 0.5 && !line.is_free(index),
-                &gas,
-                is_air,
-            );
-            circuit.restriction(law, other, tank)
-        });
-        let leakage = |s: &specification::Tank| s.volume.leakage_m3_s_pa;
-        let leaks = leakage(lifted.value) != 0.0 || lifted.is_free(leakage);
-        let gap =
-            leaks.then(|| circuit.restriction(leak(lifted.number(leakage), &gas, is_air), tank, around));
-        let mut circuit = circuit.build(false);
-        if let Some(gap) = gap {
-            circuit.set_input(gap, 0, P::one());
-        }
-        Tank { circuit, gas: tank, line, columns: COLUMNS.map(Into::into).to_vec() }
+    let number = |f: fn(&specification::Tank) -> f64| -> P { lifted.number(f) };
+    let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
+    let is_air =
+        IdealGas::new(lifted.value.gas.heat_capacity_ratio, lifted.value.gas.gas_constant_j_kg_k).is_air();
+    let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
+    let mut circuit = Circuit::new(&gas, ambient[0], ambient[1]);
+    let around = circuit.reservoir(ambient[0], ambient[1]);
+    // The whole wall's conductance: a coefficient, W/(m2 K), on a wall of 1 m2.
+    let heat = number(|s| s.volume.heat_transfer_w_k);
+    let wall = number(|s| s.volume.wall_temperature_k);
+    let volume = number(|s| s.volume.volume_m3);
+    let tank = circuit.volume(ChamberLaw::EnergyBalance, volume, P::one(), heat, wall);
+    let line = lifted.optional(|spec| spec.line.as_ref()).map(|line| {
+        let other = circuit.reservoir(line.number(|l| l.pressure_pa), line.number(|l| l.temperature_k));
+        let index = |l: &specification::Line| l.subsonic_index;
+        let law = Iso6358::for_gas(
+            line.number(|l| l.conductance_m3_s_pa),
+            line.number(|l| l.critical_pressure_ratio),
+            line.number(index),
+            line.number(|l| l.linear_above),
+            index(line.value) == 0.5 && !line.is_free(index),
+            &gas,
+            is_air,
+        );
+        circuit.restriction(law, other, tank)
+    });
+    let leakage = |s: &specification::Tank| s.volume.leakage_m3_s_pa;
+    let leaks = leakage(lifted.value) != 0.0 || lifted.is_free(leakage);
+    let gap = leaks.then(|| circuit.restriction(leak(lifted.number(leakage), &gas, is_air), tank, around));
+    let mut circuit = circuit.build(false);
+    if let Some(gap) = gap {
+        circuit.set_input(gap, 0, P::one());
     }
+    let inputs = line.map(|line| Settable::of(&circuit, line, "command", "opening of the line"));
+    let mut variables = Variables {
+        inputs: inputs.into_iter().collect(),
+        starts: vec![(Starting::Gas(tank), ["pressure_pa", "temperature_k"].map(Into::into).to_vec())],
+        ..Variables::default()
+    };
+    variables.read([
+        ("time_s", Quantity::Time),
+        ("pressure_pa", Quantity::Pressure(tank)),
+        ("temperature_k", Quantity::Temperature(tank)),
+        ("mass_flow_kg_s", Quantity::MassFlow(tank)),
+    ]);
+    Assembly::new(circuit, variables)
 }
 
 impl Tank {
     /// Assembles the tank.
     pub fn assemble(spec: &specification::Tank) -> Self {
-        Self::lifted(&Lifted::plain(spec))
+        Tank { assembly: wire(&Lifted::plain(spec)) }
     }
 
     /// Names of the numbers that a run starts from.
     pub fn start_names(&self) -> Vec<String> {
-        STARTS.map(Into::into).to_vec()
+        self.assembly.start_names()
     }
 
     /// Runs the segments of `asked`, with exact derivatives, as [`Drive::shoot`](super::Drive::shoot) does.
@@ -90,39 +90,9 @@ impl Tank {
     ) -> Result<Shot, Error> {
         let lift = || {
             let (spec, free) = tangents::<specification::Tank>(json, "", &asked.parameters)?;
-            Ok(move |first| Ok(Tank::lifted(&Lifted::new(&spec, &free, first))))
+            Ok(move |first| Ok(wire(&Lifted::new(&spec, &free, first))))
         };
-        shoot_with(self, (&self.start_names(), 0..STARTS.len()), lift, asked, interrupted)
-    }
-}
-
-impl<P: Lane> Shootable<P> for Tank<P> {
-    fn columns(&self) -> &[String] {
-        &self.columns
-    }
-
-    fn set_command(&self, circuit: &mut Circuit<P>, u: f64) {
-        if let Some(line) = self.line {
-            circuit.set_input(line, 0, P::c(u));
-        }
-    }
-
-    fn row(&self, circuit: &Circuit<P>, (t, _): (f64, f64), y: &[P], net: &mut Net<P>, row: &mut [P]) {
-        circuit.observe(y, net);
-        let gas = &net[self.gas];
-        row.copy_from_slice(&[P::c(t), gas.p, gas.t, gas.m_dot]);
-    }
-
-    fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P> {
-        circuit.observe(y, net);
-        vec![net[self.gas].p, net[self.gas].t]
-    }
-
-    fn begin(&self, start: &[P], u: f64) -> (Circuit<P>, Vec<P>) {
-        let mut circuit = self.circuit.clone();
-        self.set_command(&mut circuit, u);
-        let y = circuit.initial(&[(self.gas, start[0], start[1])], &[]);
-        (circuit, y)
+        shoot(&self.assembly, lift, asked, interrupted)
     }
 }
 

@@ -332,6 +332,10 @@ impl<P: Real> Part<P> for Axis<P> {
         const { &[Input { name: "external force", unit: "N", bounds: physics::any() }] }
     }
 
+    fn input(&self, _input: usize) -> P {
+        self.external_force
+    }
+
     fn input_mut(&mut self, _input: usize) -> &mut P {
         &mut self.external_force
     }

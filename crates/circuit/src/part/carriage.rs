@@ -144,9 +144,13 @@ impl<P: Real> Part<P> for Carriage<P> {
         const {
             &[
                 Input { name: "jerk", unit: "m/s3", bounds: physics::any() },
-                Input { name: "giving way", unit: "-", bounds: physics::within(0.0, 1.0) },
+                Input { name: "giving way", unit: "1", bounds: physics::within(0.0, 1.0) },
             ]
         }
+    }
+
+    fn input(&self, input: usize) -> P {
+        if input == 0 { self.jerk } else { self.giving_way }
     }
 
     fn input_mut(&mut self, input: usize) -> &mut P {

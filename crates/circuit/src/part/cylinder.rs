@@ -151,6 +151,10 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
         Part::<P>::inputs(&self.axis)
     }
 
+    fn input(&self, input: usize) -> P {
+        self.axis.input(input)
+    }
+
     fn input_mut(&mut self, input: usize) -> &mut P {
         self.axis.input_mut(input)
     }

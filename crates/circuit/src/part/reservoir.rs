@@ -32,6 +32,10 @@ impl<P: Real> Part<P> for Reservoir<P> {
         }
     }
 
+    fn input(&self, input: usize) -> P {
+        if input == 0 { self.pressure } else { self.temperature }
+    }
+
     fn input_mut(&mut self, input: usize) -> &mut P {
         if input == 0 { &mut self.pressure } else { &mut self.temperature }
     }

@@ -65,7 +65,11 @@ impl<P: Real> Restriction<P> {
 
 impl<P: Real> Part<P> for Restriction<P> {
     fn inputs(&self) -> &'static [Input] {
-        const { &[Input { name: "opening", unit: "-", bounds: physics::within(0.0, 1.0) }] }
+        const { &[Input { name: "opening", unit: "1", bounds: physics::within(0.0, 1.0) }] }
+    }
+
+    fn input(&self, _input: usize) -> P {
+        self.opening
     }
 
     fn input_mut(&mut self, _input: usize) -> &mut P {

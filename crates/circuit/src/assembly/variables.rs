@@ -1,0 +1,213 @@
+//! A circuit with names: what can be set, what is read, from what it starts.
+
+use crate::circuit::{AxisId, Circuit, GasId};
+use crate::net::Net;
+use crate::part::{Given, Input, InputId};
+use math::{Lane, Real};
+use physics::Bounds;
+use std::sync::Arc;
+
+/// What a named input acts on.
+#[derive(Clone, Copy, Debug)]
+pub enum Target {
+    Input(InputId),
+    /// The edges of a proportional 5/3 valve: supply to a, a to exhaust, supply to b, b to exhaust.
+    Edges([InputId; 4]),
+}
+
+/// A named input.
+#[derive(Clone, Debug)]
+pub struct Settable {
+    pub name: String,
+    pub unit: &'static str,
+    pub bounds: Bounds,
+    pub meaning: &'static str,
+    pub target: Target,
+}
+
+impl Settable {
+    /// An input of a part, with its unit and bounds.
+    pub fn of<P: Lane>(circuit: &Circuit<P>, id: InputId, name: &str, meaning: &'static str) -> Self {
+        let Input { unit, bounds, .. } = *circuit.what_input(id);
+        Settable { name: name.into(), unit, bounds, meaning, target: Target::Input(id) }
+    }
+
+    /// The command of a valve.
+    pub fn command(edges: [InputId; 4]) -> Self {
+        let (name, bounds) = ("command".into(), physics::within(-1.0, 1.0));
+        Settable { name, unit: "1", bounds, meaning: "valve command", target: Target::Edges(edges) }
+    }
+}
+
+/// What a column holds.
+#[derive(Clone, Copy, Debug)]
+pub enum Quantity {
+    Time,
+    Position(AxisId),
+    Velocity(AxisId),
+    Acceleration(AxisId),
+    /// Positive where it opposes v > 0.
+    Friction(AxisId),
+    /// Positive where it pushes towards -x.
+    EndStop(AxisId),
+    Pressure(GasId),
+    Temperature(GasId),
+    /// Net, into the node.
+    MassFlow(GasId),
+    /// Of a link.
+    Force(usize),
+    /// Of the command of a valve; not a number while its edges are set by themselves.
+    Command([InputId; 4]),
+    /// One inner state of an axis' friction.
+    Inner(AxisId, usize),
+}
+
+/// Numbers of a start that belong together.
+#[derive(Clone, Copy, Debug)]
+pub enum Starting {
+    /// Pressure, Pa absolute, and temperature, K.
+    Gas(GasId),
+    /// Position, m, and velocity, m/s.
+    Axis(AxisId),
+    /// All inner states of an axis' friction.
+    Inner(AxisId),
+}
+
+/// The names of a circuit.
+#[derive(Debug, Default)]
+pub struct Variables {
+    /// The first is what a plan of commands sets.
+    pub inputs: Vec<Settable>,
+    pub columns: Vec<String>,
+    pub quantities: Vec<Quantity>,
+    /// Each with the names of its numbers.
+    pub starts: Vec<(Starting, Vec<String>)>,
+}
+
+impl Variables {
+    /// Adds a column for each of the names.
+    pub fn read(&mut self, columns: impl IntoIterator<Item = (impl Into<String>, Quantity)>) {
+        for (name, quantity) in columns {
+            self.columns.push(name.into());
+            self.quantities.push(quantity);
+        }
+    }
+}
+
+/// A circuit and its names.
+#[derive(Clone, Debug)]
+pub struct Assembly<P = f64> {
+    pub circuit: Arc<Circuit<P>>,
+    pub variables: Arc<Variables>,
+}
+
+/// How far a command opens each edge of a proportional 5/3 valve: u > 0 supply to a and b to exhaust with the share u,
+/// u < 0 the mirror.
+pub(super) fn openings<R: Real>(u: R) -> [R; 4] {
+    let (extend, retract) = (u.max(R::zero()), (-u).max(R::zero()));
+    [extend, retract, retract, extend]
+}
+
+/// The command that opens the edges so; not a number if none does.
+fn command<R: Lane>(circuit: &Circuit<R>, edges: [InputId; 4]) -> R {
+    let [a, b, c, d] = edges.map(|edge| circuit.input(edge));
+    let is_one = (0..R::L).all(|lane| {
+        let [a, b, c, d] = [a, b, c, d].map(|opening| opening.get(lane));
+        a == d && b == c && (a == 0.0 || b == 0.0)
+    });
+    if is_one { a - b } else { R::c(f64::NAN) }
+}
+
+impl<P: Lane> Assembly<P> {
+    pub fn new(circuit: Circuit<P>, variables: Variables) -> Self {
+        Assembly { circuit: Arc::new(circuit), variables: Arc::new(variables) }
+    }
+
+    /// Names of the columns.
+    pub fn columns(&self) -> &[String] {
+        &self.variables.columns
+    }
+
+    /// Names of the numbers of a start.
+    pub fn start_names(&self) -> Vec<String> {
+        self.variables.starts.iter().flat_map(|(_, names)| names.clone()).collect()
+    }
+
+    /// Sets an input of one lane.
+    pub fn set<R: Lane>(&self, circuit: &mut Circuit<R>, input: usize, lane: usize, value: R) {
+        match self.variables.inputs[input].target {
+            Target::Input(id) => circuit.set_input(id, lane, value),
+            Target::Edges(edges) => {
+                for (edge, opening) in edges.into_iter().zip(openings(value)) {
+                    circuit.set_input(edge, lane, opening);
+                }
+            }
+        }
+    }
+
+    /// The value of an input.
+    pub fn get<R: Lane>(&self, circuit: &Circuit<R>, input: usize) -> R {
+        match self.variables.inputs[input].target {
+            Target::Input(id) => circuit.input(id),
+            Target::Edges(edges) => command(circuit, edges),
+        }
+    }
+
+    /// Sets what a plan of commands sets, if there is anything.
+    pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: R) {
+        if !self.variables.inputs.is_empty() {
+            self.set(circuit, 0, lane, u);
+        }
+    }
+
+    /// The equations under a command, and their state from the numbers of a start.
+    pub fn begin(&self, start: &[P], u: P) -> (Circuit<P>, Vec<P>) {
+        let mut circuit = Circuit::clone(&self.circuit);
+        self.set_command(&mut circuit, 0, u);
+        let (mut gas, mut axes, mut inner) = (Vec::new(), Vec::new(), Vec::new());
+        let mut rest = start;
+        for (starting, names) in &self.variables.starts {
+            let (own, others) = rest.split_at(names.len());
+            match *starting {
+                Starting::Gas(id) => gas.push((id, own[0], own[1])),
+                Starting::Axis(id) => axes.push((id, own[0], own[1])),
+                Starting::Inner(id) => inner.push((id, own)),
+            }
+            rest = others;
+        }
+        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &[], inner: &inner });
+        (circuit, y)
+    }
+
+    /// The numbers of a start at state `y`.
+    pub fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P> {
+        circuit.observe(y, net);
+        let each = self.variables.starts.iter().flat_map(|(starting, _)| match *starting {
+            Starting::Gas(id) => vec![net[id].p, net[id].t],
+            Starting::Axis(id) => vec![net[id].x, net[id].v],
+            Starting::Inner(id) => circuit.inner_states(id, y).to_vec(),
+        });
+        each.collect()
+    }
+
+    /// One row of the columns.
+    pub fn row<R: Lane>(&self, circuit: &Circuit<R>, t: f64, y: &[R], net: &mut Net<R>, row: &mut [R]) {
+        circuit.observe(y, net);
+        for (value, quantity) in row.iter_mut().zip(&self.variables.quantities) {
+            *value = match *quantity {
+                Quantity::Time => R::c(t),
+                Quantity::Position(id) => net[id].x,
+                Quantity::Velocity(id) => net[id].v,
+                Quantity::Acceleration(id) => net[id].a,
+                Quantity::Friction(id) => net[id].friction,
+                Quantity::EndStop(id) => -net[id].end_stop,
+                Quantity::Pressure(id) => net[id].p,
+                Quantity::Temperature(id) => net[id].t,
+                Quantity::MassFlow(id) => net[id].m_dot,
+                Quantity::Force(link) => circuit.link_force(link, net),
+                Quantity::Command(edges) => command(circuit, edges),
+                Quantity::Inner(id, place) => circuit.inner_states(id, y)[place],
+            };
+        }
+    }
+}
