@@ -9,12 +9,20 @@ import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.basics import BOTH
-from pneudrive.characteristics.outliers import Chance, wild_cycles
+from pneudrive.characteristics.outliers import WILD, WILD_SPREAD, Chance, wild_cycles
 from pneudrive.characteristics.plausible import OUTLIER, implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint
 from pneudrive.characteristics.self_excited import reasons as self_excited
-from pneudrive.characteristics.smooth import CARRIED, CurveData, CurveFit, carried_drift, either_chance, fit_curves
+from pneudrive.characteristics.smooth import (
+    CARRIED,
+    CurveData,
+    CurveFit,
+    carried_drift,
+    either_chance,
+    fit_curves,
+    with_doubt,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -150,7 +158,7 @@ class Fits:
     block_kind : str
         block, day, or "" where there is none.
     doubtful : tuple of int
-        Cycles of the points that lie off what the others say, not beyond doubt: they are counted.
+        Cycles of the points that lie off what the others say, not beyond doubt: the curves average over both readings.
     """
 
     points: Points
@@ -185,11 +193,17 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
     fit = fits.friction
     chance = Chance(fit.logarithmic, "drift" in fit.sources, fits.block_groups)
     rows = np.flatnonzero(points.use)
-    wild, doubtful = (set(rows[found].tolist()) for found in wild_cycles(fit.data, chance))
-    if wild:
-        kept = tuple(OUTLIER if i in wild else reason for i, reason in enumerate(points.reasons))
+    wild, doubtful = (rows[found] for found in wild_cycles(fit.data, chance))
+    if wild.size:
+        kept = tuple(OUTLIER if i in set(wild.tolist()) else reason for i, reason in enumerate(points.reasons))
         fits = _fit_points(reading, replace(points, reasons=kept))
-    return replace(fits, doubtful=tuple(sorted(doubtful))) if fits is not None else None
+    if fits is None or not doubtful.size:
+        return fits
+    fit = fits.friction
+    spread = WILD_SPREAD * (1.0 if fit.logarithmic else float(np.median(np.abs(fit.data.y))))
+    among = np.searchsorted(np.flatnonzero(fits.points.use), doubtful)
+    both = with_doubt(fit, among, spread, (WILD / (1.0 - WILD)) ** doubtful.size)
+    return replace(fits, friction=both, doubtful=tuple(doubtful.tolist()))
 
 
 def condensed(points: Points, each: int) -> Points:

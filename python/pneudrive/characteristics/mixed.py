@@ -237,8 +237,14 @@ class MixedFit:
             variances.append(np.maximum(own, 0.0))
         return _mixed(np.array(means), np.array(variances), self.weights)
 
-    def averaged(self, other: MixedFit) -> tuple[MixedFit, float]:
-        """Average with a fit of the same observations that differs in its kernels, each by how likely it is.
+    def averaged(self, other: MixedFit, odds: float = 1.0) -> tuple[MixedFit, float]:
+        """Average with a fit of the same observations that differs in its kernels or noise, each by how likely it is.
+
+        Parameters
+        ----------
+        other : MixedFit
+        odds : float
+            How probable the other model is over this one, before the data are seen.
 
         Returns
         -------
@@ -249,7 +255,7 @@ class MixedFit:
         """
         from scipy.special import expit
 
-        share = float(expit(other.log_likelihood() - self.log_likelihood()))
+        share = float(expit(other.log_likelihood() - self.log_likelihood() + np.log(odds)))
         weights = np.concatenate([(1.0 - share) * self.weights, share * other.weights])
         return replace(other if share > 0.5 else self, weights=weights, states=(*self.states, *other.states)), share
 

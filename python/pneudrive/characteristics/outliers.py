@@ -2,8 +2,10 @@
 
 Two wild cycles inflate the scatter that either is judged by, and a wild cycle makes its good twin look wild. So each
 cycle is held against its prediction from all others [cook1982]: neighbours in speed, other pressures, repeats. The one
-that is furthest off by the robust scatter of all is taken out, the model is fitted again, and so on; then each that
-was taken out is held against what the good ones say, and comes back where that does not exclude it.
+that is furthest off by the robust scatter of all is taken out, the model is fitted again, and so on. How many of them
+are wild is a question of probability [box1968]: a cycle that is none of the others may show any friction, but seldom
+occurs. Then each that was taken out is held against what the good ones say, and comes back where that does not exclude
+it. Where the data leave open whether a cycle is wild, it is told as doubtful.
 """
 
 from __future__ import annotations
@@ -30,7 +32,21 @@ SUSPECT = 3.0  # robust deviations of what cycles are off by, beyond which one i
 SURE = 5.0  # standard deviations of the prediction from the others, beyond which a cycle is none of them
 TRIED = 3  # suspects of which the one is looked for without which all others fit best
 LEAST_SHARE = 0.1  # of the friction: less is no failure of a sensor
+WILD = 0.02  # probability of a cycle to be wild, before its friction is seen (assumed)
+WILD_SPREAD = 0.5  # of the friction: standard deviation of wild cycles (assumed)
+OPEN = 2.0  # difference of the logarithms of probabilities up to which two readings are both held possible (assumed)
+FEW = 100  # cycles, among which wild ones hide each other
+ON_TRIAL = 2  # cycles that are taken out though none stands out
 MOST_SHARE = 0.1  # of the cycles (and at least two): more of them are no outliers but how the rig is
+
+
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """Cycles taken out, the standard deviations of the rest, and how improbable all of it is."""
+
+    rows: list[int]
+    sd: Array
+    cost: float
 
 
 @dataclass(frozen=True)
@@ -44,27 +60,13 @@ class Chance:
 
 def wild_cycles(data: CurveData, chance: Chance) -> tuple[list[int], list[int]]:
     """Find the cycles that are none of the others, and those of which that is in doubt, as rows of the data."""
-    size = len(data)
-    most = max(2, int(MOST_SHARE * size))
-    taken: list[int] = []
-    if size < ENOUGH:
+    if len(data) < ENOUGH:
         return [], []
-    sd, _ = _deviations(data, chance, taken, None)
-    while len(taken) < most:
-        rows, off, far = _off(data, chance, taken, sd)
-        z = np.abs(off) / far
-        usual = max(robust_deviation(off / far), 1e-12)
-        suspect = (z > SUSPECT * usual) & (np.abs(off) > _least(data, chance)) & _spare(data, rows)
-        if not suspect.any():
-            break
-        order = rows[np.flatnonzero(suspect)[np.argsort(-z[suspect])]].tolist()
-        # Among very many cycles a few wild ones change nothing: all at once. Among few, one that bends the curve makes
-        # its neighbours look wild: it is the one without which the others are likeliest.
-        tries = [order[: most - len(taken)]] if size > MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
-        found = [(_deviations(data, chance, [*taken, *some], sd), some) for some in tries]
-        (sd, _), some = min(found, key=lambda one: one[0][1])
-        taken += some
-    doubtful: list[int] = []
+    path = _path(data, chance)
+    least_cost = min(one.cost for one in path)
+    possible = [one for one in path if one.cost < least_cost + OPEN]
+    taken, sd = list(possible[0].rows), possible[0].sd
+    doubtful = [i for i in possible[-1].rows if i not in taken]
     while taken:
         own = [_against(data, chance, taken, i, sd) for i in taken]
         least = int(np.argmin(own))
@@ -73,6 +75,43 @@ def wild_cycles(data: CurveData, chance: Chance) -> tuple[list[int], list[int]]:
         doubtful.append(taken.pop(least))
         sd, _ = _deviations(data, chance, taken, sd)
     return sorted(taken), sorted(doubtful)
+
+
+def _path(data: CurveData, chance: Chance) -> list[_Taken]:
+    """Take cycles out, each time the one without which the others are likeliest; none first, most last."""
+    size = len(data)
+    most = max(2, int(MOST_SHARE * size))
+    price = _price(data, chance)
+    path = [_Taken([], *_deviations(data, chance, [], None))]
+    while len(path[-1].rows) < most:
+        taken, sd = path[-1].rows, path[-1].sd
+        rows, off, far = _off(data, chance, taken, sd)
+        z = np.abs(off) / far
+        usual = max(robust_deviation(off / far), 1e-12)
+        large = (np.abs(off) > _least(data, chance)) & _spare(data, rows)
+        suspect = (z > SUSPECT * usual) & large
+        if not suspect.any():
+            # Among few, two wild cycles hide each other in the scatter that they make: neither stands out before both
+            # are out. So some are taken out on trial.
+            best = min(range(len(path)), key=lambda k: path[k].cost)
+            if size > FEW or len(path) - 1 - best >= ON_TRIAL or not large.any():
+                break
+            suspect = large
+        order = rows[np.flatnonzero(suspect)[np.argsort(-z[suspect])]].tolist()
+        # Among very many cycles a few wild ones change nothing: all at once. Among few, one that bends the curve makes
+        # its neighbours look wild: it is the one without which the others are likeliest.
+        tries = [order[: most - len(taken)]] if size > MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
+        found = [(_deviations(data, chance, [*taken, *some], sd), [*taken, *some]) for some in tries]
+        (sd, cost), taken = min(found, key=lambda one: one[0][1])
+        path.append(_Taken(taken, sd, cost + price * len(taken)))
+    # Of very many cycles the standard deviations are found from some: costs of different ones are not comparable.
+    return path if size <= MOST_FOR_SEARCH else path[-1:]
+
+
+def _price(data: CurveData, chance: Chance) -> float:
+    """Negative logarithm of the odds of a wild cycle times its density, less what each cycle's density has."""
+    level = 1.0 if chance.logarithmic else float(np.median(np.abs(data.y)))
+    return float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * level))
 
 
 def _least(data: CurveData, chance: Chance) -> float:

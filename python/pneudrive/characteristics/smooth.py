@@ -290,6 +290,27 @@ def either_chance(fitted: CurveFit, blocks: NDArray[np.int64] | None) -> CurveFi
     return _described(fitted.data, fit, logarithmic=fitted.logarithmic, relative=relative)
 
 
+def with_doubt(fitted: CurveFit, doubtful: NDArray[np.intp], spread: float, odds: float) -> CurveFit:
+    """Average over both readings of doubtful cycles: that they count as all others do, and that they tell little.
+
+    Parameters
+    ----------
+    fitted : CurveFit
+        In which they count.
+    doubtful : ndarray of int
+        Rows of its data.
+    spread : float
+        Standard deviation of a cycle that tells little, in the unit of the response.
+    odds : float
+        Of that, before the data are seen.
+    """
+    little = np.zeros(len(fitted.data))
+    little[doubtful] = spread**2
+    other = replace(fitted.fit.model, noise=fitted.fit.model.noise + little).fit()
+    fit, _ = fitted.fit.averaged(other, odds)
+    return _described(fitted.data, fit, logarithmic=fitted.logarithmic, relative=fitted.relative)
+
+
 def curve_model(
     data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArray[np.int64] | None = None
 ) -> MixedModel:

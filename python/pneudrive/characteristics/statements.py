@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import straight_line
-from pneudrive.characterise.spread import student
-from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.characterise.spread import NORMAL_95, student
+from pneudrive.characteristics.basics import BOTH, PA_PER_BAR
+from pneudrive.characteristics.curves import deviation_n
 from pneudrive.characteristics.drift import pure_scatter
 from pneudrive.characteristics.plausible import NEGATIVE, suspicions
 from pneudrive.characteristics.result import Statement
@@ -17,12 +18,16 @@ from pneudrive.characteristics.smooth import CARRIED
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
     from pneudrive.characteristics.basics import Estimate
     from pneudrive.characteristics.curves import Fits, Points
     from pneudrive.characteristics.drift import Causes
     from pneudrive.characteristics.effects import Drift, Repeatability
     from pneudrive.characteristics.reading import Reading
     from pneudrive.characteristics.result import CampaignCharacteristics
+
+    Array = NDArray[np.float64]
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 CHANCE = 0.05
@@ -162,7 +167,7 @@ def _scatter(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> It
         if repeat.between is not None:
             text += f"; between {fits.block_kind}s {repeat.between.value:.2g} N"
         yield Statement("repeatability", text + ".")
-        yield from _once(repeat, fits)
+        yield from _once(found, repeat, fits)
     yield from _left(fits)
     if fits.block_groups is None:
         several = len(set(reading.days().values())) > 1 or len({head.cycle.block for head in reading.heads}) > 1
@@ -176,20 +181,35 @@ def _scatter(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> It
         yield Statement("repeatability", f"{text}; it is not in the band.", carried=False, remedy=remedy)
 
 
-def _once(repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
-    """Say where the points themselves were not repeated."""
+def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
+    """Say where the points themselves were not repeated, and the band is narrow because neighbours count."""
     remedy = "Repeat each point at least twice"
     if repeat.basis == "smooth curve":
         text = "Nothing was repeated: how much cycles scatter is taken from how smooth the curves are."
         yield Statement("repeatability", text, carried=False, remedy=f"{remedy}, or add sentinels.")
     elif repeat.basis == "sentinels":
-        count = sum(d.head.cycle.kind == "sentinel" for d in fits.points.reduced.data)
-        text = (
-            f"Each speed and pressure was measured once, and {count} sentinels at one of them tell how cycles scatter. "
-            "A curve that bends between neighbouring speeds, or moves with pressure, is told from scatter by that "
-            "alone: bands may be too narrow there."
-        )
-        yield Statement("repeatability", text, carried=False, remedy=f"{remedy}, above all where the curve falls.")
+        share = _of_single_cycles(found, fits)
+        if share.size and np.median(share) < 1.0:
+            count = sum(d.head.cycle.kind == "sentinel" for d in fits.points.reduced.data)
+            text = (
+                f"Each speed and pressure was measured once. At {int((share < 1.0).sum())} of {share.size} points the "
+                f"band is narrower than single cycles scatter (its median width is {np.median(share):.2g} of theirs), "
+                f"because neighbouring speeds and other pressures count too; {count} sentinels tell the scatter. Where "
+                "a curve bends between neighbouring speeds, or where the Stribeck speed moves with pressure, the band "
+                "may be too narrow."
+            )
+            yield Statement("repeatability", text, carried=False, remedy=f"{remedy}, above all where the curve falls.")
+
+
+def _of_single_cycles(found: CampaignCharacteristics, fits: Fits) -> Array:
+    """Width of the band at each point that was measured once, over that of the 95 % scatter of a single cycle."""
+    shares = [np.zeros(0)]
+    for curve in found.curves:
+        if curve.direction == BOTH:
+            once = curve.measured & (curve.cycles == 1)
+            scatter = NORMAL_95 * deviation_n(fits, "cycle", curve.friction_n[once])
+            shares.append((curve.high_n - curve.low_n)[once] / (2.0 * scatter))
+    return np.concatenate(shares)
 
 
 def _left(fits: Fits) -> Iterator[Statement]:
@@ -210,7 +230,10 @@ def _left(fits: Fits) -> Iterator[Statement]:
             yield Statement("curve", text, carried=False, remedy="Repeat these cycles, and add speeds beside them.")
     if fits.doubtful:
         keys = ", ".join(points.reduced.data[i].head.cycle.key for i in fits.doubtful[:NAMED])
-        text = f"{len(fits.doubtful)} cycle(s) lie off what the others say, not beyond doubt ({keys}): they count."
+        text = (
+            f"{len(fits.doubtful)} cycle(s) lie off what the others say, not beyond doubt ({keys}): the band holds "
+            "both that they count and that they do not."
+        )
         yield Statement("curve", text, carried=False, remedy="Repeat these cycles.")
 
 
