@@ -158,7 +158,7 @@ class Fits:
     block_kind : str
         block, day, or "" where there is none.
     doubtful : tuple of int
-        Cycles of the points that lie off what the others say, not beyond doubt: the curves average over both readings.
+        Cycles of the points that lie off what the others say, not beyond doubt: curves average over both.
     """
 
     points: Points
@@ -193,17 +193,19 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
     fit = fits.friction
     chance = Chance(fit.logarithmic, "drift" in fit.sources, fits.block_groups)
     rows = np.flatnonzero(points.use)
-    wild, doubtful = (rows[found] for found in wild_cycles(fit.data, chance))
-    if wild.size:
-        kept = tuple(OUTLIER if i in set(wild.tolist()) else reason for i, reason in enumerate(points.reasons))
+    found, readings = wild_cycles(fit.data, chance)
+    if found:
+        wild = set(rows[found].tolist())
+        kept = tuple(OUTLIER if i in wild else reason for i, reason in enumerate(points.reasons))
         fits = _fit_points(reading, replace(points, reasons=kept))
-    if fits is None or not doubtful.size:
+    if fits is None or not readings:
         return fits
     fit = fits.friction
     spread = WILD_SPREAD * (1.0 if fit.logarithmic else float(np.median(np.abs(fit.data.y))))
-    among = np.searchsorted(np.flatnonzero(fits.points.use), doubtful)
-    both = with_doubt(fit, among, spread, (WILD / (1.0 - WILD)) ** doubtful.size)
-    return replace(fits, friction=both, doubtful=tuple(doubtful.tolist()))
+    left = np.flatnonzero(fits.points.use)
+    among = [np.searchsorted(left, rows[some]) for some in readings]
+    both = with_doubt(fit, among, spread, WILD / (1.0 - WILD))
+    return replace(fits, friction=both, doubtful=tuple(rows[readings[-1]].tolist()))
 
 
 def condensed(points: Points, each: int) -> Points:

@@ -20,6 +20,8 @@ from pneudrive.characterise.spread import student
 from pneudrive.characteristics.basics import Estimate, FTest
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -237,27 +239,30 @@ class MixedFit:
             variances.append(np.maximum(own, 0.0))
         return _mixed(np.array(means), np.array(variances), self.weights)
 
-    def averaged(self, other: MixedFit, odds: float = 1.0) -> tuple[MixedFit, float]:
-        """Average with a fit of the same observations that differs in its kernels or noise, each by how likely it is.
+    def averaged(self, *others: MixedFit, odds: Sequence[float] = ()) -> tuple[MixedFit, Array]:
+        """Average with fits of the same observations that differ in kernels or noise, each by how likely it is.
 
         Parameters
         ----------
-        other : MixedFit
-        odds : float
-            How probable the other model is over this one, before the data are seen.
+        *others : MixedFit
+        odds : sequence of float, optional
+            How probable each of the others is over this one, before the data are seen; even where none are given.
 
         Returns
         -------
         MixedFit
-            Its most probable standard deviations are those of the likelier fit.
-        float
-            Weight of the other one.
+            Its most probable standard deviations are those of the likeliest fit.
+        ndarray
+            Weight of each of the others.
         """
-        from scipy.special import expit
-
-        share = float(expit(other.log_likelihood() - self.log_likelihood() + np.log(odds)))
-        weights = np.concatenate([(1.0 - share) * self.weights, share * other.weights])
-        return replace(other if share > 0.5 else self, weights=weights, states=(*self.states, *other.states)), share
+        every = (self, *others)
+        log = np.array([fit.log_likelihood() for fit in every])
+        log[1:] += np.log(odds) if len(odds) else 0.0
+        share = np.exp(log - log.max())
+        share /= share.sum()
+        weights = np.concatenate([s * fit.weights for s, fit in zip(share, every, strict=True)])
+        states = tuple(state for fit in every for state in fit.states)
+        return replace(every[int(np.argmax(log))], weights=weights, states=states), share[1:]
 
     def contrast(self, row: Array, unit: str = "N") -> Estimate:
         """Estimate a linear function of b with its interval and the probability that it is zero."""

@@ -34,7 +34,7 @@ TRIED = 3  # suspects of which the one is looked for without which all others fi
 LEAST_SHARE = 0.1  # of the friction: less is no failure of a sensor
 WILD = 0.02  # probability of a cycle to be wild, before its friction is seen (assumed)
 WILD_SPREAD = 0.5  # of the friction: standard deviation of wild cycles (assumed)
-OPEN = 2.0  # difference of the logarithms of probabilities up to which two readings are both held possible (assumed)
+OPEN = 4.0  # difference of logarithms: readings less than 2 % as probable as the likeliest are left out (assumed)
 FEW = 100  # cycles, among which wild ones hide each other
 ON_TRIAL = 2  # cycles that are taken out though none stands out
 MOST_SHARE = 0.1  # of the cycles (and at least two): more of them are no outliers but how the rig is
@@ -58,23 +58,32 @@ class Chance:
     blocks: NDArray[np.int64] | None
 
 
-def wild_cycles(data: CurveData, chance: Chance) -> tuple[list[int], list[int]]:
-    """Find the cycles that are none of the others, and those of which that is in doubt, as rows of the data."""
+def wild_cycles(data: CurveData, chance: Chance) -> tuple[list[int], list[list[int]]]:
+    """Find the cycles that are none of the others, as rows of the data.
+
+    Returns
+    -------
+    list of int
+        Wild cycles.
+    list of list of int
+        Where it is open whether more are wild: which, by each reading that is possible beside that none is. Each
+        holds those of the one before.
+    """
     if len(data) < ENOUGH:
         return [], []
     path = _path(data, chance)
     least_cost = min(one.cost for one in path)
     possible = [one for one in path if one.cost < least_cost + OPEN]
     taken, sd = list(possible[0].rows), possible[0].sd
-    doubtful = [i for i in possible[-1].rows if i not in taken]
     while taken:
         own = [_against(data, chance, taken, i, sd) for i in taken]
         least = int(np.argmin(own))
         if own[least] > SURE:
             break
-        doubtful.append(taken.pop(least))
+        taken.pop(least)
         sd, _ = _deviations(data, chance, taken, sd)
-    return sorted(taken), sorted(doubtful)
+    readings = [sorted(set(one.rows) - set(taken)) for one in possible]
+    return sorted(taken), [rows for rows in readings if rows]
 
 
 def _path(data: CurveData, chance: Chance) -> list[_Taken]:

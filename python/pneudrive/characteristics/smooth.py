@@ -16,6 +16,8 @@ import numpy as np
 from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, Predicted, as_estimate, independent
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from pneudrive.characteristics.basics import Estimate
@@ -285,29 +287,32 @@ def either_chance(fitted: CurveFit, blocks: NDArray[np.int64] | None) -> CurveFi
     share = np.maximum(steady / steady.mean(), LEAST_FRICTION)
     data = replace(fitted.data, chance=1.0 / share if fitted.logarithmic else share)
     other = curve_model(data, logarithmic=fitted.logarithmic, drift="drift" in fitted.sources, blocks=blocks).fit()
-    fit, weight = fitted.fit.averaged(other)
+    fit, (weight,) = fitted.fit.averaged(other)
     relative = 1.0 - weight if fitted.logarithmic else weight
     return _described(fitted.data, fit, logarithmic=fitted.logarithmic, relative=relative)
 
 
-def with_doubt(fitted: CurveFit, doubtful: NDArray[np.intp], spread: float, odds: float) -> CurveFit:
-    """Average over both readings of doubtful cycles: that they count as all others do, and that they tell little.
+def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: float, odds: float) -> CurveFit:
+    """Average over several readings of doubtful cycles: that they count as all others do, or that some tell little.
 
     Parameters
     ----------
     fitted : CurveFit
-        In which they count.
-    doubtful : ndarray of int
-        Rows of its data.
+        In which all of them count.
+    readings : sequence of ndarray of int
+        Rows of its data that tell little, of each other reading.
     spread : float
         Standard deviation of a cycle that tells little, in the unit of the response.
     odds : float
-        Of that, before the data are seen.
+        That a cycle tells little, before the data are seen.
     """
-    little = np.zeros(len(fitted.data))
-    little[doubtful] = spread**2
-    other = replace(fitted.fit.model, noise=fitted.fit.model.noise + little).fit()
-    fit, _ = fitted.fit.averaged(other, odds)
+    model = fitted.fit.model
+    others = []
+    for rows in readings:
+        little = np.zeros(len(fitted.data))
+        little[rows] = spread**2
+        others.append(replace(model, noise=model.noise + little).fit())
+    fit, _ = fitted.fit.averaged(*others, odds=[odds**rows.size for rows in readings])
     return _described(fitted.data, fit, logarithmic=fitted.logarithmic, relative=fitted.relative)
 
 
