@@ -27,25 +27,30 @@ if TYPE_CHECKING:
 
 def air_shares(reading: Reading, fits: Fits) -> tuple[AirShare, ...]:
     """Divide the total drag at each condition."""
+    points, reduced = fits.points, fits.points.reduced
     separated = reading.identity.pressure_measured_at == "chamber"
-    reduced = fits.points.reduced
-    total = fit_response(reading, fits, reduced.total_n, reduced.total_stderr_n, drift=True)
-    air = fit_response(reading, fits, reduced.air_n, reduced.air_stderr_n, drift=False)
-    found = []
-    for number, condition in enumerate(kept_conditions(fits.points)):
-        index = fits.points.conditions.index(condition)
-        speeds, _, _ = curve_speeds(fits.points, index)
-        whole = _band(total, number, speeds, _shared(fits, total, number, speeds, index))
-        if separated:
-            part = _band(air, number, speeds, np.full(speeds.size, _pressure_part(fits, index)))
-            seal = _band(fits.friction, number, speeds, _shared(fits, fits.friction, number, speeds, index))
-            bound = np.full(speeds.size, np.nan)
-        else:
-            nothing = np.full(speeds.size, np.nan)
-            part = seal = (nothing, nothing, nothing)
-            bound = np.maximum(whole[2] - np.minimum.accumulate(whole[1]), 0.0)
-        found.append(AirShare(condition, separated, speeds, *whole, *part, *seal, bound))
-    return tuple(found)
+    places = [(i, points.conditions.index(condition)) for i, condition in enumerate(kept_conditions(points))]
+    every = [curve_speeds(points, index)[0] for _, index in places]
+    unknown = [np.full(speeds.size, np.nan) for speeds in every]
+
+    def drag(fit: CurveFit) -> list[tuple[Array, Array, Array]]:
+        shared = (_shared(fits, fit, i, speeds, index) for (i, index), speeds in zip(places, every, strict=True))
+        return [_band(fit, i, speeds, u) for (i, _), speeds, u in zip(places, every, shared, strict=True)]
+
+    # One model after the other, each of which takes much memory.
+    whole = drag(fit_response(reading, fits, reduced.total_n, reduced.total_stderr_n, drift=True))
+    part = seal = [(nan, nan, nan) for nan in unknown]
+    if separated:
+        air = fit_response(reading, fits, reduced.air_n, reduced.air_stderr_n, drift=False)
+        u_air = [np.full(speeds.size, _pressure_part(fits, i)) for (_, i), speeds in zip(places, every, strict=True)]
+        part = [_band(air, i, speeds, u) for (i, _), speeds, u in zip(places, every, u_air, strict=True)]
+        seal = drag(fits.friction)
+    least = [np.maximum(high - np.minimum.accumulate(low), 0.0) for _, low, high in whole]
+    bounds = unknown if separated else least
+    return tuple(
+        AirShare(points.conditions[index], separated, every[i], *whole[i], *part[i], *seal[i], bounds[i])
+        for i, index in places
+    )
 
 
 def _shared(fits: Fits, fit: CurveFit, number: int, speeds: Array, index: int) -> Array:

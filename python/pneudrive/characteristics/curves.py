@@ -42,6 +42,7 @@ BETWEEN = 24  # speeds per curve at which it is also given between the measured 
 POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
 FEWEST = 4  # cycles
 MOST_CYCLES = 600  # that are fitted one by one: memory grows with their square, time with their cube
+MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring blocks are joined, then speed levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +63,8 @@ class Points:
         Why a cycle is no point of F(v); "" where it is one.
     unpaired : tuple of CycleData
         With one direction only.
-    count : ndarray, shape (n,)
-        Cycles that each one stands for: more than 1 where a large campaign was condensed.
+    members : tuple of tuple of CycleData, length n
+        Cycles that each one stands for: more than one where a large campaign was condensed.
     """
 
     reduced: Reduced
@@ -73,7 +74,12 @@ class Points:
     level_speeds_m_s: Array
     reasons: tuple[str, ...]
     unpaired: tuple[CycleData, ...]
-    count: Array
+    members: tuple[tuple[CycleData, ...], ...]
+
+    @property
+    def count(self) -> Array:
+        """Number of cycles that each one stands for, shape (n,)."""
+        return np.array([len(some) for some in self.members], dtype=float)
 
     @property
     def use(self) -> NDArray[np.bool_]:
@@ -98,7 +104,7 @@ def points_of(reading: Reading) -> Points | None:
     level, speeds = _levels(reduced.speed_m_s)
     unlikely = implausible(condition, reduced)
     reasons = tuple(a or b for a, b in zip(_reasons(paired, unsteady, condition, level), unlikely, strict=True))
-    return Points(reduced, conditions, condition, level, speeds, reasons, unpaired, np.ones(len(paired)))
+    return Points(reduced, conditions, condition, level, speeds, reasons, unpaired, tuple((d,) for d in paired))
 
 
 def _levels(speed: Array) -> tuple[NDArray[np.int64], Array]:
@@ -153,8 +159,9 @@ class Fits:
         Of half the sum, with the tares.
     drift_share : float
         Share of a steady drift that the design cannot tell from the curves.
-    block_groups : ndarray of int or None
-        Groups of cycles whose deviation the friction's model contains; None where the design does not carry one.
+    blocks : ndarray or None, shape (used, blocks)
+        Share of each block, or day, in each point: the friction's model contains their deviations. None where the
+        design does not carry them.
     block_kind : str
         block, day, or "" where there is none.
     doubtful : tuple of int
@@ -165,7 +172,7 @@ class Fits:
     friction: CurveFit
     offset: CurveFit
     drift_share: float
-    block_groups: NDArray[np.int64] | None
+    blocks: Array | None
     block_kind: str
     doubtful: tuple[int, ...] = ()
 
@@ -186,12 +193,12 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
     Of a large campaign, neighbouring repeats are fitted as one.
     """
     if points.use.sum() > MOST_CYCLES:
-        return _fit_points(reading, condensed(points, -(-int(points.use.sum()) // MOST_CYCLES)))
+        return _fit_points(reading, condensed(points))
     fits = _fit_points(reading, points)
     if fits is None:
         return None
     fit = fits.friction
-    chance = Chance(fit.logarithmic, "drift" in fit.sources, fits.block_groups)
+    chance = Chance(fit.logarithmic, "drift" in fit.sources, fits.blocks)
     rows = np.flatnonzero(points.use)
     found, readings = wild_cycles(fit.data, chance)
     if found:
@@ -208,13 +215,26 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
     return replace(fits, friction=both, doubtful=tuple(rows[readings[-1]].tolist()))
 
 
-def condensed(points: Points, each: int) -> Points:
-    """Put repeats of one condition, speed level and block that follow one another together, up to `each` of them."""
+def condensed(points: Points) -> Points:
+    """Put repeats of one condition, speed level and block that follow one another together.
+
+    Where there are very many cells, neighbouring blocks of the same levels count as one, then neighbouring speeds.
+    """
     reduced = points.reduced
-    block = np.array([d.head.cycle.block for d in reduced.data])
-    keys: dict[tuple[int, int, int], list[int]] = {}
-    for i in np.flatnonzero(points.use).tolist():
-        keys.setdefault((int(points.condition[i]), int(points.level[i]), int(block[i])), []).append(i)
+    used = np.flatnonzero(points.use)
+    each = -(-used.size // MOST_CYCLES)
+    stretch = _stretches(points)
+    blocks = speeds = 1
+    while np.unique(cells := _cells(points, stretch // blocks, points.level // speeds)[used]).size > MOST_CELLS:
+        if blocks <= stretch.max():
+            blocks += 1
+        elif speeds <= points.level.max():
+            speeds += 1
+        else:
+            break
+    keys: dict[int, list[int]] = {}
+    for i, key in zip(used.tolist(), cells.tolist(), strict=True):
+        keys.setdefault(key, []).append(i)
     groups = [members[k : k + each] for members in keys.values() for k in range(0, len(members), each)]
     groups.sort(key=lambda g: g[len(g) // 2])
     middle = [g[len(g) // 2] for g in groups]
@@ -232,14 +252,32 @@ def condensed(points: Points, each: int) -> Points:
         **{f"{n}_stderr_n": stderr(getattr(reduced, f"{n}_stderr_n")) for n in ("friction", "offset", "air", "total")},
         relative_n=reduced.relative_n[middle],
     )
+    of_level = points.level_speeds_m_s
     return replace(
         points,
         reduced=joined,
         condition=points.condition[middle],
-        level=points.level[middle],
+        level=points.level[middle] // speeds,
+        level_speeds_m_s=np.array([of_level[k : k + speeds].mean() for k in range(0, of_level.size, speeds)]),
         reasons=("",) * len(groups),
-        count=np.array([len(g) for g in groups], dtype=float),
+        members=tuple(tuple(reduced.data[i] for i in g) for g in groups),
     )
+
+
+def _stretches(points: Points) -> NDArray[np.int64]:
+    """Count each cycle's block among those of the same mounting, seal and drive, from 0."""
+    data = points.reduced.data
+    ranks: dict[tuple[str, str, str], dict[int, int]] = {}
+    found = []
+    for d in data:
+        same = ranks.setdefault((d.condition.mounting, d.condition.seal, d.condition.drive), {})
+        found.append(same.setdefault(d.head.cycle.block, len(same)))
+    return np.array(found, dtype=np.int64)
+
+
+def _cells(points: Points, stretch: NDArray[np.int64], level: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Give one number for each cycle's condition, level and stretch of the campaign."""
+    return (points.condition * (level.max() + 1) + level) * (stretch.max() + 1) + stretch
 
 
 def _fit_points(reading: Reading, points: Points) -> Fits | None:
@@ -250,8 +288,7 @@ def _fit_points(reading: Reading, points: Points) -> Fits | None:
     order = np.array([reading.order(d.head) for d in reduced.data])
     kept = sorted(set(points.condition[use]))
     curve = np.array([kept.index(c) if c in kept else 0 for c in points.condition], dtype=np.int64)
-    groups, kind = block_groups(reading, points)
-    used_groups = groups[use] if groups is not None else None
+    blocks, kind = block_shares(reading, points)
 
     def data(y: Array, stderr: Array) -> CurveData:
         ones = np.ones(int(use.sum()))
@@ -261,11 +298,11 @@ def _fit_points(reading: Reading, points: Points) -> Fits | None:
 
     friction = data(reduced.friction_n, reduced.friction_stderr_n)
     share = carried_drift(friction)
-    fitted = _better(friction, drift=share < CARRIED, blocks=used_groups)
+    fitted = _better(friction, drift=share < CARRIED, blocks=blocks)
     offset = _with_tares(reading, data(reduced.offset_n, reduced.offset_stderr_n))
     tares = (offset.curve < 0).sum()
     carries = carried_drift(offset) < CARRIED or tares > 1
-    return Fits(points, fitted, fit_curves(offset, logarithmic=False, drift=carries), share, used_groups, kind)
+    return Fits(points, fitted, fit_curves(offset, logarithmic=False, drift=carries), share, blocks, kind)
 
 
 def fit_response(reading: Reading, fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFit:
@@ -285,7 +322,7 @@ def fit_response(reading: Reading, fits: Fits, y: Array, stderr: Array, *, drift
     order = np.array([reading.order(d.head) for d in fits.points.reduced.data])
     like = fits.friction.data
     data = replace(like, y=y[use], noise=stderr[use] ** 2, order=order[use])
-    blocks = fits.block_groups if drift else None
+    blocks = fits.blocks if drift else None
     return fit_curves(data, logarithmic=False, drift=drift and fits.drift_share < CARRIED, blocks=blocks)
 
 
@@ -294,25 +331,42 @@ def kept_conditions(points: Points) -> list[Condition]:
     return [points.conditions[i] for i in sorted(set(points.condition[points.use].tolist()))]
 
 
-def block_groups(reading: Reading, points: Points) -> tuple[NDArray[np.int64] | None, str]:
-    """Find groups whose own deviation can be told from the levels: some levels have several blocks, or several days."""
-    data = points.reduced.data
-    use = points.use
-    named = [(d.condition.mounting, d.condition.seal, d.condition.drive) for d in data]
+def block_shares(reading: Reading, points: Points) -> tuple[Array | None, str]:
+    """Find blocks whose own deviation can be told from the levels: some levels have several blocks, or several days.
+
+    Returns
+    -------
+    ndarray or None, shape (used, blocks)
+        Share of each in the cycles that a point stands for.
+    str
+        block, day, or "" where there is none.
+    """
+    members = [some for some, use in zip(points.members, points.use, strict=True) if use]
+    named = [(some[0].condition.mounting, some[0].condition.seal, some[0].condition.drive) for some in members]
     levels = np.array([named.index(name) for name in named])
     days = reading.days()
-    groups = {
-        "block": np.array([d.head.cycle.block for d in data], dtype=np.int64),
-        "day": np.array([days[d.head.cycle.key] for d in data], dtype=np.int64),
+    kinds = {
+        "block": [[d.head.cycle.block for d in some] for some in members],
+        "day": [[days[d.head.cycle.key] for d in some] for some in members],
     }
-    for kind, group in groups.items():
-        for level in set(levels[use]):
-            if np.unique(group[use & (levels == level)]).size > 1:
-                return group, kind
+    for kind, labels in kinds.items():
+        shares = shares_of(labels)
+        if any((shares[levels == level] > 0.0).any(axis=0).sum() > 1 for level in set(levels.tolist())):
+            return shares, kind
     return None, ""
 
 
-def _better(data: CurveData, *, drift: bool, blocks: NDArray[np.int64] | None) -> CurveFit:
+def shares_of(labels: Sequence[Sequence[int]]) -> Array:
+    """Share of each label in each row of them, shape (rows, labels)."""
+    column = {label: k for k, label in enumerate(sorted({label for row in labels for label in row}))}
+    shares = np.zeros((len(labels), len(column)))
+    for i, row in enumerate(labels):
+        for label in row:
+            shares[i, column[label]] += 1.0
+    return shares / shares.sum(axis=1, keepdims=True)
+
+
+def _better(data: CurveData, *, drift: bool, blocks: Array | None) -> CurveFit:
     """Fit friction or its logarithm, whichever makes the observations more likely, with chance of either kind."""
     plain = fit_curves(data, logarithmic=False, drift=drift, blocks=blocks)
     if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
@@ -321,7 +375,9 @@ def _better(data: CurveData, *, drift: bool, blocks: NDArray[np.int64] | None) -
     # Densities of y and of ln y differ by a factor y for each degree of freedom of the restricted likelihood.
     freedom = len(data) - plain.fit.model.x.shape[1]
     likelier = relative.fit.log_likelihood() - freedom * float(np.mean(np.log(data.y)))
-    return either_chance(relative if likelier > plain.fit.log_likelihood() else plain, blocks)
+    better = relative if likelier > plain.fit.log_likelihood() else plain
+    del plain, relative  # the other one goes before a third one comes: each takes much memory
+    return either_chance(better, blocks)
 
 
 def _logarithmic(data: CurveData) -> CurveData:
@@ -439,7 +495,7 @@ def curve_speeds(points: Points, condition: int) -> tuple[Array, NDArray[np.bool
     members = points.use & (points.condition == condition)
     levels = sorted(set(points.level[members]))
     speeds = np.array([points.reduced.speed_m_s[members & (points.level == k)].mean() for k in levels])
-    counts = np.array([int((members & (points.level == k)).sum()) for k in levels], dtype=np.int64)
+    counts = np.array([points.count[members & (points.level == k)].sum() for k in levels], dtype=np.int64)
     between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
     apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0 if between.size else []
     between = between[apart] if between.size else between

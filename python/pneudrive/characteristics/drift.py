@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.basics import Estimate
-from pneudrive.characteristics.curves import Fits
+from pneudrive.characteristics.curves import Fits, shares_of
 from pneudrive.characteristics.effects import Drift, Repeatability
 from pneudrive.characteristics.mixed import MixedModel, independent
 from pneudrive.characteristics.smooth import CARRIED
@@ -165,7 +165,7 @@ def repeatability(fits: Fits) -> Repeatability:
         ends = (float(np.hypot(v, noise)) for v in (within.value, within.low, within.high))
         within = replace(within, **dict(zip(("value", "low", "high"), ends, strict=True)))
     between = total = None
-    if fits.block_groups is not None:
+    if fits.blocks is not None:
         between = _scaled(fit.fit.deviation("block"), level if fit.logarithmic else 1.0)
         value = float(np.hypot(within.value, between.value))
         stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
@@ -190,7 +190,8 @@ def pure_scatter(fits: Fits) -> Pure | None:
     """Estimate the standard deviation of a cycle from repeats and sentinels alone, whatever the curves make of them.
 
     What is left of cycles at one condition and speed when their mean, a line over the campaign and the means of the
-    blocks are taken out. None where nothing was repeated.
+    blocks are taken out. A point that stands for several cycles scatters less, and weighs as many. None where nothing
+    was repeated.
     """
     from scipy.special import chdtri
 
@@ -202,14 +203,15 @@ def pure_scatter(fits: Fits) -> Pure | None:
     if not again.any():
         return None
     use, cell, y, order = use[again], cell.ravel()[again], fit.data.y[again], fit.data.order[again]
+    weight = fit.data.count[again]
     data = [points.reduced.data[i] for i in use]
-    block = np.unique([d.head.cycle.block for d in data], return_inverse=True)[1]
-    columns = np.column_stack([order, block[:, None] == np.arange(block.max())[None, :]])
+    blocks = shares_of([[d.head.cycle.block for d in points.members[i]] for i in use])
+    columns = np.column_stack([order, blocks[:, :-1]])
 
     def within(values: Array) -> Array:
         total = np.zeros((int(cell.max()) + 1, values.shape[1]))
-        np.add.at(total, cell, values)
-        return values - total[cell] / np.bincount(cell)[cell, None]
+        np.add.at(total, cell, weight[:, None] * values)
+        return np.sqrt(weight)[:, None] * (values - total[cell] / np.bincount(cell, weight)[cell, None])
 
     groups = np.unique(cell).size
     kept = within(columns) if y.size - groups > ENOUGH_FOR_LINE else np.zeros((y.size, 0))

@@ -55,7 +55,7 @@ class Chance:
 
     logarithmic: bool
     drift: bool
-    blocks: NDArray[np.int64] | None
+    blocks: Array | None
 
 
 def wild_cycles(data: CurveData, chance: Chance) -> tuple[list[int], list[list[int]]]:

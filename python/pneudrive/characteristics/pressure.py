@@ -202,12 +202,10 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
     if fits.drift_share < CARRIED:
         order = np.array([reading.order(d.head) for d, m in zip(reduced.data, members, strict=True) if m])
         components.append(Component("drift", outer * centred_walk(order), usual))
-    if fits.block_groups is not None:
-        groups = np.zeros(len(points), dtype=np.int64)
-        groups[points.use] = fits.block_groups
-        group = groups[members]
-        if np.unique(group).size > 1:
-            components.append(Component("block", outer * (group[:, None] == group[None, :]), usual))
+    if fits.blocks is not None:
+        blocks = fits.blocks[members[points.use]]
+        if blocks.any(axis=0).sum() > 1:
+            components.append(Component("block", outer * (blocks @ blocks.T), usual))
     return MixedModel(y, x, reduced.friction_stderr_n[members] ** 2, tuple(components)).fit()
 
 

@@ -242,7 +242,7 @@ def carried_drift(data: CurveData) -> float:
     return 1.0 - float(left @ left) / float(away @ away)
 
 
-def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArray[np.int64] | None = None) -> CurveFit:
+def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: Array | None = None) -> CurveFit:
     """Fit all curves of a campaign.
 
     Parameters
@@ -252,8 +252,8 @@ def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArr
     logarithmic : bool
     drift : bool
         Whether the design carries a drift (see `carried_drift`).
-    blocks : ndarray of int, optional
-        Groups that share a deviation of their own (blocks or days), where the design carries it.
+    blocks : ndarray, shape (n, blocks), optional
+        Share of each block (or day) in each observation, where the design carries their own deviations.
     """
     fit = curve_model(data, logarithmic=logarithmic, drift=drift, blocks=blocks).fit()
     return _described(data, fit, logarithmic=logarithmic, relative=float(logarithmic))
@@ -270,7 +270,7 @@ def _described(data: CurveData, fit: MixedFit, *, logarithmic: bool, relative: f
     return CurveFit(data, fit, logarithmic, relative, names, estimate, half)
 
 
-def either_chance(fitted: CurveFit, blocks: NDArray[np.int64] | None) -> CurveFit:
+def either_chance(fitted: CurveFit, blocks: Array | None) -> CurveFit:
     """Average over both ways in which a cycle's own chance may act, in newton and in proportion to friction.
 
     Which response describes the curves better, friction or its logarithm, is one question; how cycles scatter is
@@ -280,7 +280,7 @@ def either_chance(fitted: CurveFit, blocks: NDArray[np.int64] | None) -> CurveFi
     ----------
     fitted : CurveFit
         With a chance that is the same at all frictions in the unit of its response; of positive friction.
-    blocks : ndarray of int, optional
+    blocks : ndarray, optional
         As in `fit_curves`.
     """
     steady = np.exp(fitted.steady()) if fitted.logarithmic else fitted.steady()
@@ -316,9 +316,7 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
     return _described(fitted.data, fit, logarithmic=fitted.logarithmic, relative=fitted.relative)
 
 
-def curve_model(
-    data: CurveData, *, logarithmic: bool, drift: bool, blocks: NDArray[np.int64] | None = None
-) -> MixedModel:
+def curve_model(data: CurveData, *, logarithmic: bool, drift: bool, blocks: Array | None = None) -> MixedModel:
     """Give the model that `fit_curves` fits."""
     basis = _Basis.of(data)
     on = data.curve >= 0
@@ -333,7 +331,7 @@ def curve_model(
     if drift:
         components.append(Component("drift", centred_walk(data.order), usual))
     if blocks is not None:
-        components.append(Component("block", (blocks[:, None] == blocks[None, :]).astype(float), usual))
+        components.append(Component("block", blocks @ blocks.T, usual))
     x = basis.fixed(data.speed_m_s, data.curve, observed=True)[:, basis.kept]
     return MixedModel(data.y, x, data.noise, tuple(components))
 

@@ -169,7 +169,7 @@ def _scatter(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> It
         yield Statement("repeatability", text + ".")
         yield from _once(found, repeat, fits)
     yield from _left(fits)
-    if fits.block_groups is None:
+    if fits.blocks is None:
         several = len(set(reading.days().values())) > 1 or len({head.cycle.block for head in reading.heads}) > 1
         text = (
             "Each mounting, seal and drive was measured in one block and on one day: what another mounting or day "
@@ -190,7 +190,7 @@ def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> 
     elif repeat.basis == "sentinels":
         share = _of_single_cycles(found, fits)
         if share.size and np.median(share) < 1.0:
-            count = sum(d.head.cycle.kind == "sentinel" for d in fits.points.reduced.data)
+            count = sum(d.head.cycle.kind == "sentinel" for some in fits.points.members for d in some)
             text = (
                 f"Each speed and pressure was measured once. At {int((share < 1.0).sum())} of {share.size} points the "
                 f"band is narrower than single cycles scatter (its median width is {np.median(share):.2g} of theirs), "
@@ -216,12 +216,13 @@ def _left(fits: Fits) -> Iterator[Statement]:
     """Say where a curve leaves good cycles by more than cycles scatter, and which cycles are in doubt."""
     pure, points = pure_scatter(fits), fits.points
     if pure is not None:
-        off = np.abs(fits.rest()) / np.hypot(pure.estimate.value, np.sqrt(fits.friction.data.noise))
+        data = fits.friction.data
+        off = np.abs(fits.rest()) / np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
         far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
         if far.size:
-            data = [d for d, use in zip(points.reduced.data, points.use, strict=True) if use]
+            cycles = [d for d, use in zip(points.reduced.data, points.use, strict=True) if use]
             named = ", ".join(
-                f"{data[i].head.cycle.key} by {off[i]:.2g} times" for i in far[np.argsort(-off[far])][:NAMED].tolist()
+                f"{cycles[i].head.cycle.key} by {off[i]:.2g} times" for i in far[np.argsort(-off[far])][:NAMED].tolist()
             )
             text = (
                 f"The curves leave {far.size} cycle(s) by more than repeated cycles scatter ({named} the standard "

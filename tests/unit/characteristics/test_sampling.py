@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from oracle.campaigns import write_campaign
+from pneudrive.campaign.folder import Campaign
 from pneudrive.characterise import SourcePaper
+from pneudrive.characterise.settling import Settled
 from pneudrive.characteristics import characteristics
+from pneudrive.characteristics.reading import read_campaign
 
 QUIET = {"white_n": 0.01, "correlated_n": 0.0, "cycle_share": 0.0, "sentinel_every": 0, "repeats": 1, "tare": False}
 
@@ -66,3 +69,30 @@ def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkey
         reach = (a.high_n - a.low_n) / 2.0
         assert np.all(np.abs(b.friction_n - a.friction_n)[a.measured] < 0.5 * reach[a.measured])
         assert (b.high_n - b.low_n)[a.measured] / 2.0 == pytest.approx(reach[a.measured], rel=0.4)
+        assert b.cycles.tolist() == a.cycles.tolist()
+    assert condensed.repeatability.within.value == pytest.approx(whole.repeatability.within.value, rel=0.3)
+
+
+def test_many_blocks_and_speeds_are_joined_so_that_models_stay_small(quick, tmp_path, monkeypatch):
+    """The number of points that are fitted has a bound, whatever the plan; blocks are told from cycles all the same."""
+    from pneudrive.characteristics import curves
+
+    world = quick(
+        levels=({},) * 16, repeats=1, cycle_share=0.01, block_share=0.03, speeds_m_s=tuple(np.geomspace(5e-3, 0.4, 9))
+    )
+    folder = write_campaign(tmp_path / "campaign", world, 4)
+    points = curves.points_of(read_campaign(Campaign.open(folder), Settled(), 1))
+    whole = characteristics(folder, processes=1)
+    monkeypatch.setattr(curves, "MOST_CYCLES", 60)
+    monkeypatch.setattr(curves, "MOST_CELLS", 50)
+    assert len(curves.condensed(points)) <= 50 + 60 < len(points)
+    joined = characteristics(folder, processes=1)
+    for name, share in (("within", 0.3), ("between", 0.5)):
+        one, other = (getattr(found.repeatability, name).value for found in (whole, joined))
+        assert other == pytest.approx(one, rel=share)
+    monkeypatch.setattr(curves, "MOST_CELLS", 6)
+    few = curves.condensed(points)
+    assert len(set(few.level.tolist())) <= 6
+    assert sum(len(some) for some in few.members) == len(points)
+    told = few.level_speeds_m_s[few.level]
+    assert np.all(np.abs(few.reduced.speed_m_s / told - 1.0) < 0.5)
