@@ -7,11 +7,13 @@ from numpy import float64
 from numpy.typing import NDArray
 
 __all__ = [
+    "Circuit",
     "Drive",
     "Rig",
     "Session",
     "Tank",
     "choked_flow_factor",
+    "components",
     "constants",
     "flow_ratio",
     "formula_law",
@@ -185,6 +187,82 @@ class Session:
     def save(self) -> bytes: ...
     def restore(self, saved: bytes) -> None: ...
     def linearise(self, inputs: Sequence[str]) -> Linear: ...
+
+@type_check_only
+class Port(TypedDict):
+    name: str
+    kind: str
+    exhaust: bool
+    optional: bool
+
+@type_check_only
+class ComponentParameter(TypedDict):
+    key: str
+    unit: str
+    meaning: str
+    rule: str
+    lower: float
+    upper: float
+    open: bool
+    open_above: bool
+    default: float | None
+    assumed: str
+    follows: str
+
+@type_check_only
+class ComponentChoice(TypedDict):
+    name: str
+    meaning: str
+    options: list[str]
+    default: str
+
+@type_check_only
+class ComponentVariable(TypedDict):
+    name: str
+    unit: str
+    meaning: str
+
+@type_check_only
+class Component(TypedDict):
+    kind: str
+    title: str
+    doc: str
+    sources: list[str]
+    ports: list[Port]
+    parameters: list[ComponentParameter]
+    choices: list[ComponentChoice]
+    friction: bool
+    inputs: list[ComponentVariable]
+    outputs: list[ComponentVariable]
+
+def components() -> list[Component]: ...
+@final
+class Circuit:
+    def __new__(cls, json: str) -> Circuit: ...
+    @property
+    def inputs(self) -> list[tuple[str, str, str, str]]: ...
+    @property
+    def columns(self) -> list[str]: ...
+    @property
+    def start_names(self) -> list[str]: ...
+    @property
+    def states(self) -> list[str]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def citations(self) -> list[str]: ...
+    def start(self, start: Mapping[str, float], rtol: float) -> Session: ...
+    def simulate(
+        self,
+        plans: Sequence[tuple[str, Sequence[float], Sequence[float]]],
+        duration: float,
+        sample_rate: float,
+        start: Mapping[str, float],
+        rtol: float,
+        ledger: bool = False,
+        budget: int | None = None,
+        look: Callable[[float], object] | None = None,
+    ) -> SimulationResult: ...
 
 @type_check_only
 class RigResult(Result):

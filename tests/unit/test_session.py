@@ -122,8 +122,9 @@ def test_edges_by_themselves_are_the_valve():
     by_edge, by_command = REFERENCE.start(START), REFERENCE.start(START)
     by_command.set("command", -0.4)
     by_edge.set("opening_a_exhaust", 0.4)
-    by_edge.set("opening_supply_b", 0.4)
     assert math.isnan(by_edge.read("command"))
+    by_edge.set("opening_supply_b", 0.4)
+    assert by_edge.read("command") == -0.4
     for session in (by_edge, by_command):
         session.advance(0.2)
     assert by_edge.read("position_m") == by_command.read("position_m") < 0.2

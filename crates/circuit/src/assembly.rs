@@ -2,9 +2,10 @@
 
 mod along;
 mod drive;
-mod end_stop;
+pub(crate) mod end_stop;
 mod friction;
-mod leak;
+pub(crate) mod leak;
+mod network;
 mod own_law;
 mod rig;
 mod session;
@@ -15,6 +16,7 @@ mod variables;
 pub use along::{ALONG, Record, Restart};
 pub use drive::{Drive, Servo};
 pub use friction::{friction_law, steady_sensitivity};
+pub use network::Network;
 pub use own_law::own_law;
 pub use rig::{End, Motion, Rig, Start};
 pub use session::{Linear, Session};

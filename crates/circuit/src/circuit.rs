@@ -23,6 +23,32 @@ pub struct AxisId(pub(crate) usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CarriageId(pub(crate) usize);
 
+/// A flow path of a circuit, and the direction in which its flow counts.
+#[derive(Clone, Copy, Debug)]
+pub struct Path {
+    kind: PartKind,
+    index: usize,
+    backward: bool,
+}
+
+impl Path {
+    /// That of a restriction.
+    pub fn of(opening: InputId) -> Self {
+        Path { kind: opening.kind, index: opening.index, backward: false }
+    }
+
+    #[must_use]
+    pub fn backward(self) -> Self {
+        Path { backward: !self.backward, ..self }
+    }
+}
+
+impl AxisId {
+    pub(crate) fn index(self) -> usize {
+        self.0
+    }
+}
+
 impl CarriageId {
     /// Its jerk, m/s3.
     pub fn jerk(self) -> InputId {
@@ -268,6 +294,32 @@ impl<R: Lane> Circuit<R> {
         net.rates = rates;
     }
 
+    /// Mass flow through a path at the nodes, kg/s.
+    pub fn flow(&self, path: Path, net: &Net<R>) -> R {
+        let flow = match path.kind {
+            PartKind::CheckValve => self.parts.check_valves[path.index].1.flow(net),
+            _ => {
+                let part = &self.parts.restrictions[path.index].1;
+                part.flow(&net.gas[part.from], &net.gas[part.to]).0
+            }
+        };
+        if path.backward { -flow } else { flow }
+    }
+
+    /// Mass flow out of a node through all paths, kg/s: that of a reservoir.
+    pub fn flow_out_of(&self, node: GasId, net: &Net<R>) -> R {
+        let restrictions = self.parts.restrictions.iter().map(|(_, part)| (part.from, part.to));
+        let check_valves = self.parts.check_valves.iter().map(|(_, part)| (part.from, part.to));
+        let path = |kind| move |(index, ends)| (Path { kind, index, backward: false }, ends);
+        let all = restrictions.enumerate().map(path(PartKind::Restriction));
+        let all = all.chain(check_valves.enumerate().map(path(PartKind::CheckValve)));
+        all.fold(R::zero(), |sum, (path, (from, to))| match (from == node.0, to == node.0) {
+            (true, false) => sum + self.flow(path, net),
+            (false, true) => sum - self.flow(path, net),
+            _ => sum,
+        })
+    }
+
     /// Force of a link at the nodes, N in +x on its second axis.
     pub fn link_force(&self, link: usize, net: &Net<R>) -> R {
         self.parts.links[link].1.force(net)
@@ -317,14 +369,16 @@ impl Circuit<f64> {
         self.inside(y, &mut self.work()) > 0.0
     }
 
-    /// What follows the impacts of the first cylinder.
-    pub(crate) fn impacts(&self) -> Option<Impacts> {
+    /// What follows the impacts of each cylinder.
+    pub(crate) fn impacts(&self) -> Vec<Impacts> {
         let usual = self.parts.cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
         let others = self.parts.other_cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
-        let (place, stops, axis) = usual.chain(others).next()?;
-        let mut stops = stops.clone();
-        stops.meet(0);
-        Some(Impacts::new(stops, axis.mass, place.first))
+        let each = usual.chain(others).map(|(place, stops, axis)| {
+            let mut stops = stops.clone();
+            stops.meet(0);
+            Impacts::new(stops, axis.mass, place.first)
+        });
+        each.collect()
     }
 }
 

@@ -1,11 +1,13 @@
 //! Impacts on the end stops, read off the accepted steps.
 
+use crate::circuit::AxisId;
 use crate::part::EndStops;
 use ode::Accepted;
 
 /// A contact with an end stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Impact {
+    pub axis: AxisId,
     /// When it begins, s.
     pub time: f64,
     /// At the end of chamber b, else at that of chamber a.
@@ -78,6 +80,7 @@ impl Impacts {
             let speed = if at_b { v } else { -v };
             let energy = 0.5 * self.mass * v * v;
             self.open = Some(Impact {
+                axis: AxisId(self.stops.axis),
                 time: t + low * h,
                 at_b,
                 speed,

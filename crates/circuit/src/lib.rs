@@ -6,6 +6,7 @@
 
 mod assembly;
 mod circuit;
+mod component;
 mod impacts;
 mod ledger;
 mod lifted;
@@ -15,11 +16,12 @@ mod run;
 pub mod specification;
 
 pub use assembly::{
-    ALONG, Assembly, ByStart, DIRECTIONS, Drive, End, Linear, Motion, Quantity, Record, Restart, Rig, Servo,
-    Session, Settable, Shooting, Shot, Start, Starting, Tank, Target, Variables, friction_law, own_law,
-    steady_sensitivity,
+    ALONG, Assembly, ByStart, DIRECTIONS, Drive, End, Linear, Motion, Network, Quantity, Record, Restart,
+    Rig, Servo, Session, Settable, Shooting, Shot, Start, Starting, Tank, Target, Variables, friction_law,
+    own_law, steady_sensitivity,
 };
-pub use circuit::{AxisId, CarriageId, Circuit, GasId, PistonSide};
+pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
+pub use component::{Choice, KINDS, Kind as ComponentKind, Port, PortKind};
 pub use impacts::Impact;
 pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};

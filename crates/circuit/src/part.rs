@@ -2,6 +2,7 @@
 
 pub(crate) mod axis;
 mod carriage;
+pub(crate) mod check_valve;
 pub(crate) mod cylinder;
 mod end_stops;
 mod face;
@@ -20,6 +21,7 @@ use std::collections::BTreeMap;
 
 pub use axis::Axis;
 pub use carriage::Carriage;
+pub use check_valve::CheckValve;
 pub use cylinder::{Cylinder, OtherCylinder};
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
@@ -548,4 +550,5 @@ parts! {
         end_stops: EndStops,
         springs: Spring,
         links: Link,
+        check_valves: CheckValve,
 }

@@ -67,7 +67,7 @@ pub struct Recorder {
     columns: Vec<Vec<f64>>,
     row: Vec<f64>,
     states: Option<Vec<Vec<f64>>>,
-    impacts: Option<Impacts>,
+    impacts: Vec<Impacts>,
 }
 
 impl Recorder {
@@ -97,7 +97,8 @@ impl Recorder {
     pub fn finish(mut self, session: &Session) -> Run {
         self.complete(session);
         let balance = self.states.as_ref().map(|states| balance(session.circuit(), states));
-        let impacts = self.impacts.take().map_or_else(Vec::new, Impacts::finish);
+        let mut impacts: Vec<Impact> = self.impacts.into_iter().flat_map(Impacts::finish).collect();
+        impacts.sort_by(|one, other| one.time.total_cmp(&other.time));
         Run { columns: self.columns, statistics: session.statistics(), balance, impacts }
     }
 
@@ -127,7 +128,7 @@ impl Output<f64, Circuit<f64>> for Recorder {
     }
 
     fn step(&mut self, _lane: usize, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
-        if let Some(impacts) = &mut self.impacts {
+        for impacts in &mut self.impacts {
             impacts.step(t, h, states);
         }
     }

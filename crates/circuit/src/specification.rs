@@ -4,6 +4,7 @@ mod friction;
 
 pub use friction::*;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -270,4 +271,28 @@ pub struct Initial {
     /// For how long the contact has stood; for friction that remembers it.
     #[serde(default)]
     pub contact_age_s: f64,
+}
+
+/// A component of a circuit: its numbers by the names of its kind's parameters, in SI units.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Component {
+    pub name: String,
+    pub kind: String,
+    #[serde(default)]
+    pub numbers: BTreeMap<String, f64>,
+    #[serde(default)]
+    pub choices: BTreeMap<String, String>,
+    #[serde(default)]
+    pub friction: Option<Friction>,
+}
+
+/// Components, and the ports that are joined: "valve.4", or "ambient".
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Circuit {
+    pub gas: Gas,
+    pub ambient: GasState,
+    pub components: Vec<Component>,
+    pub joints: Vec<Vec<String>>,
 }

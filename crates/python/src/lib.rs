@@ -3,6 +3,7 @@
 mod convert;
 mod drive;
 mod friction;
+mod network;
 mod rig;
 mod session;
 mod tank;
@@ -42,9 +43,11 @@ fn constants() -> BTreeMap<&'static str, f64> {
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<drive::PyDrive>()?;
+    m.add_class::<network::PyCircuit>()?;
     m.add_class::<rig::PyRig>()?;
     m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;
+    m.add_function(wrap_pyfunction!(network::components, m)?)?;
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;
     m.add_function(wrap_pyfunction!(friction::formula_law, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction, m)?)?;

@@ -1,15 +1,16 @@
-use super::end_stop::{Ends, ends, impact_warning, stop_warning, through_warning};
+use super::end_stop::{Driven, Ends, ends, impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
 use super::leak::leak;
 use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::circuit::{AxisId, Circuit, GasId, PistonSide};
+use crate::component::cylinder::side;
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
 use crate::part::{ChamberLaw, Given};
 use crate::run::{Error, Look, Recorder, Run, States, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
-use math::{Deps, Lane, Over, Real};
+use math::{Deps, Lane, Over};
 use ode::{Options, Statistics, System};
 use physics::IdealGas;
 use physics::flow::Iso6358;
@@ -39,13 +40,6 @@ pub(super) struct Wired<P> {
     area: P,
 }
 
-/// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both
-/// end faces and the rod's surface; the dead volume has no surface of its own.
-fn side<P: Real>(bore: P, rod: P) -> PistonSide<P> {
-    let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
-    PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
-}
-
 impl Drive {
     /// Assembles the drive; with `ledger`, its accounts are integrated along.
     pub fn assemble(spec: &specification::Drive, ledger: bool) -> Result<Self, Error> {
@@ -67,7 +61,9 @@ impl Drive {
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
         let mut warnings = friction.warnings(gauge, spec.cylinder.stroke_m);
         let areas = sides::<f64>(&lifted).map(|side| side.area);
-        warnings.extend(stop_warning(&wired.ends.stop, &spec.cylinder, areas, gauge));
+        let dead_volumes = [spec.cylinder.dead_volume_a_m3, spec.cylinder.dead_volume_b_m3];
+        let named = ["cylinder.end_stop.stiffness", "cylinder.dead_volume."];
+        warnings.extend(stop_warning(wired.ends.stop.stiffness, dead_volumes, areas, gauge, named));
         let mut citations = friction.sources();
         citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if printed {
@@ -156,14 +152,39 @@ where
         let [side_a, side_b] = sides(lifted);
         circuit.face(a, axis, true, stroke, side_a);
         circuit.face(b, axis, false, stroke, side_b);
-        let ends = ends(lifted, &[side_a, side_b]);
+        let spring = lifted
+            .optional(|spec| spec.load.spring.as_ref())
+            .map(|spring| [spring.number(|s| s.stiffness_n_m), spring.number(|s| s.rest_position_m)]);
+        let stop = |f: fn(&specification::EndStop) -> Option<f64>| -> Option<P> {
+            f(&lifted.value.cylinder.end_stop)?;
+            Some(lifted.number_or(0.0, |s| f(&s.cylinder.end_stop)))
+        };
+        let ends = ends(&Driven {
+            sides: &[side_a, side_b],
+            dead_volumes: [number(|s| s.cylinder.dead_volume_a_m3), number(|s| s.cylinder.dead_volume_b_m3)],
+            mass,
+            stroke,
+            incline,
+            supply_pressure: number(|s| s.supply.pressure_pa),
+            hottest: number(|s| s.supply.temperature_k).max(ambient[1]),
+            forces: [
+                force,
+                spring.map_or(P::zero(), |[k, rest]: [P; 2]| k * rest.abs().max((stroke - rest).abs())),
+            ],
+            gas_constant: number(|s| s.gas.gas_constant_j_kg_k),
+            conductance: number(|s| {
+                let Valve::Proportional53(valve) = &s.valve;
+                valve.conductance_m3_s_pa
+            }),
+            given: [stop(|s| s.stiffness_n_m), stop(|s| s.damping_n_s_m), stop(|s| s.damping_depth_m)],
+        });
         let area = side_a.area.max(side_b.area);
         circuit.end_stops(axis, ends.stop.clone(), stroke);
         if let Some(covers) = &ends.covers {
             circuit.covers(axis, covers.clone());
         }
-        if let Some(spring) = lifted.optional(|spec| spec.load.spring.as_ref()) {
-            circuit.spring(axis, spring.number(|s| s.stiffness_n_m), spring.number(|s| s.rest_position_m));
+        if let Some([stiffness, rest_position]) = spring {
+            circuit.spring(axis, stiffness, rest_position);
         }
         let law = edge_law(lifted, &gas);
         let mut edge = |from, to| circuit.restriction(law.clone(), from, to);
@@ -279,7 +300,8 @@ impl Drive {
 
     /// What to say of impacts that press a stop through, or are too hard for a cylinder of this size.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> impl Iterator<Item = String> {
-        through_warning(&self.wired.ends, impacts).into_iter().chain(impact_warning(self.wired.area, impacts))
+        let through = through_warning(self.wired.ends.enough, "cylinder.end_stop.stiffness", impacts);
+        through.into_iter().chain(impact_warning(self.wired.area, impacts))
     }
 
     /// Keys in references.bib of the laws and methods that this drive uses.

@@ -3,9 +3,7 @@
 
 use crate::circuit::PistonSide;
 use crate::impacts::Impact;
-use crate::lifted::Lifted;
 use crate::part::Covers;
-use crate::specification::{self, Valve};
 use math::Lane;
 use physics::IdealGas;
 use physics::constants::{P_0, STANDARD_GRAVITY, T_0};
@@ -37,7 +35,7 @@ const TAKEN_J_M2: f64 = 4000.0;
 
 /// What a piston meets at the end of its stroke.
 #[derive(Clone, Debug)]
-pub(super) struct Ends<P> {
+pub(crate) struct Ends<P> {
     pub stop: EndStop<P>,
     /// Where the stop may be pressed through.
     pub covers: Option<Covers<P>>,
@@ -45,7 +43,29 @@ pub(super) struct Ends<P> {
     pub enough: P,
 }
 
-/// The ends of `lifted`; what its description gives stays as it is.
+/// What the ends of a cylinder follow from, in SI units.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Driven<'a, P> {
+    pub sides: &'a [PistonSide<P>; 2],
+    pub dead_volumes: [P; 2],
+    /// Moving mass and load.
+    pub mass: P,
+    pub stroke: P,
+    pub incline: P,
+    /// Absolute.
+    pub supply_pressure: P,
+    /// Highest temperature of supply and ambient air.
+    pub hottest: P,
+    /// External force, and the largest force of springs.
+    pub forces: [P; 2],
+    pub gas_constant: P,
+    /// Largest sonic conductance through which gas leaves a chamber.
+    pub conductance: P,
+    /// Stiffness, damping and damping depth, where the description gives them.
+    pub given: [Option<P>; 3],
+}
+
+/// The ends of a cylinder; what its description gives stays as it is.
 ///
 ///   k = (M v^2 + 2 F d)/d^2                                        [N/m]
 ///   c = 2 zeta sqrt(k M),   d_c = d/10                             [N s/m], [m]
@@ -60,47 +80,30 @@ pub(super) struct Ends<P> {
 /// A stop that is given softer than keeps such a piston within 0.8 of the dead length has the covers behind it: from
 /// there on a contact of the same form, with d a tenth of the dead length and v twice as large, but not less than
 /// 10 m/s.
-pub(super) fn ends<P: Lane>(lifted: &Lifted<specification::Drive>, sides: &[PistonSide<P>; 2]) -> Ends<P> {
-    type Drive = specification::Drive;
-    let number = |f: fn(&Drive) -> f64| -> P { lifted.number(f) };
+pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
     let c = P::c;
+    let Driven { sides, mass, stroke, conductance, .. } = *driven;
     let [area_a, area_b] = [sides[0].area, sides[1].area];
     let (large, small) = (area_a.max(area_b), area_a.min(area_b));
-    let mass = number(|s| s.cylinder.moving_mass_kg) + number(|s| s.load.mass_kg);
-    let stroke = number(|s| s.cylinder.stroke_m);
-    let weight = mass * c(STANDARD_GRAVITY) * number(|s| s.cylinder.incline_rad).sin().abs();
-    let spring = lifted.optional(|s| s.load.spring.as_ref()).map_or(P::zero(), |spring| {
-        let rest: P = spring.number(|s| s.rest_position_m);
-        spring.number::<P>(|s| s.stiffness_n_m) * rest.abs().max((stroke - rest).abs())
-    });
-    let force = number(|s| s.supply.pressure_pa) * large + weight + number(|s| s.load.force_n).abs() + spring;
-    let sound = number(|s| s.gas.gas_constant_j_kg_k)
-        * number(|s| s.supply.temperature_k).max(number(|s| s.ambient.temperature_k))
-        * c(1.0 / (IdealGas::air().gas_constant * T_0));
-    let conductance = number(|s| {
-        let Valve::Proportional53(valve) = &s.valve;
-        valve.conductance_m3_s_pa
-    });
+    let weight = mass * c(STANDARD_GRAVITY) * driven.incline.sin().abs();
+    let [load, spring] = driven.forces;
+    let force = driven.supply_pressure * large + weight + load.abs() + spring;
+    let sound = driven.gas_constant * driven.hottest * c(1.0 / (IdealGas::air().gas_constant * T_0));
     let exhaust = conductance * c(P_0) * sound.sqrt() / small;
     let by_work = (c(2.0) * force * stroke / mass).sqrt();
     let speed = (c(FLOW_FACTOR) * exhaust).min(by_work).max(c(LEAST_SPEED));
-    let rooms =
-        [number(|s| s.cylinder.dead_volume_a_m3) / area_a, number(|s| s.cylinder.dead_volume_b_m3) / area_b];
+    let rooms = [driven.dead_volumes[0] / area_a, driven.dead_volumes[1] / area_b];
     let room = rooms[0].min(rooms[1]);
     let depth = c(DEPTH_SHARE) * room;
     let holds = |speed: P, depth: P| (mass * speed * speed + c(2.0) * force * depth) / (depth * depth);
     let damping = |stiffness: P| c(2.0 * DAMPING_RATIO) * (stiffness * mass).sqrt();
 
-    let given = |f: fn(&specification::EndStop) -> Option<f64>| -> Option<P> {
-        f(&lifted.value.cylinder.end_stop)?;
-        Some(lifted.number_or(0.0, |s| f(&s.cylinder.end_stop)))
-    };
     let enough = holds(speed, depth);
-    let stiffness = given(|stop| stop.stiffness_n_m).unwrap_or(enough);
+    let stiffness = driven.given[0].unwrap_or(enough);
     let stop = EndStop {
         stiffness,
-        damping: given(|stop| stop.damping_n_s_m).unwrap_or_else(|| damping(stiffness)),
-        damping_depth: given(|stop| stop.damping_depth_m).unwrap_or_else(|| c(DAMPING_SHARE) * depth),
+        damping: driven.given[1].unwrap_or_else(|| damping(stiffness)),
+        damping_depth: driven.given[2].unwrap_or_else(|| c(DAMPING_SHARE) * depth),
     };
     let soft = stiffness.get(0) < holds(speed, c(COVER_BEGINS) * room).get(0);
     let covers = soft.then(|| {
@@ -113,22 +116,24 @@ pub(super) fn ends<P: Lane>(lifted: &Lifted<specification::Drive>, sides: &[Pist
 }
 
 /// A stop so soft that supply pressure pushes the piston through the dead volume before it.
-pub(super) fn stop_warning(
-    stop: &EndStop<f64>,
-    cylinder: &specification::Cylinder,
+/// `named` are the names of the stiffness and of the dead volumes, but for the chamber.
+pub(crate) fn stop_warning(
+    stiffness: f64,
+    dead_volumes: [f64; 2],
     areas: [f64; 2],
     gauge: f64,
+    named: [&str; 2],
 ) -> Option<String> {
-    let depth = |area: f64| gauge * area / stop.stiffness;
-    let room = [cylinder.dead_volume_a_m3 / areas[0], cylinder.dead_volume_b_m3 / areas[1]];
+    let depth = |area: f64| gauge * area / stiffness;
+    let room = [dead_volumes[0] / areas[0], dead_volumes[1] / areas[1]];
     // Chamber a pushes towards b's end, and the other way round.
     let (into_b, into_a) = (depth(areas[0]), depth(areas[1]));
     let (end, depth, room) = if into_b > room[1] { ("b", into_b, room[1]) } else { ("a", into_a, room[0]) };
     (depth > room).then(|| {
         format!(
             "supply pressure pushes the piston {:.3} mm into the end stop, but the dead volume of chamber {end} is only {:.3} mm long: \
-             a larger cylinder.end_stop.stiffness or cylinder.dead_volume.{end} keeps it off the cover",
-            1e3 * depth, 1e3 * room
+             a larger {} or {}{end} keeps it off the cover",
+            1e3 * depth, 1e3 * room, named[0], named[1]
         )
     })
 }
@@ -137,20 +142,19 @@ fn end(impact: &Impact) -> &'static str {
     if impact.at_b { "b" } else { "a" }
 }
 
-/// What to say of impacts that have pressed a stop through.
-pub(super) fn through_warning(ends: &Ends<f64>, impacts: &[Impact]) -> Option<String> {
+/// What to say of impacts that have pressed a stop through; `named` is the name of its stiffness.
+pub(super) fn through_warning(enough: f64, named: &str, impacts: &[Impact]) -> Option<String> {
     let through = || impacts.iter().filter(|impact| impact.through);
     let deepest = through().max_by(|a, b| a.force.total_cmp(&b.force))?;
     Some(format!(
         "the piston has pressed the end stop through and met the cover {} time(s), the hardest at the end of chamber {}, at \
-         {:.4} s: {:.3} mm deep with {:.3e} N. cylinder.end_stop.stiffness = {:.3e} N/m holds it, and so does the stop that \
+         {:.4} s: {:.3} mm deep with {:.3e} N. {named} = {enough:.3e} N/m holds it, and so does the stop that \
          follows from the drive where none is given",
         through().count(),
         end(deepest),
         deepest.time,
         1e3 * deepest.depth,
-        deepest.force,
-        ends.enough
+        deepest.force
     ))
 }
 

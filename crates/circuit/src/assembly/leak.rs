@@ -8,7 +8,7 @@ use physics::flow::{Iso6358, LINEAR_ABOVE};
 const LEAK_CRITICAL_RATIO: f64 = 0.2;
 
 /// A leak by its sonic conductance, m3/(s Pa).
-pub(super) fn leak<P: Lane>(conductance: P, gas: &IdealGas<P>, is_air: bool) -> Iso6358<P> {
+pub(crate) fn leak<P: Lane>(conductance: P, gas: &IdealGas<P>, is_air: bool) -> Iso6358<P> {
     let (ratio, index) = (P::c(LEAK_CRITICAL_RATIO), P::c(0.5));
     Iso6358::for_gas(conductance, ratio, index, P::c(LINEAR_ABOVE), true, gas, is_air)
 }

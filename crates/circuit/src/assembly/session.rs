@@ -110,7 +110,11 @@ impl<R: Lane> Session<R> {
         if t.is_finite() && t >= self.time() {
             return Ok(());
         }
-        refuse(format!("{what} = {t} s must be finite and not before the present, {} s", self.time()))
+        let why = if t.is_finite() { "has passed" } else { "is no time" };
+        refuse(format!(
+            "{what} = {t} s {why}: it must be finite and not before the present, {} s",
+            self.time()
+        ))
     }
 
     /// Sets an input from now on, whatever its bounds.
@@ -128,6 +132,14 @@ impl<R: Lane> Session<R> {
         // Stable, and from the last to the first: of entries at one time the one given last holds.
         self.schedule.reverse();
         self.schedule.sort_by(|one, other| other.0.total_cmp(&one.0));
+    }
+
+    /// Sets what is due now.
+    pub(crate) fn settle_schedule(&mut self) {
+        let now = self.time();
+        while let Some((_, input, value)) = self.schedule.pop_if(|entry| entry.0 <= now) {
+            self.put(input, value);
+        }
     }
 
     /// Allows as many attempts at a step as a run to a time usually may take.

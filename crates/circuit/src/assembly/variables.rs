@@ -1,6 +1,6 @@
 //! A circuit with names: what can be set, what is read, from what it starts.
 
-use crate::circuit::{AxisId, Circuit, GasId};
+use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::net::Net;
 use crate::part::{Given, Input, InputId};
 use math::{Lane, Real};
@@ -54,6 +54,10 @@ pub enum Quantity {
     Temperature(GasId),
     /// Net, into the node.
     MassFlow(GasId),
+    /// The sum through one or two paths.
+    Flow([Option<Path>; 2]),
+    /// Through all paths out of a reservoir.
+    OutOf(GasId),
     /// Of a link.
     Force(usize),
     /// Of the command of a valve; not a number while its edges are set by themselves.
@@ -126,6 +130,15 @@ impl<P: Lane> Assembly<P> {
     /// Names of the columns.
     pub fn columns(&self) -> &[String] {
         &self.variables.columns
+    }
+
+    /// The highest pressure of a reservoir, Pa absolute.
+    pub fn highest_pressure(&self) -> f64 {
+        let all = self.variables.inputs.iter().filter_map(|input| match input.target {
+            Target::Input(id) if input.unit == "Pa" => Some(self.circuit.input(id).get(0)),
+            _ => None,
+        });
+        all.fold(0.0, f64::max)
     }
 
     /// Names of the numbers of a start.
@@ -204,6 +217,10 @@ impl<P: Lane> Assembly<P> {
                 Quantity::Pressure(id) => net[id].p,
                 Quantity::Temperature(id) => net[id].t,
                 Quantity::MassFlow(id) => net[id].m_dot,
+                Quantity::Flow(paths) => {
+                    paths.into_iter().flatten().fold(R::zero(), |sum, path| sum + circuit.flow(path, net))
+                }
+                Quantity::OutOf(id) => circuit.flow_out_of(id, net),
                 Quantity::Force(link) => circuit.link_force(link, net),
                 Quantity::Command(edges) => command(circuit, edges),
                 Quantity::Inner(id, place) => circuit.inner_states(id, y)[place],

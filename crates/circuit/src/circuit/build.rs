@@ -1,6 +1,6 @@
 //! A circuit from its parts: adding them, joining them, and the state that they start from.
 
-use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, Topology, next_filling};
+use super::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide, Topology, next_filling};
 use crate::part::*;
 use math::{Deps, Lane, Over};
 use ode::{Structure, System};
@@ -82,6 +82,21 @@ impl<R: Lane> Circuit<R> {
         };
         self.parts.restrictions.push((Place::default(), part));
         InputId { kind: PartKind::Restriction, index: self.parts.restrictions.len() - 1, input: 0 }
+    }
+
+    /// A flow path that opens by itself from one gas node to another, from a pressure difference, Pa, on.
+    pub fn check_valve(
+        &mut self,
+        law: physics::flow::Iso6358<R>,
+        cracking_pressure: R,
+        from: GasId,
+        to: GasId,
+    ) -> Path {
+        let boundary = [from, to].map(|node| self.is_reservoir(node));
+        let part = CheckValve { law, cracking_pressure, from: from.0, to: to.0, boundary };
+        self.parts.check_valves.push((Place::default(), part));
+        let index = self.parts.check_valves.len() - 1;
+        Path { kind: PartKind::CheckValve, index, backward: false }
     }
 
     /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.

@@ -40,7 +40,7 @@ impl<R: Lane> Restriction<R> {
 impl<P: Real> Restriction<P> {
     /// Mass flow from `from` to `to`, kg/s, and where it goes backward.
     #[inline(always)]
-    fn flow<S: Over<P>>(&self, one: &GasNode<S>, two: &GasNode<S>) -> (S, S::Mask) {
+    pub(crate) fn flow<S: Over<P>>(&self, one: &GasNode<S>, two: &GasNode<S>) -> (S, S::Mask) {
         let (w1, w2) = (one.inverse_sqrt_t, two.inverse_sqrt_t);
         self.law.mass_flow(S::from(self.opening), one.p, w1, two.p, w2)
     }
@@ -50,17 +50,68 @@ impl<P: Real> Restriction<P> {
         let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
         let (m_dot, backward) = self.flow(one, two);
         let h_dot = m_dot * (net.cp * S::select(backward, two.t, one.t));
-        if !self.from_boundary {
-            let one = &mut net.gas[self.from];
-            one.m_dot -= m_dot;
-            one.h_dot -= h_dot;
-        }
-        if !self.to_boundary {
-            let two = &mut net.gas[self.to];
-            two.m_dot += m_dot;
-            two.h_dot += h_dot;
-        }
+        post(net, (self.from, self.to), [self.from_boundary, self.to_boundary], m_dot, h_dot);
     }
+}
+
+/// Takes mass, kg/s, and enthalpy, W, from the first node and gives it to the second; a boundary keeps no account.
+#[inline(always)]
+pub(super) fn post<S: Real>(
+    net: &mut Net<S>,
+    (from, to): (usize, usize),
+    boundary: [bool; 2],
+    m_dot: S,
+    h_dot: S,
+) {
+    if !boundary[0] {
+        let one = &mut net.gas[from];
+        one.m_dot -= m_dot;
+        one.h_dot -= h_dot;
+    }
+    if !boundary[1] {
+        let two = &mut net.gas[to];
+        two.m_dot += m_dot;
+        two.h_dot += h_dot;
+    }
+}
+
+/// Accounts of a flow path.
+pub(super) const CHANNELS: [(&str, Kind); 5] = [
+    ("mass over the boundary", Kind::Mass),
+    ("enthalpy over the boundary", Kind::Energy),
+    ("entropy over the boundary", Kind::EntropyIn),
+    ("throttling", Kind::EntropyOfGas),
+    ("mixing", Kind::EntropyOfGas),
+];
+
+/// Rates of the accounts of a flow path with a mass flow, and where it goes backward.
+pub(super) fn throttling<P: Real, S: Over<P>>(
+    net: &Net<S>,
+    (from, to): (usize, usize),
+    [from_boundary, to_boundary]: [bool; 2],
+    (m_dot, backward): (S, S::Mask),
+    common: &Common<P>,
+    out: &mut [S],
+) {
+    let (one, two) = (&net.gas[from], &net.gas[to]);
+    let t_up = S::select(backward, two.t, one.t);
+    let h_dot = m_dot * S::from(common.gas.cp) * t_up;
+    let zero = S::zero();
+    let sign = |boundary: bool, s: S| if boundary { s } else { zero };
+    // Into the circuit: out of a reservoir at `from`, or back from one at `to`.
+    let one_in = |flow: S| sign(from_boundary, flow) - sign(to_boundary, flow);
+    let carried =
+        |boundary: bool, p: S| if boundary { m_dot * specific_entropy(t_up, p, common) } else { zero };
+    out[0] = one_in(m_dot);
+    out[1] = one_in(h_dot);
+    out[2] = carried(from_boundary, one.p) - carried(to_boundary, two.p);
+    out[3] = m_dot * S::from(common.gas.gas_constant) * log(one.p / two.p);
+    let receiver = S::select(backward, one.t, two.t);
+    let ratio = t_up / receiver;
+    let mixing = m_dot.abs() * S::from(common.gas.cp) * (ratio - S::one() - log(ratio));
+    let into_forward = if to_boundary { zero } else { mixing };
+    let into_backward = if from_boundary { zero } else { mixing };
+    out[4] = S::select(backward, into_backward, into_forward);
 }
 
 impl<P: Real> Part<P> for Restriction<P> {
@@ -77,13 +128,7 @@ impl<P: Real> Part<P> for Restriction<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![
-            ("mass over the boundary", Kind::Mass),
-            ("enthalpy over the boundary", Kind::Energy),
-            ("entropy over the boundary", Kind::EntropyIn),
-            ("throttling", Kind::EntropyOfGas),
-            ("mixing", Kind::EntropyOfGas),
-        ]
+        CHANNELS.to_vec()
     }
 
     fn rests(&self) -> bool {
@@ -91,26 +136,8 @@ impl<P: Real> Part<P> for Restriction<P> {
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let (one, two) = (&net.gas[self.from], &net.gas[self.to]);
-        let (m_dot, backward) = self.flow(one, two);
-        let t_up = S::select(backward, two.t, one.t);
-        let h_dot = m_dot * S::from(common.gas.cp) * t_up;
-        let zero = S::zero();
-        let sign = |boundary: bool, s: S| if boundary { s } else { zero };
-        // Into the circuit: out of a reservoir at `from`, or back from one at `to`.
-        let one_in = |flow: S| sign(self.from_boundary, flow) - sign(self.to_boundary, flow);
-        let carried = |boundary: bool, p: S| {
-            if boundary { m_dot * specific_entropy(t_up, p, common) } else { zero }
-        };
-        out[0] = one_in(m_dot);
-        out[1] = one_in(h_dot);
-        out[2] = carried(self.from_boundary, one.p) - carried(self.to_boundary, two.p);
-        out[3] = m_dot * S::from(common.gas.gas_constant) * log(one.p / two.p);
-        let receiver = S::select(backward, one.t, two.t);
-        let ratio = t_up / receiver;
-        let mixing = m_dot.abs() * S::from(common.gas.cp) * (ratio - S::one() - log(ratio));
-        let into_forward = if self.to_boundary { zero } else { mixing };
-        let into_backward = if self.from_boundary { zero } else { mixing };
-        out[4] = S::select(backward, into_backward, into_forward);
+        let flow = self.flow(&net.gas[self.from], &net.gas[self.to]);
+        let boundary = [self.from_boundary, self.to_boundary];
+        throttling(net, (self.from, self.to), boundary, flow, common, out);
     }
 }

@@ -5,6 +5,11 @@ use math::{Over, Real};
 /// Pressure ratio above which the flow is linear, unless a drive says otherwise (assumed).
 pub const LINEAR_ABOVE: f64 = 0.999;
 
+/// Largest critical ratio of a check valve as a share of the ratio at which it shuts, and least such ratio (assumed):
+/// both act only where the pressure before it is hardly above its cracking pressure.
+const MOST_OF_CRACKED: f64 = 0.9;
+const LEAST_CRACKED: f64 = 1e-3;
+
 crate::parameters! {
     /// Mass flow through a pneumatic component, with r = p2/p1 and p1 the upstream pressure:
     ///
@@ -100,6 +105,22 @@ impl<P: Real> Iso6358<P> {
         let linear = S::from(self.linear_slope) * (S::one() - r);
         let above_critical = S::select(S::from(self.linear_above).lt(r), linear, subsonic);
         S::select(b.lt(r), above_critical, S::one())
+    }
+
+    /// Mass flow from end 1 to end 2 alone, kg/s: through a valve that opens against a spring, with r_c = 1 - p_c/p1 in
+    /// place of 1, p_c the cracking pressure, Pa, and `w1` 1/sqrt(T1):
+    ///
+    ///   phi(r; r_c) = [1 - ((r - b)/(r_c - b))^2]^m                                     b < r <= r_c
+    ///
+    /// and so the usual phi at b + (r - b)(1 - b)/(r_c - b), with its linear part; zero above r_c. Where p1 comes near p_c
+    /// and r_c near b, b is no more than [`MOST_OF_CRACKED`] of r_c. Source: [iso6358-2013].
+    #[inline(always)]
+    pub fn one_way<S: Over<P>>(&self, cracking: S, p1: S, w1: S, p2: S) -> S {
+        let (one, b) = (S::one(), S::from(self.critical_pressure_ratio));
+        let ends = (one - cracking / p1).max(S::c(LEAST_CRACKED));
+        let critical = b.min(S::c(MOST_OF_CRACKED) * ends);
+        let r = b + (p2 / p1 - critical) * (one - b) / (ends - critical);
+        S::from(self.gain) * p1 * w1 * self.phi(r.min(one))
     }
 
     /// Mass flow from end 1 to end 2, kg/s, through the share `opening` of the conductance, and where

@@ -1,0 +1,490 @@
+//! A circuit of components as a user describes it: components by name, and the joints of their ports.
+
+use super::end_stop::{impact_warning, through_warning};
+use super::friction::contact;
+use super::friction_law;
+use super::session::Session;
+use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
+use crate::circuit::{AxisId, Circuit, GasId};
+use crate::component::{
+    Acts, Brings, Build, Instance, KINDS, Node, PortKind, Terminals, bring, check, compose, joint_volume,
+};
+use crate::impacts::Impact;
+use crate::lifted::Lifted;
+use crate::part::{ChamberLaw, Given, InputId};
+use crate::run::{Error, Look, Recorder, Run, sample_times};
+use crate::specification;
+use math::{Deps, Lane, Over};
+use ode::Options;
+use physics::IdealGas;
+use std::collections::BTreeMap;
+
+/// What a joint calls the air around.
+const AMBIENT: &str = "ambient";
+
+/// A port of a circuit: which component, and which of its ports.
+type PortId = (usize, usize);
+
+/// Ports that are one point, and whether the air around is joined to them.
+#[derive(Clone, Debug, Default)]
+struct Joint {
+    ports: Vec<PortId>,
+    ambient: bool,
+}
+
+/// Of each cylinder: its axis and name, the stiffness that keeps its piston off the covers, N/m, its larger area, m2.
+type Cylinders = Vec<(AxisId, String, f64, f64)>;
+
+/// A circuit of components.
+#[derive(Clone, Debug)]
+pub struct Network {
+    assembly: Assembly,
+    cylinders: Cylinders,
+    warnings: Vec<String>,
+    citations: Vec<&'static str>,
+}
+
+fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
+    Err(Error::Specification(message.into()))
+}
+
+fn one_of<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// A component with its numbers, checked.
+fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
+    let name = &spec.name;
+    let Some(kind) = KINDS.iter().position(|kind| kind.key == spec.kind) else {
+        let kinds = one_of(KINDS.iter().map(|kind| kind.key));
+        return refuse(format!("{name}: there is no kind \"{}\" of component; there are {kinds}", spec.kind));
+    };
+    let table = KINDS[kind];
+    let known = |key: &String| table.parameters.iter().any(|parameter| parameter.key == key);
+    if let Some(key) = spec.numbers.keys().find(|key| !known(key)) {
+        let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));
+        return refuse(format!("{name}: a {} has no parameter \"{key}\"; it has {keys}", table.key));
+    }
+    let number = |parameter: &physics::Parameter| {
+        let value = spec.numbers.get(parameter.key).copied().or(parameter.default);
+        let follows = table.follows.iter().any(|(key, _)| *key == parameter.key);
+        match value {
+            Some(value) if !value.is_finite() || !parameter.bounds.contain(value) => refuse(format!(
+                "{name}.{} = {value} {} is out of bounds: it must be {}",
+                parameter.key, parameter.unit, parameter.bounds
+            )),
+            None if !follows => refuse(format!("{name}.{} is missing", parameter.key)),
+            value => Ok(value),
+        }
+    };
+    let numbers = table.parameters.iter().map(number).collect::<Result<_, _>>()?;
+    let choice = |choice: &crate::component::Choice| match spec.choices.get(choice.name) {
+        None => Ok(0),
+        Some(option) => match choice.options.iter().position(|own| own == option) {
+            Some(place) => Ok(place),
+            None => refuse(format!(
+                "{name}.{} = \"{option}\": choose of {}",
+                choice.name,
+                one_of(choice.options.iter().copied())
+            )),
+        },
+    };
+    let choices = table.choices.iter().map(choice).collect::<Result<_, _>>()?;
+    if let Some(key) = spec.choices.keys().find(|key| !table.choices.iter().any(|own| own.name == *key)) {
+        return refuse(format!("{name}: a {} has no choice \"{key}\"", table.key));
+    }
+    let friction = match &spec.friction {
+        Some(_) if !table.friction => return refuse(format!("{name}: a {} takes no friction", table.key)),
+        Some(friction) => Some(contact(&Lifted::plain(friction))?),
+        None => None,
+    };
+    let instance = Instance { name: name.clone(), kind, numbers, choices, friction };
+    check(&instance)?;
+    Ok(instance)
+}
+
+/// The joints with their ports found; those of ports that nothing is joined to come last.
+fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Vec<Joint>, Error> {
+    let find = |name: &str| -> Result<PortId, Error> {
+        let component = (0..each.len())
+            .find(|&i| name.strip_prefix(&each[i].name).is_some_and(|rest| rest.starts_with('.')));
+        let Some(component) = component else {
+            return refuse(format!("joint of \"{name}\": there is no such component"));
+        };
+        let port = &name[each[component].name.len() + 1..];
+        let ports = each[component].kind().ports;
+        match ports.iter().position(|own| own.name == port) {
+            Some(port) => Ok((component, port)),
+            None => refuse(format!(
+                "joint of \"{name}\": a {} has no port \"{port}\"; it has {}",
+                each[component].kind().key,
+                one_of(ports.iter().map(|own| own.name))
+            )),
+        }
+    };
+    let mut joined = Vec::new();
+    let mut joints = Vec::new();
+    for names in &spec.joints {
+        let mut joint = Joint::default();
+        for name in names {
+            if name == AMBIENT {
+                joint.ambient = true;
+                continue;
+            }
+            let port = find(name)?;
+            if joined.contains(&port) {
+                return refuse(format!("port {name} stands in two joints, or twice in one"));
+            }
+            joined.push(port);
+            joint.ports.push(port);
+        }
+        let kind = |&(component, port): &PortId| each[component].kind().ports[port].kind;
+        let mixed = joint.ports.iter().any(|port| kind(port) != kind(&joint.ports[0]));
+        if mixed || (joint.ambient && joint.ports.iter().any(|port| kind(port) == PortKind::Axis)) {
+            return refuse(format!("the joint of {} joins gas to an axis", names.join(", ")));
+        }
+        joints.push(joint);
+    }
+    for (component, own) in each.iter().enumerate() {
+        for (place, port) in own.kind().ports.iter().enumerate() {
+            if joined.contains(&(component, place)) {
+                continue;
+            }
+            if !port.exhaust && !port.optional {
+                return refuse(format!("port {}.{} leads nowhere", own.name, port.name));
+            }
+            // A rod that nothing is joined to moves all the same.
+            joints.push(Joint { ports: vec![(component, place)], ambient: port.exhaust });
+        }
+    }
+    Ok(joints)
+}
+
+/// The equations of components and joints, from numbers with or without derivatives.
+struct Wiring<'a, P> {
+    each: &'a [Instance<P>],
+    build: Build<P>,
+    /// The node at each port of each component.
+    nodes: Vec<Vec<Node>>,
+    around: Option<GasId>,
+    starts: Vec<(Starting, Vec<String>)>,
+}
+
+impl<P: Lane> Wiring<'_, P>
+where
+    Deps: Over<P>,
+{
+    fn name(&self, (component, port): PortId) -> String {
+        let own = &self.each[component];
+        format!("{}.{}", own.name, own.kind().ports[port].name)
+    }
+
+    fn ambient(&mut self) -> GasId {
+        let [pressure, temperature] = self.build.ambient;
+        *self.around.get_or_insert_with(|| self.build.circuit.reservoir(pressure, temperature))
+    }
+
+    /// The node of a joint.
+    fn join(&mut self, joint: &Joint) -> Result<(), Error> {
+        let kind = |&(component, port): &PortId| self.each[component].kind().ports[port].kind;
+        let node = match joint.ports.first().map(kind) {
+            None => return Ok(()),
+            Some(PortKind::Gas) => Node::Gas(self.gas(joint)?),
+            Some(PortKind::Axis) => Node::Axis(self.axis(joint)?),
+        };
+        for &(component, port) in &joint.ports {
+            self.nodes[component][port] = node;
+        }
+        Ok(())
+    }
+
+    fn gas(&mut self, joint: &Joint) -> Result<GasId, Error> {
+        let (mut held, mut volume, mut own_name, mut ports) = (Vec::new(), None, None, 0.0);
+        if joint.ambient {
+            held.push((AMBIENT.to_string(), None));
+        }
+        for &(component, port) in &joint.ports {
+            let name = self.name((component, port));
+            ports += self.each[component].kind().ports[port].volume;
+            match bring(&self.each[component], port, self.build.ambient[1]) {
+                Brings::Reservoir { pressure, temperature } => {
+                    held.push((name, Some([pressure, temperature])))
+                }
+                Brings::Volume { law, dead_volume, wall, heat_transfer, wall_temperature } => {
+                    let owner = &self.each[component];
+                    let is_alone = owner.kind().ports.len() == 1;
+                    if let Some(other) = own_name.replace(if is_alone { owner.name.clone() } else { name }) {
+                        return refuse(format!(
+                            "{other} and {} are one joint and have a volume each: put a fitting between them",
+                            own_name.unwrap_or_default()
+                        ));
+                    }
+                    volume = Some((law, dead_volume, wall, heat_transfer, wall_temperature));
+                }
+                _ => {}
+            }
+        }
+        match (&held[..], volume) {
+            ([(one, _), (other, _), ..], _) => {
+                refuse(format!("{one} and {other} hold the same joint: put a fitting between them"))
+            }
+            ([(one, _)], Some(_)) => refuse(format!(
+                "{one} holds the pressure in {}: put a fitting between them",
+                own_name.unwrap_or_default()
+            )),
+            ([(_, None)], None) => Ok(self.ambient()),
+            (&[(_, Some([pressure, temperature]))], None) => {
+                let [highest, hottest] = self.build.highest;
+                self.build.highest = [highest.max(pressure), hottest.max(temperature)];
+                Ok(self.build.circuit.reservoir(pressure, temperature))
+            }
+            ([], volume) => {
+                let zero = P::zero();
+                let alone =
+                    (ChamberLaw::EnergyBalance, P::c(joint_volume(ports)), zero, zero, self.build.ambient[1]);
+                let (law, dead_volume, wall, heat, wall_temperature) = volume.unwrap_or(alone);
+                let node = self.build.circuit.volume(law, dead_volume, wall, heat, wall_temperature);
+                let name = own_name.unwrap_or_else(|| self.name(joint.ports[0]));
+                let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));
+                self.starts.push((Starting::Gas(node), names.to_vec()));
+                Ok(node)
+            }
+        }
+    }
+
+    fn axis(&mut self, joint: &Joint) -> Result<AxisId, Error> {
+        let (mut sum, mut force, mut incline, mut friction) = (None::<P>, P::zero(), None, None);
+        let mut name = String::new();
+        for &(component, port) in &joint.ports {
+            let Brings::Mass { mass, incline: own, force: pushes, friction: rubs } =
+                bring(&self.each[component], port, self.build.ambient[1])
+            else {
+                continue;
+            };
+            sum = Some(sum.map_or(mass, |sum| sum + mass));
+            force += pushes;
+            if own.is_some() {
+                if incline.is_some() {
+                    let one = &self.each[component].name;
+                    return refuse(format!(
+                        "{name} and {one} are cylinders on one axis: join one of them alone"
+                    ));
+                }
+                (incline, friction, name) = (own, rubs, self.each[component].name.clone());
+            }
+        }
+        let (Some(mass), Some(incline)) = (sum, incline) else {
+            let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
+            return refuse(format!("no cylinder moves the joint of {}", names.join(", ")));
+        };
+        let inner: Vec<String> = (friction.iter())
+            .flat_map(physics::friction::Contact::states)
+            .map(|state| format!("{name}.{}", state.name))
+            .collect();
+        let axis = self.build.circuit.axis(mass, incline, force, friction);
+        self.build.masses.push((mass, force));
+        let names = ["position_m", "velocity_m_s"].map(|quantity| format!("{name}.{quantity}"));
+        self.starts.push((Starting::Axis(axis), names.to_vec()));
+        self.starts.push((Starting::Inner(axis), inner));
+        Ok(axis)
+    }
+}
+
+/// The circuit with its names, and what else is known of it.
+fn wire<P: Lane>(
+    gas: &IdealGas<P>,
+    is_air: bool,
+    ambient: [P; 2],
+    (each, joints): (&[Instance<P>], &[Joint]),
+    ledger: bool,
+) -> Result<(Assembly<P>, Cylinders, Vec<String>), Error>
+where
+    Deps: Over<P>,
+{
+    let build = Build {
+        circuit: Circuit::new(gas, ambient[0], ambient[1]),
+        gas: *gas,
+        is_air,
+        ambient,
+        highest: ambient,
+        masses: Vec::new(),
+        springs: Vec::new(),
+        ends: Vec::new(),
+        open: Vec::new(),
+        paths: Vec::new(),
+        inputs: Vec::new(),
+        columns: vec![("time_s".into(), Quantity::Time)],
+        warnings: Vec::new(),
+    };
+    let nodes = each.iter().map(|own| vec![Node::Shut; own.kind().ports.len()]).collect();
+    let mut wiring = Wiring { each, build, nodes, around: None, starts: Vec::new() };
+    for joint in joints {
+        wiring.join(joint)?;
+    }
+    let Wiring { mut build, nodes, mut starts, .. } = wiring;
+    // The ends of a cylinder follow from what is joined to it.
+    let mut order: Vec<usize> = (0..each.len()).collect();
+    order.sort_by_key(|&i| each[i].kind().friction);
+    for i in order {
+        compose(&each[i], &Terminals(&nodes[i]), &mut build);
+    }
+    let Build { circuit, open, inputs, mut columns, ends, warnings, .. } = build;
+    let mut circuit = circuit.build(ledger);
+    for id in open {
+        circuit.set_input(id, 0, P::one());
+    }
+    let settable = |(name, meaning, acts): (String, &'static str, Acts)| {
+        let of = |id: InputId| Settable::of(&circuit, id, &name, meaning);
+        match acts {
+            Acts::Command(edges) => Settable { name, ..Settable::command(edges) },
+            Acts::Force(axis) => of(circuit.external_force(axis)),
+            Acts::Pressure(node) => of(circuit.boundary(node)[0]),
+            Acts::Temperature(node) => of(circuit.boundary(node)[1]),
+        }
+    };
+    let inputs = inputs.into_iter().map(settable).collect();
+    // What nobody has as a column of its own: joints between two components.
+    for (starting, names) in &starts {
+        if let Starting::Gas(node) = *starting
+            && !columns.iter().any(|(name, _)| *name == names[0])
+        {
+            let quantities = [Quantity::Pressure(node), Quantity::Temperature(node)];
+            columns.extend(names.iter().cloned().zip(quantities));
+        }
+    }
+    starts.retain(|(_, names)| !names.is_empty());
+    let mut variables = Variables { inputs, starts, ..Variables::default() };
+    variables.read(columns);
+    Ok((Assembly::new(circuit, variables), ends, warnings))
+}
+
+impl Network {
+    /// Assembles the circuit; with `ledger`, its accounts are integrated along.
+    pub fn assemble(spec: &specification::Circuit, ledger: bool) -> Result<Self, Error> {
+        let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
+        for (i, own) in each.iter().enumerate() {
+            if own.name == AMBIENT || each[..i].iter().any(|other| other.name == own.name) {
+                return refuse(format!("the name {} is taken", own.name));
+            }
+        }
+        let joints = joints(spec, &each)?;
+        let gas = IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k);
+        let ambient = [spec.ambient.pressure_pa, spec.ambient.temperature_k];
+        let (assembly, cylinders, mut warnings) =
+            wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger)?;
+        let mut citations = Vec::new();
+        for (own, spec) in each.iter().zip(&spec.components) {
+            citations.extend(own.kind().sources);
+            if let Some(friction) = &spec.friction {
+                let law = friction_law(friction)?;
+                let stroke = spec.numbers.get("stroke").copied().unwrap_or_default();
+                let highest = assembly.highest_pressure() - ambient[0];
+                warnings.extend(
+                    law.warnings(highest, stroke).into_iter().map(|text| format!("{}: {text}", own.name)),
+                );
+                citations.extend(law.sources());
+            }
+        }
+        citations.extend(["steinebach2023", "hairer1996"]);
+        let mut seen = Vec::new();
+        citations.retain(|key| {
+            !seen.contains(key) && {
+                seen.push(*key);
+                true
+            }
+        });
+        Ok(Network { assembly, cylinders, warnings, citations })
+    }
+
+    pub fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+
+    /// What the user should know about this description.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Keys in references.bib of the laws and methods that this circuit uses.
+    pub fn citations(&self) -> &[&'static str] {
+        &self.citations
+    }
+
+    /// What to say of the impacts of a run.
+    pub fn impact_warnings(&self, impacts: &[Impact]) -> Vec<String> {
+        let each = self.cylinders.iter().flat_map(|(axis, name, enough, area)| {
+            let own: Vec<Impact> = impacts.iter().filter(|impact| impact.axis == *axis).copied().collect();
+            let words = format!("{name}.end_stop_stiffness");
+            let through = through_warning(*enough, &words, &own);
+            let all = through.into_iter().chain(impact_warning(*area, &own));
+            all.map(|text| format!("{name}: {text}")).collect::<Vec<_>>()
+        });
+        each.collect()
+    }
+
+    /// The name of the cylinder on an axis.
+    pub fn cylinder(&self, axis: AxisId) -> Option<&str> {
+        self.cylinders.iter().find(|(own, ..)| *own == axis).map(|(_, name, ..)| name.as_str())
+    }
+
+    /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.
+    pub fn start_names(&self) -> Vec<&str> {
+        let starts = self.assembly.variables.starts.iter();
+        let given = starts.filter(|(starting, _)| !matches!(starting, Starting::Inner(_)));
+        given.flat_map(|(_, names)| names.iter().map(String::as_str)).collect()
+    }
+
+    /// A session at a start, given by the names of [`Network::start_names`].
+    pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
+        let names = self.start_names();
+        if let Some(name) = start.keys().find(|name| !names.contains(&name.as_str())) {
+            return refuse(format!("there is no start \"{name}\"; there are {}", names.join(", ")));
+        }
+        let number = |name: &String, above_zero: bool| match start.get(name) {
+            None => refuse(format!("the start {name} is missing")),
+            Some(value) if !value.is_finite() || (above_zero && *value <= 0.0) => {
+                let rule = if above_zero { "above zero" } else { "finite" };
+                refuse(format!("the start {name} = {value} must be {rule}"))
+            }
+            Some(value) => Ok(*value),
+        };
+        let (mut gas, mut axes, mut ages) = (Vec::new(), Vec::new(), Vec::new());
+        for (starting, names) in &self.assembly.variables.starts {
+            match *starting {
+                Starting::Gas(id) => gas.push((id, number(&names[0], true)?, number(&names[1], true)?)),
+                Starting::Axis(id) => {
+                    axes.push((id, number(&names[0], false)?, number(&names[1], false)?));
+                    ages.push((id, 0.0));
+                }
+                Starting::Inner(_) => {}
+            }
+        }
+        let mut circuit = Circuit::clone(&self.assembly.circuit);
+        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[] });
+        Ok(Session::new(&self.assembly, 0.0, (circuit, y), options))
+    }
+
+    /// Runs from a start under plans: an input, times and the values from each of them on.
+    pub fn simulate(
+        &self,
+        plans: &[(String, Vec<f64>, Vec<f64>)],
+        (duration, rate): (f64, f64),
+        start: &BTreeMap<String, f64>,
+        options: Options,
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Run, Error> {
+        let mut session = self.session(start, options)?;
+        for (name, times, values) in plans {
+            let inputs = session.inputs();
+            let Some(input) = inputs.iter().position(|input| input.name == *name) else {
+                let names = one_of(inputs.iter().map(|input| input.name.as_str()));
+                return refuse(format!("there is no input \"{name}\"; there are {names}"));
+            };
+            session.schedule(input, times, values)?;
+        }
+        session.settle_schedule();
+        let mut recorder = Recorder::new(&self.assembly, sample_times(duration, rate));
+        session.advance(duration, &mut recorder, &mut Look::new(interrupted))?;
+        Ok(recorder.finish(&session))
+    }
+}

@@ -1,0 +1,326 @@
+//! Components as users order them: each is a table - ports, parameters, inputs, outputs - and the parts that it is made
+//! of. A new component is a file here and a word in `components!`.
+
+mod check_valve;
+pub(crate) mod cylinder;
+mod fitting;
+mod flow_control;
+mod load;
+mod reservoir;
+mod tank;
+mod valve;
+
+use crate::assembly::Quantity;
+use crate::circuit::{AxisId, Circuit, GasId, Path};
+use crate::part::{ChamberLaw, InputId};
+use crate::run::Error;
+use math::{Deps, Lane, Over};
+use physics::flow::Iso6358;
+use physics::friction::Contact;
+use physics::{IdealGas, Parameter};
+
+/// What may be joined to a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PortKind {
+    Gas,
+    Axis,
+}
+
+/// A port of a component.
+#[derive(Clone, Copy, Debug)]
+pub struct Port {
+    pub name: &'static str,
+    pub kind: PortKind,
+    /// Open to the ambient air where nothing is joined to it.
+    pub exhaust: bool,
+    /// Shut where nothing is joined to it.
+    pub optional: bool,
+    /// Volume that it brings to a joint without a volume of its own, m3 (assumed).
+    pub volume: f64,
+}
+
+/// A port of gas that brings the volume of a small fitting to its joint.
+const fn gas(name: &'static str) -> Port {
+    Port { name, kind: PortKind::Gas, exhaust: false, optional: false, volume: PORT_VOLUME }
+}
+
+/// The same, open to the ambient air where nothing is joined to it.
+const fn exhaust(name: &'static str) -> Port {
+    Port { exhaust: true, ..gas(name) }
+}
+
+const fn axis(name: &'static str, optional: bool) -> Port {
+    Port { name, kind: PortKind::Axis, exhaust: false, optional, volume: 0.0 }
+}
+
+/// Volume of a port of a fitting or a valve, m3 (assumed): a bore of 5 mm, 10 mm long.
+const PORT_VOLUME: f64 = 2e-7;
+/// Least volume of a joint, m3 (assumed).
+const LEAST_VOLUME: f64 = 1e-7;
+
+/// A choice of a component: its options, the first being the default.
+#[derive(Clone, Copy, Debug)]
+pub struct Choice {
+    pub name: &'static str,
+    pub options: &'static [&'static str],
+    pub meaning: &'static str,
+}
+
+/// A variable of a component: name, unit, meaning.
+pub type Variable = (&'static str, &'static str, &'static str);
+
+/// What is known of a kind of component.
+#[derive(Clone, Copy, Debug)]
+pub struct Kind {
+    pub key: &'static str,
+    pub title: &'static str,
+    /// What it is, and its equation.
+    pub text: &'static str,
+    /// Keys in references.bib.
+    pub sources: &'static [&'static str],
+    pub ports: &'static [Port],
+    pub parameters: &'static [Parameter],
+    /// Parameters whose default is assumed, or follows from something else: key and what of.
+    pub assumed: &'static [(&'static str, &'static str)],
+    pub follows: &'static [(&'static str, &'static str)],
+    pub choices: &'static [Choice],
+    /// It takes a friction table.
+    pub friction: bool,
+    pub inputs: &'static [Variable],
+    pub outputs: &'static [Variable],
+}
+
+/// One component of a circuit, its numbers in the order of its kind's parameters.
+#[derive(Clone, Debug)]
+pub struct Instance<P> {
+    pub name: String,
+    pub kind: usize,
+    /// None where it is left out and has no default.
+    pub numbers: Vec<Option<P>>,
+    /// Which option of each choice.
+    pub choices: Vec<usize>,
+    pub friction: Option<Contact<P>>,
+}
+
+impl<P: Lane> Instance<P> {
+    pub fn kind(&self) -> &'static Kind {
+        KINDS[self.kind]
+    }
+
+    /// A number that may be left out.
+    fn given(&self, key: &str) -> Option<P> {
+        let place = self.kind().parameters.iter().position(|parameter| parameter.key == key);
+        self.numbers[place.expect("a parameter of this kind")]
+    }
+
+    /// A number that is there: checked before.
+    fn number(&self, key: &str) -> P {
+        self.given(key).expect("a number that was checked")
+    }
+
+    /// The law of a flow path of this component with the sonic conductance called `conductance`.
+    fn path(&self, conductance: &str, build: &Build<P>) -> Iso6358<P> {
+        let index = self.number("subsonic_index");
+        Iso6358::for_gas(
+            self.number(conductance),
+            self.number("critical_pressure_ratio"),
+            index,
+            self.number("linear_above"),
+            index.get(0) == 0.5 && (1..=P::DIRECTIONS).all(|direction| index.part(direction) == 0.0),
+            &build.gas,
+            build.is_air,
+        )
+    }
+}
+
+/// What a component brings to the joint at one of its ports.
+#[derive(Clone, Debug)]
+pub enum Brings<P> {
+    /// The volume of the port alone.
+    Nothing,
+    /// Gas of constant pressure, Pa absolute, and temperature, K.
+    Reservoir { pressure: P, temperature: P },
+    /// A volume, m3, with a wall: m2, W/(m2 K), K.
+    Volume { law: ChamberLaw, dead_volume: P, wall: P, heat_transfer: P, wall_temperature: P },
+    /// A moving mass, kg, on an incline, rad, with an external force in +x, N, and with friction.
+    Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
+}
+
+/// The node at a port.
+#[derive(Clone, Copy, Debug)]
+pub enum Node {
+    Gas(GasId),
+    Axis(AxisId),
+    /// Nothing is joined to it.
+    Shut,
+}
+
+/// The nodes at the ports of a component.
+pub struct Terminals<'a>(pub &'a [Node]);
+
+impl Terminals<'_> {
+    fn gas(&self, port: usize) -> Option<GasId> {
+        if let Node::Gas(id) = self.0[port] { Some(id) } else { None }
+    }
+
+    fn axis(&self, port: usize) -> Option<AxisId> {
+        if let Node::Axis(id) = self.0[port] { Some(id) } else { None }
+    }
+}
+
+/// What an input acts on, known once the circuit is built.
+#[derive(Clone, Copy, Debug)]
+pub enum Acts {
+    /// The edges of a valve.
+    Command([InputId; 4]),
+    /// The external force on an axis.
+    Force(AxisId),
+    /// Pressure and temperature of a reservoir.
+    Pressure(GasId),
+    Temperature(GasId),
+}
+
+/// A circuit that is being made of components.
+pub struct Build<P> {
+    pub circuit: Circuit<P>,
+    pub gas: IdealGas<P>,
+    pub is_air: bool,
+    /// Pressure, Pa, and temperature, K, of the ambient air, and the highest pressure, Pa absolute, and temperature, K, of a reservoir.
+    pub ambient: [P; 2],
+    pub highest: [P; 2],
+    /// Mass, kg, and external force, N, of each axis.
+    pub masses: Vec<(P, P)>,
+    /// Stiffness, N/m, and rest position, m, of springs on axes.
+    pub springs: Vec<(AxisId, P, P)>,
+    /// Of each cylinder: its axis and name, the stiffness that keeps its piston off the covers, N/m, its larger area, m2.
+    pub ends: Vec<(AxisId, String, f64, f64)>,
+    /// Restrictions that are always open.
+    pub open: Vec<InputId>,
+    /// Sonic conductance of each restriction and its ends.
+    pub paths: Vec<(P, GasId, GasId)>,
+    pub inputs: Vec<(String, &'static str, Acts)>,
+    pub columns: Vec<(String, Quantity)>,
+    pub warnings: Vec<String>,
+}
+
+impl<P: Lane> Build<P> {
+    /// A restriction that is always open.
+    fn passage(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
+        let edge = self.edge(law, from, to);
+        self.open.push(edge);
+        edge
+    }
+
+    /// A restriction that is shut until its input opens it.
+    fn edge(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
+        self.paths.push((law.conductance, from, to));
+        self.circuit.restriction(law, from, to)
+    }
+
+    /// A path that opens by itself.
+    fn check_valve(&mut self, law: Iso6358<P>, cracking_pressure: P, from: GasId, to: GasId) -> Path {
+        self.paths.push((law.conductance, from, to));
+        self.circuit.check_valve(law, cracking_pressure, from, to)
+    }
+
+    /// The largest sonic conductance through which gas leaves a node.
+    fn widest(&self, node: GasId) -> P {
+        let each = self.paths.iter().filter(|(_, from, to)| *from == node || *to == node);
+        each.fold(P::zero(), |widest, (conductance, ..)| widest.max(*conductance))
+    }
+
+    fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
+        let (name, _, meaning) = of.kind().inputs[input];
+        self.inputs.push((format!("{}.{name}", of.name), meaning, acts));
+    }
+
+    fn column(&mut self, of: &Instance<P>, output: usize, quantity: Quantity) {
+        let (name, ..) = of.kind().outputs[output];
+        self.columns.push((format!("{}.{name}", of.name), quantity));
+    }
+}
+
+/// A kind of component.
+trait Component {
+    const KIND: Kind;
+
+    /// What it brings to the joint at a port.
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Nothing
+    }
+
+    /// A rule between its numbers.
+    fn check(_own: &Instance<f64>) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// Adds its parts.
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>);
+}
+
+macro_rules! components {
+    ($($component:path),* $(,)?) => {
+        /// Every kind of component.
+        pub static KINDS: &[&Kind] = &[$(&<$component as Component>::KIND),*];
+
+        pub(crate) fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+            let mut kind = 0..;
+            $(if own.kind == kind.next().unwrap_or(0) {
+                return <$component as Component>::bring(own, port, ambient_temperature);
+            })*
+            unreachable!("kind {} of component", own.kind)
+        }
+
+        pub(crate) fn check(own: &Instance<f64>) -> Result<(), Error> {
+            let mut kind = 0..;
+            $(if own.kind == kind.next().unwrap_or(0) {
+                return <$component as Component>::check(own);
+            })*
+            unreachable!("kind {} of component", own.kind)
+        }
+
+        pub(crate) fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) where Deps: Over<P> {
+            let mut kind = 0..;
+            $(if own.kind == kind.next().unwrap_or(0) {
+                return <$component as Component>::compose(own, at, build);
+            })*
+            unreachable!("kind {} of component", own.kind)
+        }
+    };
+}
+
+components! {
+    reservoir::Reservoir,
+    tank::Tank,
+    fitting::Fitting,
+    check_valve::CheckValve,
+    flow_control::FlowControl,
+    valve::Proportional53,
+    load::Load,
+    load::Spring,
+    // Last: the end stops of a cylinder follow from what is joined to it.
+    cylinder::Rodless,
+    cylinder::ThroughRod,
+    cylinder::SingleRod,
+}
+
+/// Least volume of a joint to which ports bring `ports` m3.
+pub(crate) fn joint_volume(ports: f64) -> f64 {
+    ports.max(LEAST_VOLUME)
+}
+
+/// Parameters of a component, in the words of a table.
+macro_rules! table {
+    ($($key:ident: $unit:literal, $bounds:expr $(, default $default:expr)?, $meaning:literal;)*) => {
+        &[$(physics::Parameter {
+            key: stringify!($key),
+            unit: $unit,
+            bounds: $bounds,
+            default: $crate::component::table!(@default $($default)?),
+            meaning: $meaning,
+        }),*]
+    };
+    (@default) => { None };
+    (@default $default:expr) => { Some($default) };
+}
+use table;

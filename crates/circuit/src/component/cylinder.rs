@@ -1,0 +1,210 @@
+use super::{Acts, Brings, Build, Component, Instance, Kind, Port, Terminals, axis, gas, table};
+use crate::assembly::Quantity;
+use crate::assembly::end_stop::{Driven, Ends, ends, stop_warning};
+use crate::assembly::leak::leak;
+use crate::circuit::PistonSide;
+use crate::part::ChamberLaw;
+use crate::run::Error;
+use math::{Lane, Real};
+use physics::Parameter;
+use std::f64::consts::PI;
+
+/// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
+const PORTS: &[Port] =
+    &[Port { volume: 0.0, ..gas("a") }, Port { volume: 0.0, ..gas("b") }, axis("rod", true)];
+
+const PARAMETERS: &[Parameter] = table! {
+    bore: "m", physics::above(0.0), "Bore D";
+    rod_diameter: "m", physics::at_least(0.0), default 0.0, "Diameter of the rod d";
+    stroke: "m", physics::above(0.0), "Stroke";
+    dead_volume_a: "m3", physics::above(0.0), "Volume of chamber a at x = 0, port and line included";
+    dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
+    moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
+    incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
+    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, "Heat-transfer coefficient to the wall";
+    wall_temperature: "K", physics::above(0.0), "Temperature of the wall";
+    leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
+    end_stop_stiffness: "N/m", physics::above(0.0), "Stiffness of the end stops";
+    end_stop_damping: "N s/m", physics::at_least(0.0), "Damping of the end stops";
+    end_stop_damping_depth: "m", physics::above(0.0), "Depth from which the damper acts fully";
+};
+
+const KIND: Kind = Kind {
+    key: "",
+    title: "",
+    text: "Two chambers of gas, each with its balance of mass and energy, a piston with friction between them, and end \
+           stops. x grows from chamber a's end to chamber b's.",
+    sources: &["bejan2016"],
+    ports: PORTS,
+    parameters: PARAMETERS,
+    assumed: &[("heat_transfer", "of air in a cylinder of this size")],
+    follows: &[
+        ("wall_temperature", "the ambient temperature"),
+        ("end_stop_stiffness", "the circuit, so that a sensible run never reaches a cover"),
+        ("end_stop_damping", "the stiffness of the end stop"),
+        ("end_stop_damping_depth", "the dead volumes"),
+    ],
+    choices: &[],
+    friction: true,
+    inputs: &[("load_force_n", "N", "external force in +x")],
+    outputs: &[
+        ("position_m", "m", "position"),
+        ("velocity_m_s", "m/s", "velocity"),
+        ("acceleration_m_s2", "m/s2", "acceleration"),
+        ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
+        ("end_stop_force_n", "N", "force of the end stops, positive where it pushes towards -x"),
+        ("a.pressure_pa", "Pa", "absolute pressure in chamber a"),
+        ("a.temperature_k", "K", "temperature in chamber a"),
+        ("a.mass_flow_kg_s", "kg/s", "mass flow into chamber a"),
+        ("b.pressure_pa", "Pa", "absolute pressure in chamber b"),
+        ("b.temperature_k", "K", "temperature in chamber b"),
+        ("b.mass_flow_kg_s", "kg/s", "mass flow into chamber b"),
+    ],
+};
+
+/// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both
+/// end faces and the rod's surface; the dead volume has no surface of its own.
+pub(crate) fn side<P: Real>(bore: P, rod: P) -> PistonSide<P> {
+    let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
+    PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
+}
+
+fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+    let dead_volume = match port {
+        0 => own.number("dead_volume_a"),
+        1 => own.number("dead_volume_b"),
+        _ => {
+            let friction = own.friction.clone();
+            let (mass, incline) = (own.number("moving_mass"), Some(own.number("incline")));
+            return Brings::Mass { mass, incline, force: P::zero(), friction };
+        }
+    };
+    Brings::Volume {
+        law: ChamberLaw::EnergyBalance,
+        dead_volume,
+        wall: P::zero(),
+        heat_transfer: own.number("heat_transfer"),
+        wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
+    }
+}
+
+fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
+    let (bore, rod) = (own.number("bore"), own.number("rod_diameter"));
+    let refuse = |message: String| Err(Error::Specification(message));
+    if own.friction.is_none() {
+        return refuse(format!("{}: a cylinder needs a friction table", own.name));
+    }
+    match (has_rod, rod) {
+        (false, rod) if rod != 0.0 => {
+            refuse(format!("{}.rod_diameter = {rod} m: a rodless cylinder has no rod", own.name))
+        }
+        (true, 0.0) => {
+            refuse(format!("{}.rod_diameter is missing: this kind of cylinder has a rod", own.name))
+        }
+        (true, rod) if rod >= bore => {
+            refuse(format!("{}.rod_diameter = {rod} m must be less than the bore, {bore} m", own.name))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn compose<P: Lane>(own: &Instance<P>, rods: [bool; 2], at: &Terminals, build: &mut Build<P>) {
+    let (Some(a), Some(b), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
+    let (bore, stroke) = (own.number("bore"), own.number("stroke"));
+    let sides = rods.map(|has_rod| side(bore, if has_rod { own.number("rod_diameter") } else { P::zero() }));
+    build.circuit.face(a, axis, true, stroke, sides[0]);
+    build.circuit.face(b, axis, false, stroke, sides[1]);
+    let dead_volumes = ["dead_volume_a", "dead_volume_b"].map(|key| own.number(key));
+    let spring = build
+        .springs
+        .iter()
+        .filter(|(of, ..)| *of == axis)
+        .fold(P::zero(), |sum, (_, k, rest)| sum + *k * rest.abs().max((stroke - *rest).abs()));
+    let (mass, force) = build.masses[axis.index()];
+    let Ends { stop, covers, enough } = ends(&Driven {
+        sides: &sides,
+        dead_volumes,
+        mass,
+        stroke,
+        incline: own.number("incline"),
+        supply_pressure: build.highest[0],
+        hottest: build.highest[1],
+        forces: [force, spring],
+        gas_constant: build.gas.gas_constant,
+        conductance: build.widest(a).max(build.widest(b)),
+        given: ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"].map(|key| own.given(key)),
+    });
+    let gauge = build.highest[0].get(0) - build.ambient[0].get(0);
+    let number = |numbers: [P; 2]| numbers.map(|number| number.get(0));
+    let areas = number(sides.map(|side| side.area));
+    let names = [format!("{}.end_stop_stiffness", own.name), format!("{}.dead_volume_", own.name)];
+    let words = [names[0].as_str(), names[1].as_str()];
+    build.warnings.extend(stop_warning(stop.stiffness.get(0), number(dead_volumes), areas, gauge, words));
+    build.ends.push((axis, own.name.clone(), enough.get(0), areas[0].max(areas[1])));
+    build.circuit.end_stops(axis, stop, stroke);
+    if let Some(covers) = covers {
+        build.circuit.covers(axis, covers);
+    }
+    let leakage = own.number("leakage");
+    if leakage.get(0) != 0.0 || (1..=P::DIRECTIONS).any(|direction| leakage.part(direction) != 0.0) {
+        let law = leak(leakage, &build.gas, build.is_air);
+        build.passage(law, a, b);
+    }
+    build.input(own, 0, Acts::Force(axis));
+    let quantities = [
+        Quantity::Position(axis),
+        Quantity::Velocity(axis),
+        Quantity::Acceleration(axis),
+        Quantity::Friction(axis),
+        Quantity::EndStop(axis),
+        Quantity::Pressure(a),
+        Quantity::Temperature(a),
+        Quantity::MassFlow(a),
+        Quantity::Pressure(b),
+        Quantity::Temperature(b),
+        Quantity::MassFlow(b),
+    ];
+    for (output, quantity) in quantities.into_iter().enumerate() {
+        build.column(own, output, quantity);
+    }
+    let inner = own.friction.iter().flat_map(|contact| contact.states());
+    for (i, state) in inner.enumerate() {
+        build.columns.push((format!("{}.{}", own.name, state.name), Quantity::Inner(axis, i)));
+    }
+}
+
+macro_rules! cylinder {
+    ($(#[$attribute:meta])* $name:ident = $key:literal, $title:literal, rods $rods:expr) => {
+        $(#[$attribute])*
+        pub struct $name;
+
+        impl Component for $name {
+            const KIND: Kind = Kind { key: $key, title: $title, ..KIND };
+
+            fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+                bring(own, port, ambient_temperature)
+            }
+
+            fn check(own: &Instance<f64>) -> Result<(), Error> {
+                check(own, $rods != [false; 2])
+            }
+
+            fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+                compose(own, $rods, at, build);
+            }
+        }
+    };
+}
+
+cylinder! {
+    /// No rod on either side.
+    Rodless = "cylinder/rodless", "Rodless cylinder", rods [false, false]
+}
+cylinder! {
+    /// A rod on both sides.
+    ThroughRod = "cylinder/through-rod", "Cylinder with a through rod", rods [true, true]
+}
+cylinder! {
+    /// A rod on the side of chamber b.
+    SingleRod = "cylinder/single-rod", "Cylinder with a rod on the side of chamber b", rods [false, true]
+}

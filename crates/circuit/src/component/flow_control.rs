@@ -1,0 +1,57 @@
+use super::{Build, Choice, Component, Instance, Kind, Terminals, gas, table};
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use math::Lane;
+use physics::flow::LINEAR_ABOVE;
+
+/// A one-way flow control: a needle beside a check valve.
+pub struct FlowControl;
+
+/// Port 1 is the valve's side, port 2 the cylinder's.
+impl Component for FlowControl {
+    const KIND: Kind = Kind {
+        key: "flow-control",
+        title: "One-way flow control",
+        text: "A needle of conductance C_n in parallel with a check valve of conductance C. Port 1 is the side of the \
+               valve, port 2 that of the cylinder; throttles = out lets gas into the cylinder freely and throttles what \
+               leaves it (meter-out).",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), gas("2")],
+        parameters: table! {
+            needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle as it is set, for air";
+            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the check valve, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, "Critical pressure ratio b of both paths";
+            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m of both paths";
+            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, "Cracking pressure of the check valve, a difference";
+        },
+        assumed: &[
+            ("critical_pressure_ratio", "of a fitting of this kind"),
+            ("linear_above", "a modelling parameter"),
+            ("cracking_pressure", "a usual spring"),
+        ],
+        follows: &[],
+        choices: &[Choice {
+            name: "throttles",
+            options: &["out", "in", "both"],
+            meaning: "What it throttles: gas out of the cylinder, gas into it, or both",
+        }],
+        friction: false,
+        inputs: &[],
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(valve), Some(cylinder)) = (at.gas(0), at.gas(1)) else { return };
+        let needle = own.path("needle_conductance", build);
+        let needle = Path::of(build.passage(needle, valve, cylinder));
+        let free = own.path("conductance", build);
+        let cracking = own.number("cracking_pressure");
+        let free = match own.choices[0] {
+            0 => Some(build.check_valve(free, cracking, valve, cylinder)),
+            1 => Some(build.check_valve(free, cracking, cylinder, valve).backward()),
+            _ => None,
+        };
+        build.column(own, 0, Quantity::Flow([Some(needle), free]));
+    }
+}

@@ -1,0 +1,38 @@
+use super::{Acts, Brings, Build, Component, Instance, Kind, Terminals, gas, table};
+use crate::assembly::Quantity;
+use math::Lane;
+
+/// Gas of constant pressure and temperature.
+pub struct Reservoir;
+
+impl Component for Reservoir {
+    const KIND: Kind = Kind {
+        key: "reservoir",
+        title: "Reservoir",
+        text: "Gas of constant pressure and temperature, as much as is asked for: a mains, an open room.",
+        sources: &[],
+        ports: &[gas("1")],
+        parameters: table! {
+            pressure: "Pa", physics::above(0.0), "Pressure";
+            temperature: "K", physics::above(0.0), "Temperature";
+        },
+        assumed: &[],
+        follows: &[("temperature", "the ambient temperature")],
+        choices: &[],
+        friction: false,
+        inputs: &[("pressure_pa", "Pa", "absolute pressure"), ("temperature_k", "K", "temperature")],
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of the reservoir")],
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, _port: usize, ambient_temperature: P) -> Brings<P> {
+        let temperature = own.given("temperature").unwrap_or(ambient_temperature);
+        Brings::Reservoir { pressure: own.number("pressure"), temperature }
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let Some(node) = at.gas(0) else { return };
+        build.input(own, 0, Acts::Pressure(node));
+        build.input(own, 1, Acts::Temperature(node));
+        build.column(own, 0, Quantity::OutOf(node));
+    }
+}

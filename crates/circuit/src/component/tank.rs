@@ -1,0 +1,51 @@
+use super::{Brings, Build, Component, Instance, Kind, Port, Terminals, gas, table};
+use crate::assembly::Quantity;
+use crate::part::ChamberLaw;
+use math::Lane;
+
+/// A rigid volume with a wall.
+pub struct Tank;
+
+impl Component for Tank {
+    const KIND: Kind = Kind {
+        key: "tank",
+        title: "Tank",
+        text: "A rigid volume V of uniform gas: its balance of mass and energy, with heat alpha A (T_w - T) from the wall.",
+        sources: &["bejan2016"],
+        ports: &[Port { volume: 0.0, ..gas("1") }],
+        parameters: table! {
+            volume: "m3", physics::above(0.0), "Volume V";
+            wall_area: "m2", physics::at_least(0.0), default 0.0, "Area A of the wall that gives heat; 0: no heat passes";
+            heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 0.0, "Heat-transfer coefficient alpha of the wall";
+            wall_temperature: "K", physics::above(0.0), "Temperature T_w of the wall";
+        },
+        assumed: &[],
+        follows: &[("wall_temperature", "the ambient temperature")],
+        choices: &[],
+        friction: false,
+        inputs: &[],
+        outputs: &[
+            ("pressure_pa", "Pa", "absolute pressure"),
+            ("temperature_k", "K", "temperature"),
+            ("mass_flow_kg_s", "kg/s", "net mass flow into the tank"),
+        ],
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, _port: usize, ambient_temperature: P) -> Brings<P> {
+        Brings::Volume {
+            law: ChamberLaw::EnergyBalance,
+            dead_volume: own.number("volume"),
+            wall: own.number("wall_area"),
+            heat_transfer: own.number("heat_transfer"),
+            wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
+        }
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        if let Some(node) = at.gas(0) {
+            build.column(own, 0, Quantity::Pressure(node));
+            build.column(own, 1, Quantity::Temperature(node));
+            build.column(own, 2, Quantity::MassFlow(node));
+        }
+    }
+}

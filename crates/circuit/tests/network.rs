@@ -1,0 +1,241 @@
+//! Circuits of components: the drive as one of them, and each component against what is known of it.
+
+mod support;
+
+use circuit::{Drive, Network, specification};
+use ode::Options;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use support::at_rest;
+
+const ROOM: f64 = 293.15;
+
+fn network(components: &Value, joints: &Value) -> Result<Network, circuit::Error> {
+    let spec = json!({
+        "gas": { "heat_capacity_ratio": 1.4, "gas_constant_j_kg_k": 287.05 },
+        "ambient": { "pressure_pa": 101_300.0, "temperature_k": ROOM },
+        "components": components,
+        "joints": joints,
+    });
+    Network::assemble(&serde_json::from_value(spec).expect("a circuit"), true)
+}
+
+/// The columns of a run by name, and the errors of its ledger.
+fn run(
+    network: &Network,
+    plan: &[(&str, f64, f64)],
+    sampling: (f64, f64),
+    start: &[(&str, f64)],
+) -> (BTreeMap<String, Vec<f64>>, [f64; 3]) {
+    let plans: Vec<_> = plan.iter().map(|&(name, t, u)| (name.to_string(), vec![t], vec![u])).collect();
+    let start = start.iter().map(|&(name, value)| (name.to_string(), value)).collect();
+    let options = Options { rtol: 1e-8, ..Options::default() };
+    let run = network.simulate(&plans, sampling, &start, options, &mut |_| false).expect("runs");
+    let balance = run.balance.expect("a ledger");
+    let names = network.assembly().columns().iter().cloned();
+    (names.zip(run.columns).collect(), [balance.mass_error, balance.energy_error, balance.entropy_error])
+}
+
+fn case_a() -> Value {
+    serde_json::from_str(include_str!("../examples/case_a.json")).expect("a drive")
+}
+
+fn cylinder(friction: &Value) -> Value {
+    json!({ "name": "cylinder", "kind": "cylinder/rodless", "friction": friction, "numbers": {
+        "bore": 0.025, "stroke": 0.5, "dead_volume_a": 1e-5, "dead_volume_b": 1e-5, "moving_mass": 2.0,
+        "heat_transfer": 30.0, "end_stop_stiffness": 1e6, "end_stop_damping": 2000.0,
+        "end_stop_damping_depth": 1e-4,
+    } })
+}
+
+#[test]
+fn a_drive_of_components_has_the_bits_of_the_drive() {
+    let (ends, components, joints) = (
+        ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"],
+        json!([
+            { "name": "supply", "kind": "reservoir", "numbers": { "pressure": 7e5 } },
+            { "name": "valve", "kind": "valve/proportional-5/3",
+              "numbers": { "conductance": 2e-8, "critical_pressure_ratio": 0.3 } },
+            cylinder(&case_a()["friction"]),
+            { "name": "load", "kind": "load", "numbers": { "mass": 0.7, "force": -5.0 } },
+        ]),
+        json!([
+            ["supply.1", "valve.1"],
+            ["valve.4", "cylinder.a"],
+            ["valve.2", "cylinder.b"],
+            ["cylinder.rod", "load.1"]
+        ]),
+    );
+    for given in [true, false] {
+        let (mut components, mut drive) = (components.clone(), case_a());
+        drive["load"] = json!({ "mass_kg": 0.7, "force_n": -5.0 });
+        if !given {
+            // What follows from the drive follows from the circuit.
+            drive["cylinder"].as_object_mut().expect("a table").remove("end_stop");
+            let numbers = components[2]["numbers"].as_object_mut().expect("numbers");
+            ends.iter().for_each(|key| drop(numbers.remove(*key)));
+        }
+        let network = network(&components, &joints).expect("assembles");
+        let drive: specification::Drive = serde_json::from_value(drive).expect("a drive");
+        let drive = Drive::assemble(&drive, true).expect("assembles");
+        let sampling = (1.0, 1000.0);
+        let options = Options { rtol: 1e-8, ..Options::default() };
+        let alone = drive
+            .simulate(&[0.0, 0.4], &[0.6, -0.6], sampling, &at_rest(0.05, 3e5), options, &mut |_| false)
+            .expect("runs");
+        let start = [
+            ("cylinder.position_m", 0.05),
+            ("cylinder.velocity_m_s", 0.0),
+            ("cylinder.a.pressure_pa", 3e5),
+            ("cylinder.a.temperature_k", ROOM),
+            ("cylinder.b.pressure_pa", 3e5),
+            ("cylinder.b.temperature_k", ROOM),
+        ];
+        let plan = [("valve.command", 0.0, 0.6), ("valve.command", 0.4, -0.6)];
+        let (columns, _) = run(&network, &plan, sampling, &start);
+        let same = [
+            ("position_m", "cylinder.position_m"),
+            ("acceleration_m_s2", "cylinder.acceleration_m_s2"),
+            ("pressure_a_pa", "cylinder.a.pressure_pa"),
+            ("temperature_b_k", "cylinder.b.temperature_k"),
+            ("friction_force_n", "cylinder.friction_force_n"),
+            ("end_stop_force_n", "cylinder.end_stop_force_n"),
+            ("mass_flow_b_kg_s", "cylinder.b.mass_flow_kg_s"),
+            ("command", "valve.command"),
+        ];
+        for (own, name) in same {
+            let place = drive.columns().iter().position(|column| column == own).expect("a column");
+            assert!(alone.columns[place] == columns[name], "{own}, ends given: {given}");
+        }
+        // What the valve gives is what the chamber takes, and what the supply loses: while a is filled, all of it.
+        let (a, out) = (&columns["cylinder.a.mass_flow_kg_s"], &columns["supply.mass_flow_kg_s"]);
+        assert!(a.iter().zip(&columns["valve.mass_flow_4_kg_s"]).all(|(a, valve)| (a - valve).abs() < 1e-18));
+        assert!(a[100] > 0.0 && a[100] == out[100]);
+    }
+}
+
+fn fill(kind: &str, numbers: &Value, from: f64, tank: f64) -> (Vec<f64>, [f64; 3]) {
+    let components = json!([
+        { "name": "supply", "kind": "reservoir", "numbers": { "pressure": from } },
+        { "name": "path", "kind": kind, "numbers": numbers },
+        { "name": "tank", "kind": "tank", "numbers": { "volume": 1e-3, "wall_area": 1.0, "heat_transfer": 50.0 } },
+    ]);
+    let network = network(&components, &json!([["supply.1", "path.1"], ["path.2", "tank.1"]]));
+    let start = [("tank.pressure_pa", tank), ("tank.temperature_k", ROOM)];
+    let (columns, ledger) = run(&network.expect("assembles"), &[], (20.0, 10.0), &start);
+    (columns["tank.pressure_pa"].clone(), ledger)
+}
+
+#[test]
+fn a_check_valve_lets_gas_through_one_way_and_shuts_a_cracking_pressure_apart() {
+    let numbers = json!({ "conductance": 1e-8, "critical_pressure_ratio": 0.3, "cracking_pressure": 2e4 });
+    let (filled, ledger) = fill("check-valve", &numbers, 7e5, 1e5);
+    assert!((filled[filled.len() - 1] - 6.8e5).abs() < 1.0, "{filled:?}");
+    assert!(ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6 && ledger[2].abs() < 1e-6, "{ledger:?}");
+    let (held, _) = fill("check-valve", &numbers, 1e5, 7e5);
+    assert!(held.iter().all(|p| *p == held[0]), "{held:?}");
+    // Without a spring it is a fitting, as long as the flow goes forward.
+    let free = json!({ "conductance": 1e-8, "critical_pressure_ratio": 0.3, "cracking_pressure": 0.0 });
+    let fitting = json!({ "conductance": 1e-8, "critical_pressure_ratio": 0.3 });
+    let pairs = fill("check-valve", &free, 7e5, 1e5).0.into_iter().zip(fill("fitting", &fitting, 7e5, 1e5).0);
+    assert!(pairs.into_iter().all(|(valve, fitting)| (valve / fitting - 1.0).abs() < 1e-6));
+}
+
+#[test]
+fn meter_out_sets_the_speed_that_the_needle_lets_out() {
+    let (needle, bore) = (2e-9, 0.025_f64);
+    let components = |throttles: &str| {
+        let control = |name: &str| {
+            json!({ "name": name, "kind": "flow-control", "choices": { "throttles": throttles },
+                    "numbers": { "needle_conductance": needle, "conductance": 2e-8 } })
+        };
+        json!([
+            { "name": "supply", "kind": "reservoir", "numbers": { "pressure": 7e5 } },
+            { "name": "valve", "kind": "valve/proportional-5/3",
+              "numbers": { "conductance": 4e-8, "critical_pressure_ratio": 0.3 } },
+            control("fc_a"),
+            control("fc_b"),
+            cylinder(&case_a()["friction"]),
+        ])
+    };
+    let joints = json!([
+        ["supply.1", "valve.1"],
+        ["valve.4", "fc_a.1"],
+        ["fc_a.2", "cylinder.a"],
+        ["valve.2", "fc_b.1"],
+        ["fc_b.2", "cylinder.b"],
+    ]);
+    let start = [
+        ("cylinder.position_m", 0.05),
+        ("cylinder.velocity_m_s", 0.0),
+        ("cylinder.a.pressure_pa", 1.013e5),
+        ("cylinder.a.temperature_k", ROOM),
+        ("cylinder.b.pressure_pa", 6.5e5),
+        ("cylinder.b.temperature_k", ROOM),
+        ("valve.4.pressure_pa", 1.013e5),
+        ("valve.4.temperature_k", ROOM),
+        ("valve.2.pressure_pa", 6.5e5),
+        ("valve.2.temperature_k", ROOM),
+    ];
+    let speed = |throttles: &str| {
+        let network = network(&components(throttles), &joints).expect("assembles");
+        let (columns, ledger) = run(&network, &[("valve.command", 0.0, 1.0)], (0.8, 1000.0), &start);
+        assert!(ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6, "{ledger:?}");
+        (columns["cylinder.velocity_m_s"][700], columns["cylinder.b.temperature_k"][700])
+    };
+    // A choked needle takes C rho0 R sqrt(T0 T)/A of volume out of chamber b; the free path gives more than enough.
+    let (v, t) = speed("out");
+    let area = 0.25 * std::f64::consts::PI * bore * bore;
+    let choked = needle * 1.185 * 287.05 * (293.15 * t).sqrt() / area;
+    assert!((v / choked - 1.0).abs() < 0.02, "{v} m/s, {choked} m/s");
+    assert!(speed("in").0 != v);
+}
+
+#[test]
+fn what_cannot_be_joined_is_said() {
+    let supply =
+        |name: &str, p: f64| json!({ "name": name, "kind": "reservoir", "numbers": { "pressure": p } });
+    let fitting = json!({ "name": "fitting", "kind": "fitting",
+                          "numbers": { "conductance": 1e-8, "critical_pressure_ratio": 0.3 } });
+    let tank = |name: &str| json!({ "name": name, "kind": "tank", "numbers": { "volume": 1e-3 } });
+    let cases = [
+        (json!([fitting]), json!([["fitting.1", "ambient"]]), "port fitting.2 leads nowhere"),
+        (
+            json!([supply("a", 7e5), supply("b", 9e5), fitting]),
+            json!([["a.1", "b.1", "fitting.1"], ["fitting.2", "ambient"]]),
+            "a.1 and b.1 hold the same joint",
+        ),
+        (json!([tank("one"), tank("two")]), json!([["one.1", "two.1"]]), "one and two are one joint"),
+        (json!([supply("a", 7e5), tank("one")]), json!([["one.1", "a.1"]]), "a.1 holds the pressure in one"),
+        (
+            json!([fitting]),
+            json!([["fitting.3", "ambient"], ["fitting.1"]]),
+            "has no port \"3\"; it has 1, 2",
+        ),
+        (json!([fitting]), json!([["hose.3", "ambient"]]), "there is no such component"),
+        (json!([fitting]), json!([["fitting.1", "fitting.1"], ["fitting.2"]]), "stands in two joints"),
+        (json!([tank("one"), tank("one")]), json!([]), "the name one is taken"),
+        (json!([{ "name": "x", "kind": "hose" }]), json!([]), "there is no kind \"hose\""),
+        (json!([{ "name": "x", "kind": "tank" }]), json!([["x.1"]]), "x.volume is missing"),
+        (
+            json!([{ "name": "x", "kind": "tank", "numbers": { "volume": -1.0 } }]),
+            json!([["x.1"]]),
+            "x.volume = -1 m3 is out of bounds",
+        ),
+        (
+            json!([{ "name": "x", "kind": "tank", "numbers": { "size": 1.0 } }]),
+            json!([["x.1"]]),
+            "has no parameter \"size\"",
+        ),
+        (json!([{ "name": "x", "kind": "load" }]), json!([["x.1"]]), "no cylinder moves the joint of x.1"),
+        (
+            json!([{ "name": "x", "kind": "load" }, tank("t")]),
+            json!([["x.1", "t.1"]]),
+            "joins gas to an axis",
+        ),
+    ];
+    for (components, joints, expected) in cases {
+        let message = network(&components, &joints).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(message.contains(expected), "{expected}: {message}");
+    }
+}

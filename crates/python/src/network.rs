@@ -1,0 +1,170 @@
+//! `Circuit`: components and joints; `components`: what there is.
+
+use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
+use crate::session::PySession;
+use circuit::{KINDS, Network, PortKind, specification};
+use ode::Options;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::collections::BTreeMap;
+
+/// A circuit of components, assembled from its description in SI (JSON).
+#[pyclass(name = "Circuit", frozen)]
+pub struct PyCircuit {
+    json: String,
+    spec: specification::Circuit,
+    network: Network,
+}
+
+#[pymethods]
+impl PyCircuit {
+    #[new]
+    fn new(json: String) -> PyResult<Self> {
+        let spec: specification::Circuit = parse(&json)?;
+        let network = Network::assemble(&spec, false).map_err(to_python)?;
+        Ok(PyCircuit { json, spec, network })
+    }
+
+    /// Name, unit, bounds in words and meaning of each input.
+    #[getter]
+    fn inputs(&self) -> Vec<(&str, &'static str, String, &'static str)> {
+        let inputs = self.network.assembly().variables.inputs.iter();
+        inputs.map(|own| (&*own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
+    }
+
+    /// Names of what can be read.
+    #[getter]
+    fn columns(&self) -> Vec<String> {
+        self.network.assembly().columns().to_vec()
+    }
+
+    /// Names of the numbers of a start.
+    #[getter]
+    fn start_names(&self) -> Vec<&str> {
+        self.network.start_names()
+    }
+
+    /// Names of the states, each with its unit.
+    #[getter]
+    fn states(&self) -> Vec<String> {
+        self.network.assembly().circuit.state_names().to_vec()
+    }
+
+    /// What the user should know about this description.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.network.warnings().to_vec()
+    }
+
+    /// Keys in references.bib of the laws and methods used.
+    #[getter]
+    fn citations(&self) -> Vec<&'static str> {
+        self.network.citations().to_vec()
+    }
+
+    /// A session at a start, given by name.
+    fn start(&self, start: BTreeMap<String, f64>, rtol: f64) -> PyResult<PySession> {
+        let options = Options { rtol, ..Options::default() };
+        let session = self.network.session(&start, options).map_err(to_python)?;
+        Ok(PySession::new(session.of_description(&self.json)))
+    }
+
+    /// Runs from a start under plans: an input, times and the values from each of them on.
+    #[pyo3(signature = (plans, duration, sample_rate, start, rtol, ledger=false, budget=None, look=None))]
+    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        plans: Vec<(String, Vec<f64>, Vec<f64>)>,
+        duration: f64,
+        sample_rate: f64,
+        start: BTreeMap<String, f64>,
+        rtol: f64,
+        ledger: bool,
+        budget: Option<u64>,
+        look: Teller<'py>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let with_ledger;
+        let network = if ledger {
+            with_ledger = Network::assemble(&self.spec, true).map_err(to_python)?;
+            &with_ledger
+        } else {
+            &self.network
+        };
+        let commands = plans.iter().map(|(_, times, _)| times.len()).sum();
+        let options = options(rtol, duration, commands, budget);
+        let run = watched(py, look, |interrupted| {
+            network.simulate(&plans, (duration, sample_rate), &start, options, interrupted)
+        })?;
+        let mut warnings = network.warnings().to_vec();
+        warnings.extend(network.impact_warnings(&run.impacts));
+        let cylinders: Vec<Option<String>> =
+            run.impacts.iter().map(|impact| network.cylinder(impact.axis).map(Into::into)).collect();
+        let out = run_to_dict(py, network.assembly().columns(), run)?;
+        let impacts = out.get_item("impacts")?.expect("impacts of a run").cast_into::<PyList>()?;
+        for (impact, cylinder) in impacts.iter().zip(cylinders) {
+            impact.set_item("cylinder", cylinder)?;
+        }
+        out.set_item("warnings", warnings)?;
+        out.set_item("citations", network.citations())?;
+        Ok(out)
+    }
+}
+
+/// Every kind of component: its ports, parameters, choices, inputs and outputs.
+#[pyfunction]
+pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    let table = |items: &[(&str, Bound<'_, PyAny>)]| {
+        let out = PyDict::new(py);
+        items.iter().try_for_each(|(key, value)| out.set_item(key, value))?;
+        PyResult::Ok(out)
+    };
+    let any = |value: &str| value.into_pyobject(py).map(Bound::into_any);
+    let each = KINDS.iter().map(|kind| {
+        let ports = kind.ports.iter().map(|port| {
+            let out = table(&[("name", any(port.name)?)])?;
+            out.set_item("kind", if port.kind == PortKind::Gas { "gas" } else { "axis" })?;
+            out.set_item("exhaust", port.exhaust)?;
+            out.set_item("optional", port.optional)?;
+            PyResult::Ok(out)
+        });
+        let note = |notes: &[(&'static str, &'static str)], key: &str| {
+            notes.iter().find(|(own, _)| *own == key).map_or("", |(_, note)| note)
+        };
+        let parameters = kind.parameters.iter().map(|own| {
+            let out =
+                table(&[("key", any(own.key)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])?;
+            out.set_item("rule", own.bounds.to_string())?;
+            out.set_item("lower", own.bounds.lower)?;
+            out.set_item("upper", own.bounds.upper)?;
+            out.set_item("open", own.bounds.open)?;
+            out.set_item("open_above", own.bounds.open_above)?;
+            out.set_item("default", own.default)?;
+            out.set_item("assumed", note(kind.assumed, own.key))?;
+            out.set_item("follows", note(kind.follows, own.key))?;
+            PyResult::Ok(out)
+        });
+        let choices = kind.choices.iter().map(|own| {
+            let out = table(&[("name", any(own.name)?), ("meaning", any(own.meaning)?)])?;
+            out.set_item("options", own.options)?;
+            out.set_item("default", own.options[0])?;
+            PyResult::Ok(out)
+        });
+        let variables = |variables: &'static [(&str, &str, &str)]| {
+            let each = variables.iter().map(|&(name, unit, meaning)| {
+                table(&[("name", any(name)?), ("unit", any(unit)?), ("meaning", any(meaning)?)])
+            });
+            each.collect::<PyResult<Vec<_>>>()
+        };
+        let out = table(&[("kind", any(kind.key)?), ("title", any(kind.title)?), ("doc", any(kind.text)?)])?;
+        out.set_item("sources", kind.sources)?;
+        out.set_item("ports", ports.collect::<PyResult<Vec<_>>>()?)?;
+        out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
+        out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
+        out.set_item("friction", kind.friction)?;
+        out.set_item("inputs", variables(kind.inputs)?)?;
+        out.set_item("outputs", variables(kind.outputs)?)?;
+        Ok(out)
+    });
+    each.collect()
+}
