@@ -91,7 +91,7 @@ def simulate(
         ``attrs["ledger"]`` then says how well they close. Not for the chamber law ``as-printed``, which does not
         conserve energy.
     budget : int, optional
-        Attempts at a step after which the run is given up. Where nothing is said 180,000 for the run, 80,000 for each
+        Attempts at a step after which the run is given up. Where nothing is said 220,000 for the run, 100,000 for each
         second of motion and 100 for each entry of the command, and more below rtol = 1e-6. Ordinary drives take 200 to
         10,000 a second.
     progress, cancel : optional

@@ -8,7 +8,7 @@ use crate::net::{AxisNode, Net};
 use crate::part::cylinder::{CHAMBERS, INNER};
 use crate::part::*;
 use math::{Lane, Over, Real};
-use ode::{Structure, System};
+use ode::{Accepted, Structure, System};
 use physics::IdealGas;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -471,8 +471,19 @@ impl<R: Lane> System<R> for Circuit<R> {
         self.evaluate(y, net);
         self.parts.rate(y, dy, net, &self.common);
         if !self.topology.channels.is_empty() {
-            let accounts = &mut dy[self.topology.n_states..];
-            self.parts.account(y, net, &self.common, accounts);
+            let (dy, accounts) = dy.split_at_mut(self.topology.n_states);
+            self.parts.account(y, dy, net, &self.common, accounts);
+        }
+    }
+
+    fn completes(&self) -> bool {
+        !self.topology.channels.is_empty() && self.masses().any(|(.., axis, _)| axis.is_damped())
+    }
+
+    fn complete(&self, step: &mut Accepted<'_, R>, out: &mut [R]) {
+        for (.., place, axis, inner) in self.masses() {
+            let account = self.topology.n_states + place.first_account;
+            axis.damped_in(place.first, inner, step, &self.common, &mut out[account..account + 3]);
         }
     }
 

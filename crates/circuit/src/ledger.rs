@@ -30,7 +30,7 @@ pub struct Balance {
     /// Mass stored minus mass that came in, relative to the mass that was stored or moved, -.
     pub mass_error: f64,
     /// Energy stored minus energy that came in, relative to the energy turned over, or to what a part stores and gives
-    /// back where that is more, -.
+    /// back where that is more, or to a thousand times what rounding may lose of all that is stored, -.
     pub energy_error: f64,
     /// Entropy of the gas minus what came in and what was produced, relative to what was turned over, -.
     pub entropy_error: f64,
@@ -42,8 +42,11 @@ pub struct Balance {
     pub accounts: Vec<(String, Kind, f64)>,
 }
 
-/// The accounts of a run closed, from its states at the samples (accounts included).
-pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
+/// What rounding loses counts as a thousandth of the energy to which an error is related.
+const ROUNDING_SHARE: f64 = 1e-3;
+
+/// The accounts of a run of so many steps closed, from its states at the samples (accounts included).
+pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>], steps: u64) -> Balance {
     let books: Vec<([f64; 3], Vec<f64>)> = samples.iter().map(|y| circuit.books(y)).collect();
     let stores: Vec<Vec<f64>> = samples.iter().map(|y| circuit.stores(y)).collect();
     let (start, first) = books.first().expect("at least the initial state");
@@ -66,13 +69,15 @@ pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
         let each = stores.iter().map(|stores| stores[part]);
         each.clone().fold(f64::MIN, f64::max) - each.fold(f64::MAX, f64::min)
     });
+    let rounding = steps as f64 * f64::EPSILON * start[1].abs().max(end[1].abs());
+    let size = swing.fold(turnover, f64::max).max(rounding / ROUNDING_SHARE);
     let relative = |error: f64, size: f64| if size > 0.0 { error / size } else { error };
     Balance {
         mass_error: relative(
             end[0] - start[0] - total(Kind::Mass),
             start[0].max(end[0]).max(turned(Kind::Mass)),
         ),
-        energy_error: relative(end[1] - start[1] - total(Kind::Energy), swing.fold(turnover, f64::max)),
+        energy_error: relative(end[1] - start[1] - total(Kind::Energy), size),
         entropy_error: relative(end[2] - start[2] - total(Kind::EntropyIn) - produced, entropy_turnover),
         least_production,
         turnover,

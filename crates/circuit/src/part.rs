@@ -197,8 +197,16 @@ pub trait Part<P: Real> {
     fn rests(&self) -> bool {
         false
     }
-    /// Rates of the accounts.
-    fn account<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
+    /// Rates of the accounts, where `dy` are those of the states.
+    fn account<S: Over<P>>(
+        &self,
+        _y: Own<S>,
+        _dy: Own<S>,
+        _net: &Net<S>,
+        _common: &Common<P>,
+        _out: &mut [S],
+    ) {
+    }
     /// Sets the part's states to what its nodes are given. Called with the volumes of `net` unknown, then with those
     /// that the positions leave.
     fn begin(&self, _given: &Given<P>, _y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {}
@@ -516,13 +524,21 @@ macro_rules! parts {
                 }));)*
                 stores
             }
-            pub fn account<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+            pub fn account<S: Over<P>>(
+                &self,
+                y: &[S],
+                dy: &[S],
+                net: &Net<S>,
+                common: &Common<P>,
+                out: &mut [S],
+            ) {
                 $(for (at, part) in &self.$field {
                     let own = &mut out[at.first_account..at.first_account + at.accounts];
                     if part.rests() {
                         own.fill(S::zero());
                     } else {
-                        part.account(Own { y, place: *at }, net, common, own);
+                        let [y, dy] = [y, dy].map(|y| Own { y, place: *at });
+                        part.account(y, dy, net, common, own);
                     }
                 })*
             }

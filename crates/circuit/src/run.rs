@@ -24,11 +24,11 @@ const ATTEMPTS_PER_LOOK: u64 = 20_000;
 
 /// Attempts at a step that a run may take where nobody says how many: at the default tolerance, for each second of
 /// motion and for each step of the command, and for the run itself.
-const BUDGET: [f64; 3] = [80_000.0, 100.0, 180_000.0];
+const BUDGET: [f64; 3] = [100_000.0, 100.0, 220_000.0];
 /// The tolerance to which the budget belongs, and the power with which it grows below. A smooth motion takes steps as
 /// long as the fifth root of the tolerance; kinks and events, of which most work is made, cost less than that.
 const BUDGET_RTOL: f64 = 1e-6;
-const BUDGET_POWER: f64 = 0.0625;
+const BUDGET_POWER: f64 = 0.03125;
 
 /// Attempts that a run of `duration` s with so many commands may take.
 pub fn budget(duration: f64, commands: usize, rtol: f64) -> u64 {
@@ -96,10 +96,11 @@ impl Recorder {
     /// What the run up to the end leaves behind.
     pub fn finish(mut self, session: &Session) -> Run {
         self.complete(session);
-        let balance = self.states.as_ref().map(|states| balance(session.circuit(), states));
+        let statistics = session.statistics();
+        let balance = self.states.as_ref().map(|states| balance(session.circuit(), states, statistics.steps));
         let mut impacts: Vec<Impact> = self.impacts.into_iter().flat_map(Impacts::finish).collect();
         impacts.sort_by(|one, other| one.time.total_cmp(&other.time));
-        Run { columns: self.columns, statistics: session.statistics(), balance, impacts }
+        Run { columns: self.columns, statistics, balance, impacts }
     }
 
     /// The columns of a run that may have stopped before its end.

@@ -74,7 +74,7 @@ fn run(split: bool, key: &str) -> (Vec<[f64; 8]>, [f64; 3]) {
         let (m, a, b) = (net[axis], net[a], net[b]);
         [m.x, m.v, m.friction, m.end_stop, a.p, a.t, b.p, b.t]
     };
-    let balance = balance(stepper.system(), &trace.states);
+    let balance = balance(stepper.system(), &trace.states, stepper.statistics(0).steps);
     assert!(balance.energy_error.abs() < 1e-6 && balance.mass_error.abs() < 1e-12);
     let total = |name: &str| {
         let own = balance.accounts.iter().filter(|(account, ..)| account.ends_with(name));

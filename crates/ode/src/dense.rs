@@ -82,6 +82,17 @@ impl<R: Lane> Step<R> {
         self.at.as_flattened_mut()
     }
 
+    /// One state at `t0 + theta h`, and its derivative by theta; `prepare` comes first.
+    pub fn component(&self, i: usize, theta: f64) -> [R; 2] {
+        let c = self.c[i / BLOCK].map(|coefficient| coefficient[i % BLOCK]);
+        let (mut value, mut slope) = (c[4], R::zero());
+        for c in [c[3], c[2], c[1], c[0]] {
+            slope = slope.fma_c(theta, value);
+            value = value.fma_c(theta, c);
+        }
+        [value, slope]
+    }
+
     /// The state at `t0 + theta h`, of the method's dense order; `prepare` comes first. A state that
     /// does not change keeps its bits.
     pub fn interpolate(&mut self, theta: f64) -> &mut [R] {

@@ -80,6 +80,7 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     seeded: bool,
     fresh: bool,
     started: bool,
+    completes: bool,
     work: Sys::Work<R>,
     dual_work: Sys::Work<Direction<R>>,
     dual_y: Vec<Direction<R>>,
@@ -122,6 +123,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             seeded: false,
             fresh: false,
             started: false,
+            completes: system.completes(),
             work,
             dual_work,
             dual_y: vec![Direction::zero(); n],
@@ -366,6 +368,19 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         w + p
     }
 
+    /// Adds to the quadratures of one lane at the end of the attempt what their integrals leave out.
+    fn complete(&mut self, lane: usize) {
+        let n = self.structure.n();
+        let more = &mut self.rhs.as_flattened_mut()[..n];
+        more.fill(R::zero());
+        self.system.complete(&mut Accepted { step: &mut self.step, u: &self.u }, more);
+        let first = self.structure.n_coupled;
+        let quadratures = self.step.y1.as_flattened_mut()[..n].iter_mut().zip(more.iter()).skip(first);
+        for (y1, more) in quadratures {
+            y1.take(lane, &(*y1 + *more));
+        }
+    }
+
     /// Accepts, rejects or cuts the attempt, lane by lane.
     fn conclude(&mut self, h: R::Plain, until: f64, output: &mut impl Output<R, Sys>) {
         let error = self.error();
@@ -418,6 +433,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                     self.check_outside(lane);
                 }
                 continue;
+            }
+            if self.completes {
+                self.complete(lane);
             }
             if let Some(theta) = self.give_samples(lane, t0, h_lane, t1, output) {
                 // The step ends at the sample now: what has been given before it stays.

@@ -56,7 +56,7 @@ pub struct Structure {
     pub(crate) lower: Vec<Entry>,
     /// Strictly upper entries in reverse elimination order, column by column: the slots that follow.
     pub(crate) upper: Vec<Entry>,
-    /// Entries of the quadratures' rows: the slots that follow. They take no part in the elimination.
+    /// Entries of the quadratures' rows, column by column: the slots that follow. They take no part in the elimination.
     pub(crate) quadratures: Vec<Entry>,
     /// Number of states that are not quadratures; their diagonal lies in the last slots.
     pub(crate) n_coupled: usize,
@@ -89,9 +89,9 @@ impl Structure {
         let filled = fill_in(&coupled, &order);
         let (lower, upper) = substitutions(&filled, &order);
         let entry = |i: usize, j: usize| Entry { row: i as u16, column: j as u16 };
-        let of_row =
-            |i: usize| (0..n_coupled).filter(move |&j| rows[i].contains(j)).map(move |j| entry(i, j));
-        let quadratures: Vec<Entry> = (n_coupled..n).flat_map(of_row).collect();
+        let of_column =
+            |j: usize| (n_coupled..n).filter(move |&i| rows[i].contains(j)).map(move |i| entry(i, j));
+        let quadratures: Vec<Entry> = (0..n_coupled).flat_map(of_column).collect();
         let mut slots = vec![vec![Slot::MAX; n]; n];
         let diagonal = (0..n_coupled).map(|k| entry(k, k));
         let all = lower.iter().chain(&upper).chain(&quadratures).copied().chain(diagonal);

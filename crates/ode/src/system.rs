@@ -1,5 +1,6 @@
 //! What an integrator needs to know of a system of equations.
 
+use crate::stepper::Accepted;
 use crate::structure::Structure;
 use math::{Lane, Over, Real};
 use std::sync::Arc;
@@ -23,6 +24,14 @@ pub trait System<R: Lane> {
     /// Absolute error scale of each state: its absolute tolerance is `rtol * scale`.
     /// An infinite scale marks a quadrature: integrated alongside, never steering the step.
     fn scale(&self) -> &[R];
+
+    /// Whether quadratures hold more than the integrals of `rhs`.
+    fn completes(&self) -> bool {
+        false
+    }
+
+    /// Writes what an accepted step adds to the quadratures beside the integrals of `rhs`, into what comes as zeros.
+    fn complete(&self, _step: &mut Accepted<'_, R>, _out: &mut [R]) {}
 
     /// How many event functions there are.
     fn n_events(&self) -> usize {

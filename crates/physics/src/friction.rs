@@ -218,6 +218,8 @@ pub trait Law<P: Real> {
     const STICKS: bool = false;
     /// The law has one inner state, the deflection of bristles, and stores energy as its square.
     const BRISTLES: bool = false;
+    /// The force contains the rate of the first inner state: see [`Law::damping`].
+    const DAMPED: bool = false;
     /// An event of the mode leaves the velocity at zero exactly, unless it goes on in the same direction.
     const STOPS: bool = true;
     /// What shows the direction that its levels may depend on.
@@ -254,6 +256,11 @@ pub trait Law<P: Real> {
     /// Stiffness, N/m, of the spring whose deflection is the first inner state, if the law has one.
     fn spring(&self) -> Option<P> {
         None
+    }
+
+    /// Coefficient of the rate of the first inner state in the force, N s/m; a law without it has zero.
+    fn damping<S: Over<P>>(&self, _v: S) -> S {
+        S::zero()
     }
 
     /// Rate at which the contact slips for good, m/s, with the rates that `force` gave: its magnitude renews
@@ -406,6 +413,13 @@ macro_rules! laws {
             }
         }
 
+        impl<P: Real> AnyLaw<P> {
+            /// Whether the force contains the rate of the first inner state.
+            pub fn is_damped(&self) -> bool {
+                match self { $(AnyLaw::$name(_) => <$name<P> as Law<P>>::DAMPED,)* AnyLaw::Formula(_) => false }
+            }
+        }
+
         impl<R: Lane> AnyLaw<R> {
             /// Lane `i` takes the law `each[i]`; all must be of one kind.
             pub fn gather(each: &[&AnyLaw<f64>]) -> Self {
@@ -444,6 +458,13 @@ macro_rules! laws {
             #[inline(always)]
             pub fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
                 match self { $(AnyLaw::$name(law) => law.force(at, levels, z, dz, mode),)* AnyLaw::Formula(law) => law.force(at, levels, z, dz) }
+            }
+            /// Deflection, m, at which the element of this inner state slips in the level Fs, if it is that of one.
+            pub fn element_limit(&self, state: usize) -> Option<P> {
+                match self { AnyLaw::MaxwellSlip(law) => law.limit(state), _ => None }
+            }
+            pub fn damping<S: Over<P>>(&self, v: S) -> S {
+                match self { $(AnyLaw::$name(law) => law.damping(v),)* AnyLaw::Formula(_) => S::zero() }
             }
             #[inline(always)]
             pub fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {

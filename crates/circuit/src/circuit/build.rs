@@ -106,7 +106,7 @@ impl<R: Lane> Circuit<R> {
         let friction = friction.map(|contact| contact.surrounded(self.common.ambient_temperature));
         let inertia = friction.as_ref().map_or(R::zero(), Contact::inertia);
         let inverse_mass = R::one() / (mass + inertia);
-        let deflection_scale = friction.as_ref().map_or(f64::INFINITY, axis::deflection_scale);
+        let largest_scales = friction.as_ref().map_or(Vec::new(), axis::largest_scales);
         let part = Axis {
             mass,
             inertia,
@@ -115,7 +115,7 @@ impl<R: Lane> Circuit<R> {
             external_force,
             friction,
             mode: R::zero(),
-            deflection_scale,
+            largest_scales,
             node,
         };
         self.parts.axes.push((Place::default(), part));

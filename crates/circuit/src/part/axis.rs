@@ -2,7 +2,8 @@ use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
-use physics::friction::{At, Contact, MOST_INNER};
+use ode::Accepted;
+use physics::friction::{At, Contact};
 
 /// A mass that moves along one line, with friction: piston, slide and load.
 ///
@@ -25,8 +26,8 @@ pub struct Axis<P> {
     pub friction: Option<Contact<P>>,
     /// -1, 0 or +1: see [`physics::friction`].
     pub mode: P,
-    /// Largest error scale of a deflection, m: see [`deflection_scale`].
-    pub(crate) deflection_scale: f64,
+    /// Largest error scale of each inner state, in its unit: see [`largest_scales`].
+    pub(crate) largest_scales: Vec<f64>,
     pub node: usize,
 }
 
@@ -42,7 +43,7 @@ impl<R: Lane> Axis<R> {
             external_force: number(&|axis| axis.external_force),
             friction: contacts.map(|contacts| Contact::gather(&contacts)),
             mode: number(&|axis| axis.mode),
-            deflection_scale: each[0].deflection_scale,
+            largest_scales: each[0].largest_scales.clone(),
             node: each[0].node,
         }
     }
@@ -57,12 +58,24 @@ const SLIDING_SCALE: f64 = 1e4;
 /// Speeds at which that is looked at, m/s.
 const SLIDING: [f64; 4] = [1e-3, 1e-2, 1e-1, 1.0];
 
-/// The largest error scale, m, with which the tolerance still resolves the spring of a law; infinite for a law without.
-pub(crate) fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
-    let states = contact.states();
-    if states.first().is_none_or(|state| state.name != DEFLECTION) {
-        return f64::INFINITY;
+/// The largest error scales with which the tolerance still resolves the springs of a law; infinite where a state is
+/// none.
+pub(crate) fn largest_scales<R: Lane>(contact: &Contact<R>) -> Vec<f64> {
+    let mut scales = vec![f64::INFINITY; contact.states().len()];
+    if contact.states().first().is_some_and(|state| state.name == DEFLECTION) {
+        scales[0] = deflection_scale(contact);
     }
+    for (i, scale) in scales.iter_mut().enumerate() {
+        if let Some(limit) = contact.law.element_limit(i) {
+            *scale = DEFLECTION_SCALE * limit.get(0);
+        }
+    }
+    scales
+}
+
+/// That of the one spring of a law, m.
+fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
+    let states = contact.states();
     let mut z = vec![R::zero(); states.len()];
     z[0] = R::one();
     let stiffness = 2.0 * contact.stored(&z).get(0);
@@ -81,6 +94,14 @@ pub(crate) fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
     let share = DEFLECTION_SCALE.min(if steepest > 0.0 { SLIDING_SCALE / steepest } else { f64::INFINITY });
     share * level / stiffness
 }
+
+/// Points and weights in [0, 1] that integrate a product of two states along a step exactly: a polynomial of order 7.
+const GAUSS: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+];
 
 /// Where the friction law of a mass is evaluated.
 #[inline(always)]
@@ -146,20 +167,33 @@ impl<P: Real> Axis<P> {
         [S::zero(), kinetic + S::from(self.weight) * node.x + bristle, S::zero()]
     }
 
-    /// Rates of the accounts of the axis with inner states `z`.
-    pub(super) fn account_in<S: Over<P>>(&self, z: &[S], net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    /// Rates of the accounts of the axis with inner states `z`, whose rates are `dz`. The work done on the damping of
+    /// bristles is left out: see [`Axis::damped_in`].
+    pub(super) fn account_in<S: Over<P>>(
+        &self,
+        z: &[S],
+        dz: &[S],
+        net: &Net<S>,
+        common: &Common<P>,
+        out: &mut [S],
+    ) {
         let node = &net.axis[self.node];
         let heat = match &self.friction {
             Some(contact) => {
-                let mut rates = [S::zero(); MOST_INNER];
-                let force = contact.force(&at(node), z, &mut rates[..z.len()], self.mode);
-                contact.heat(node.v, force, z, &rates)
+                let force = S::from(-self.inertia).fma(node.a, node.friction);
+                let heat = contact.heat(node.v, force, z, dz);
+                if self.is_damped() { heat - contact.law.damping(node.v) * node.v * dz[0] } else { heat }
             }
             None => S::zero(),
         };
         out[0] = S::from(self.external_force) * node.v;
         out[1] = -heat;
         out[2] = heat / S::from(common.ambient_temperature);
+    }
+
+    /// Whether the force contains the rate of a deflection.
+    pub(crate) fn is_damped(&self) -> bool {
+        self.friction.as_ref().is_some_and(|contact| contact.law.is_damped())
     }
 
     /// How many events its law has: one where it sticks by a mode.
@@ -201,6 +235,32 @@ impl<P: Real> Axis<P> {
 pub(super) const EVENT_TOLERANCE: f64 = 1e-9;
 
 impl<R: Lane> Axis<R> {
+    /// Adds to the accounts of a mass, whose states begin at `first` and those of its friction `inner` further, what
+    /// the damping of bristles took in a step:
+    ///
+    ///   W = int sigma1(v) v dz                                                     [J]
+    ///
+    /// As an integral over time it would be wrong by far: where bristles follow the velocity within a fraction of the
+    /// step, dz/dt at the stages is no rate at which z goes on, only what the solution of the stage takes back. The
+    /// deflection along the step is that of the states, to their tolerance.
+    pub(crate) fn damped_in(
+        &self,
+        first: usize,
+        inner: usize,
+        step: &mut Accepted<'_, R>,
+        common: &Common<R>,
+        accounts: &mut [R],
+    ) {
+        let Some(contact) = self.friction.as_ref().filter(|_| self.is_damped()) else { return };
+        let mut work = R::zero();
+        for (theta, weight) in GAUSS {
+            let ([v, _], [_, dz]) = (step.state(first + 1, theta), step.state(first + inner, theta));
+            work += R::c(weight) * contact.law.damping(v) * v * dz;
+        }
+        accounts[1] -= work;
+        accounts[2] += work / common.ambient_temperature;
+    }
+
     /// Sets one lane's mode after its event, and its inner states that remember events; where the event leaves the
     /// mass at rest, its velocity, and books the kinetic energy that friction takes.
     pub(super) fn switch_in(
@@ -319,10 +379,10 @@ impl<P: Real> Part<P> for Axis<P> {
             State { name: "velocity", unit: "m/s", scale: 0.1 },
         ];
         if let Some(contact) = &self.friction {
-            states.extend(contact.states().iter().map(|s| State {
+            states.extend(contact.states().iter().zip(&self.largest_scales).map(|(s, largest)| State {
                 name: s.name,
                 unit: s.unit,
-                scale: if s.name == DEFLECTION { s.scale.min(self.deflection_scale) } else { s.scale },
+                scale: s.scale.min(*largest),
             }));
         }
         states
@@ -363,8 +423,8 @@ impl<P: Real> Part<P> for Axis<P> {
         ]
     }
 
-    fn account<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        self.account_in(y.after(2), net, common, out);
+    fn account<S: Over<P>>(&self, y: Own<S>, dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        self.account_in(y.after(2), dy.after(2), net, common, out);
     }
 
     fn begin(&self, given: &Given<P>, y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {

@@ -50,7 +50,7 @@ impl<P: Real> Part<P> for CheckValve<P> {
         super::restriction::CHANNELS.to_vec()
     }
 
-    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let m_dot = self.flow(net);
         // Never backward.
         throttling(net, (self.from, self.to), self.boundary, (m_dot, m_dot.lt(S::zero())), common, out);

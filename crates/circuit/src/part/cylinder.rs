@@ -207,17 +207,17 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
         all
     }
 
-    fn account<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, y: Own<S>, dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let (own, mut rest) = out.split_at_mut(3);
-        self.axis.account_in(y.after(INNER), net, common, own);
+        self.axis.account_in(y.after(INNER), dy.after(INNER), net, common, own);
         for (volume, face) in self.sides() {
             let (own, more) = rest.split_at_mut(3);
-            volume.account(y, net, common, own);
+            volume.account(y, dy, net, common, own);
             let (own, more) = more.split_at_mut(1);
-            face.account(y, net, common, own);
+            face.account(y, dy, net, common, own);
             rest = more;
         }
-        self.stops.account(y, net, common, rest);
+        self.stops.account(y, dy, net, common, rest);
     }
 
     fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {

@@ -172,7 +172,7 @@ impl<P: Real> Part<P> for EndStops<P> {
 
     /// The work done on the stop. A piston that leaves faster than the stop can follow feels nothing of
     /// it, so its steps may be long: what the spring holds, and gives to the damper, is no integral.
-    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.axis];
         let contact = self.contact(node.x, node.v);
         let work = self.force(contact) * contact.1;

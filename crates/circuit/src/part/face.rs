@@ -85,7 +85,7 @@ impl<P: Real> Part<P> for Face<P> {
         vec![("ambient work", Kind::Energy)]
     }
 
-    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         out[0] = -self.signed(S::from(common.ambient_pressure * self.area) * net.axis[self.axis].v);
     }
 }

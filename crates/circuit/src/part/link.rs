@@ -50,7 +50,7 @@ impl<P: Real> Part<P> for Link<P> {
         ]
     }
 
-    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let speed = net.axis[self.from].v - net.axis[self.to].v;
         let heat = S::from(self.damping) * speed * speed;
         out[0] = if self.driven { self.force(net) * net.axis[self.from].v } else { S::zero() };

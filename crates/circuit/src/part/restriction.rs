@@ -135,7 +135,7 @@ impl<P: Real> Part<P> for Restriction<P> {
         self.closed
     }
 
-    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let flow = self.flow(&net.gas[self.from], &net.gas[self.to]);
         let boundary = [self.from_boundary, self.to_boundary];
         throttling(net, (self.from, self.to), boundary, flow, common, out);

@@ -186,7 +186,7 @@ impl<P: Real> Part<P> for Volume<P> {
         ]
     }
 
-    fn account<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
         let node = &net.gas[self.node];
         let wall = S::from(self.wall_temperature);
         out[0] = node.heat;

@@ -32,6 +32,11 @@ impl<R: Lane> Accepted<'_, R> {
     pub fn after(&self) -> &[R] {
         self.step.y1.as_flattened()
     }
+    /// One state at a fraction of its length, and its derivative by that fraction.
+    pub fn state(&mut self, i: usize, theta: f64) -> [R; 2] {
+        self.step.prepare(self.u);
+        self.step.component(i, theta)
+    }
     /// At a fraction of its length.
     pub fn at(&mut self, theta: f64) -> &[R] {
         self.step.prepare(self.u);

@@ -39,16 +39,17 @@ macro_rules! bristle_parameters {
         }
 
         impl<P: math::Real> $name<P> {
+            /// sigma1(v).
+            #[inline(always)]
+            fn damping_at<S: math::Over<P>>(&self, v: S) -> S {
+                let (sigma_1, fade_velocity) = (self.bristle_damping, self.damping_fade_velocity);
+                $crate::friction::bristles::damping(v, sigma_1, fade_velocity, self.faded)
+            }
+
             /// sigma0 z + sigma1(v) dz/dt + Fv v.
             #[inline(always)]
             fn force_of<S: math::Over<P>>(&self, v: S, viscous: S, elastic: S, rate: S) -> S {
-                let damping = $crate::friction::bristles::damping(
-                    v,
-                    self.bristle_damping,
-                    self.damping_fade_velocity,
-                    self.faded,
-                );
-                viscous.fma(v, damping.fma(rate, elastic))
+                viscous.fma(v, self.damping_at(v).fma(rate, elastic))
             }
         }
     };

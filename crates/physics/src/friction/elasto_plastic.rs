@@ -41,6 +41,7 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
     const SOURCE: &'static str = "dupont2002";
     const STATES: &'static [InnerState] = &[DEFLECTION];
     const BRISTLES: bool = true;
+    const DAMPED: bool = true;
     const CLAIMS: Claims = Claims { no_drift: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
@@ -49,6 +50,10 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
 
     fn spring(&self) -> Option<P> {
         Some(self.bristle_stiffness)
+    }
+
+    fn damping<S: Over<P>>(&self, v: S) -> S {
+        self.damping_at(v)
     }
 
     #[inline(always)]

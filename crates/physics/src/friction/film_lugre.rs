@@ -95,6 +95,7 @@ impl<P: Real> Law<P> for FilmLuGre<P> {
     const TITLE: &'static str = "LuGre with a lubricant film: friction that lags in sliding, too";
     const SOURCE: &'static str = "tran2013";
     const STATES: &'static [InnerState] = &[DEFLECTION, FILM];
+    const DAMPED: bool = true;
 
     fn levels(&self) -> Levels<P> {
         self.own_levels()
@@ -102,6 +103,10 @@ impl<P: Real> Law<P> for FilmLuGre<P> {
 
     fn spring(&self) -> Option<P> {
         Some(self.bristle_stiffness)
+    }
+
+    fn damping<S: Over<P>>(&self, v: S) -> S {
+        self.damping_at(v)
     }
 
     fn inertia(&self) -> P {

@@ -23,6 +23,7 @@ impl<P: Real> Law<P> for LuGre<P> {
     const SOURCE: &'static str = "canudas1995";
     const STATES: &'static [InnerState] = &[DEFLECTION];
     const BRISTLES: bool = true;
+    const DAMPED: bool = true;
 
     fn levels(&self) -> Levels<P> {
         self.own_levels()
@@ -30,6 +31,10 @@ impl<P: Real> Law<P> for LuGre<P> {
 
     fn spring(&self) -> Option<P> {
         Some(self.bristle_stiffness)
+    }
+
+    fn damping<S: Over<P>>(&self, v: S) -> S {
+        self.damping_at(v)
     }
 
     #[inline(always)]

@@ -165,6 +165,12 @@ impl<P: Real> MaxwellSlip<P> {
         self.common.bristle_stiffness * element.stiffness
     }
 
+    /// Deflection, m, at which the element of an inner state slips in the level Fs.
+    pub(super) fn limit(&self, state: usize) -> Option<P> {
+        let element = self.elements.get(state.checked_sub(1)?)?;
+        Some(element.level * self.common.breakaway / self.stiffness(element))
+    }
+
     /// w_i, m/s, under the force of the spring, with G.
     fn slip_rate<S: Over<P>>(&self, element: &Element<P>, elastic: S, level: S) -> S {
         let excess = (elastic.abs() / (S::from(element.level) * level) - S::one()).max(S::zero());
