@@ -236,6 +236,7 @@ class Component(TypedDict):
     outputs: list[ComponentVariable]
 
 def components() -> list[Component]: ...
+
 @final
 class Circuit:
     def __new__(cls, json: str) -> Circuit: ...

@@ -213,8 +213,8 @@ class Session:
         Parameters
         ----------
         name : str
-            Of a variable that is an output or an input. ``"command"`` is not a number while the edges of the valve stand
-            as no command puts them.
+            Of a variable that is an output or an input. ``"command"`` is not a number while the edges of the valve
+            stand as no command puts them.
 
         Raises
         ------
