@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.cautions import cautions
@@ -59,17 +59,30 @@ def check(plan: Plan) -> tuple[str, ...]:
         Naming the first cycle that breaks each limit, with value, limit and remedy, and how many do.
     """
     _check_temperature(plan.protocol, plan.envelope)
-    found = [v for cycle in plan.cycles for v in violations(cycle, plan.protocol, plan.identity, plan.envelope)]
+    alike = _alike(plan)
+    found = [v for one in alike for v in violations(one[0], plan.protocol, plan.identity, plan.envelope)]
     if found:
+        keys = {one[0].key: [cycle.key for cycle in one[1:]] for one in alike}
+        found += [replace(v, key=key) for v in found for key in keys[v.key]]
         raise _refusal(plan, found)
     return cautions(plan)
+
+
+def _alike(plan: Plan) -> list[list[Cycle]]:
+    """Put cycles together that ask the same of the rig, such as repeats, in the order of the first of each."""
+    found: dict[tuple, list[Cycle]] = {}
+    for cycle in plan.cycles:
+        asks = (cycle.kind, cycle.steps, cycle.speed_m_s, cycle.start_m, cycle.pressure_a_pa, cycle.pressure_b_pa)
+        found.setdefault(asks, []).append(cycle)
+    return list(found.values())
 
 
 def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
     """Return for each limit (largest value of the plan, limit, unit); what is not asked for is left out."""
     protocol, envelope, identity = plan.protocol, plan.envelope, plan.identity
     limits = Way.on(protocol, envelope).limits
-    moves = [move for cycle in plan.cycles for move in set(_moves(cycle))]
+    cycles = [alike[0] for alike in _alike(plan)]
+    moves = [move for cycle in cycles for move in set(_moves(cycle))]
     bounds = _bounds(protocol, identity, envelope)
     return {
         "speed": (1e3 * max(step.speed_m_s for _, step in moves), 1e3 * bounds["speed"], "mm/s"),
@@ -79,12 +92,12 @@ def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
             "m/s2",
         ),
         "force": (
-            max(sum(expected_force_n(cycle, identity, envelope, limits).values()) for cycle in plan.cycles),
+            max(sum(expected_force_n(cycle, identity, envelope, limits).values()) for cycle in cycles),
             bounds["force"],
             "N",
         ),
         "pressure": (
-            max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in plan.cycles) / 1e5,
+            max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in cycles) / 1e5,
             bounds["pressure"] / 1e5,
             "bar abs",
         ),

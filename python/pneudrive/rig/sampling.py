@@ -69,7 +69,7 @@ def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[fl
         spans = [(0.0, after, dense), (after, before, rate), (before, duration_s, dense)]
     counts = [(end - begin) * wanted * (1.0 - 1e-12) for begin, end, wanted in spans]
     total = sum(counts)
-    within("samples", total, f"a step of {duration_s:g} s would have {total:.3g} samples", CommandError)
+    within("samples", total, f"a step of {duration_s:g} s would have {np.ceil(total):,.15g} samples", CommandError)
     return [(begin, end, math.ceil(count)) for (begin, end, _), count in zip(spans, counts, strict=True)]
 
 
@@ -94,7 +94,7 @@ def schedule(
         Index of the step.
     """
     total = sum(step_samples(duration, move, sampling) for duration, move in zip(durations_s, moving, strict=True))
-    within("samples", total, f"a cycle would have {total:.3g} samples", CommandError)
+    within("samples", total, f"a cycle would have {total:,.15g} samples", CommandError)
     each = [step_times(duration, move, sampling) for duration, move in zip(durations_s, moving, strict=True)]
     borders = np.concatenate([[0.0], np.cumsum(durations_s)])
     last = max((i for i, part in enumerate(each) if part.size), default=-1)

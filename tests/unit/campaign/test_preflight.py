@@ -2,6 +2,7 @@
 
 import pytest
 
+from pneudrive.campaign import preflight
 from pneudrive.errors import ProtocolError
 
 SWEEP = '[speed]\nlist = ["10 mm/s", "500 mm/s"]\nsettled_time = "0 s"\n'
@@ -163,3 +164,14 @@ def test_what_a_plan_tells_badly_is_said(words, planned):
     top = extra if extra.startswith("directions") else ""
     notes = planned(top + speed + (extra if not top else "")).notes
     assert any(words in note for note in notes), notes
+
+
+def test_repeats_are_checked_once_and_all_counted(planned, monkeypatch):
+    checked, violations = [], preflight.violations
+    monkeypatch.setattr(preflight, "violations", lambda one, *rest: checked.append(one.key) or violations(one, *rest))
+    planned("repeats = 50\n" + SWEEP)
+    assert len(checked) == 2
+    with pytest.raises(
+        ProtocolError, match=r"50 of 100 cycles break its limits[^$]*v500[^$]*at most 400 mm/s \(50 cycles\)"
+    ):
+        planned("repeats = 50\n" + SWEEP, {"speed_m_s": 0.4})
