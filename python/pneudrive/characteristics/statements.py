@@ -192,11 +192,11 @@ def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> 
         if share.size and np.median(share) < 1.0:
             count = sum(d.head.cycle.kind == "sentinel" for some in fits.points.members for d in some)
             text = (
-                f"Each speed and pressure was measured once. At {int((share < 1.0).sum())} of {share.size} points the "
-                f"band is narrower than single cycles scatter (its median width is {np.median(share):.2g} of theirs), "
-                f"because neighbouring speeds and other pressures count too; {count} sentinels tell the scatter. Where "
-                "a curve bends between neighbouring speeds, or where the Stribeck speed moves with pressure, the band "
-                "may be too narrow."
+                f"Each speed and pressure was measured once. At {(share < 1.0).sum()} of {share.size} points the band "
+                f"is narrower than single cycles scatter (down to {share.min():.2g} of it), because neighbouring "
+                f"speeds and other pressures count too; {count} sentinels tell the scatter. Where a curve "
+                "bends between neighbouring speeds, or where the Stribeck speed moves with pressure, the band may be "
+                "too narrow."
             )
             yield Statement("repeatability", text, carried=False, remedy=f"{remedy}, above all where the curve falls.")
 
