@@ -11,6 +11,7 @@ mod tank;
 mod valve;
 
 use crate::assembly::Quantity;
+use crate::assembly::end_stop::Ends;
 use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::part::{ChamberLaw, InputId};
 use crate::run::Error;
@@ -97,6 +98,8 @@ pub struct Instance<P> {
     pub kind: usize,
     /// None where it is left out and has no default.
     pub numbers: Vec<Option<P>>,
+    /// Which of them something is differentiated by, in this pass of directions or another.
+    pub free: Vec<bool>,
     /// Which option of each choice.
     pub choices: Vec<usize>,
     pub friction: Option<Contact<P>>,
@@ -107,10 +110,33 @@ impl<P: Lane> Instance<P> {
         KINDS[self.kind]
     }
 
+    /// The component of a kind, by the key of that, with numbers by the keys of its parameters.
+    pub fn new(name: &str, kind: &str, number: impl Fn(&str) -> Option<(P, bool)>) -> Self {
+        let kind = KINDS.iter().position(|own| own.key == kind).expect("a kind of component");
+        let each = || KINDS[kind].parameters.iter().map(|parameter| number(parameter.key));
+        Instance {
+            name: name.into(),
+            kind,
+            numbers: each().map(|number| number.map(|(value, _)| value)).collect(),
+            free: each().map(|number| number.is_some_and(|(_, is_free)| is_free)).collect(),
+            choices: vec![0; KINDS[kind].choices.len()],
+            friction: None,
+        }
+    }
+
+    fn place(&self, key: &str) -> usize {
+        let place = self.kind().parameters.iter().position(|parameter| parameter.key == key);
+        place.expect("a parameter of this kind")
+    }
+
     /// A number that may be left out.
     fn given(&self, key: &str) -> Option<P> {
-        let place = self.kind().parameters.iter().position(|parameter| parameter.key == key);
-        self.numbers[place.expect("a parameter of this kind")]
+        self.numbers[self.place(key)]
+    }
+
+    /// Whether something is differentiated by a number.
+    fn is_free(&self, key: &str) -> bool {
+        self.free[self.place(key)]
     }
 
     /// A number that is there: checked before.
@@ -126,7 +152,7 @@ impl<P: Lane> Instance<P> {
             self.number("critical_pressure_ratio"),
             index,
             self.number("linear_above"),
-            index.get(0) == 0.5 && (1..=P::DIRECTIONS).all(|direction| index.part(direction) == 0.0),
+            index.get(0) == 0.5 && !self.is_free("subsonic_index"),
             &build.gas,
             build.is_air,
         )
@@ -180,27 +206,38 @@ pub enum Acts {
     Temperature(GasId),
 }
 
+/// The piston of a cylinder.
+#[derive(Clone, Debug)]
+pub struct Piston<P> {
+    pub axis: AxisId,
+    /// The name of its cylinder.
+    pub name: String,
+    pub ends: Ends<P>,
+    /// Areas on both sides, m2.
+    pub areas: [P; 2],
+}
+
 /// A circuit that is being made of components.
 pub struct Build<P> {
     pub circuit: Circuit<P>,
     pub gas: IdealGas<P>,
     pub is_air: bool,
-    /// Pressure, Pa, and temperature, K, of the ambient air, and the highest pressure, Pa absolute, and temperature, K, of a reservoir.
+    /// Pressure, Pa, and temperature, K, of the ambient air.
     pub ambient: [P; 2],
-    pub highest: [P; 2],
+    /// The highest pressure of a supply, Pa absolute, and the highest temperature of it or the ambient air, K.
+    pub highest: Option<P>,
+    pub hottest: P,
     /// Mass, kg, and external force, N, of each axis.
     pub masses: Vec<(P, P)>,
     /// Stiffness, N/m, and rest position, m, of springs on axes.
     pub springs: Vec<(AxisId, P, P)>,
-    /// Of each cylinder: its axis and name, the stiffness that keeps its piston off the covers, N/m, its larger area, m2.
-    pub ends: Vec<(AxisId, String, f64, f64)>,
+    pub pistons: Vec<Piston<P>>,
     /// Restrictions that are always open.
     pub open: Vec<InputId>,
     /// Sonic conductance of each restriction and its ends.
     pub paths: Vec<(P, GasId, GasId)>,
     pub inputs: Vec<(String, &'static str, Acts)>,
     pub columns: Vec<(String, Quantity)>,
-    pub warnings: Vec<String>,
 }
 
 impl<P: Lane> Build<P> {

@@ -1,20 +1,18 @@
-use super::end_stop::{Driven, Ends, ends, impact_warning, stop_warning, through_warning};
+use super::end_stop::{impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
-use super::leak::leak;
+use super::network::{self, Joint, wire};
 use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
-use crate::circuit::{AxisId, Circuit, GasId, PistonSide};
-use crate::component::cylinder::side;
+use crate::circuit::{AxisId, Circuit, GasId};
+use crate::component::{Acts, Instance, Node, Piston};
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
-use crate::part::{ChamberLaw, Given};
+use crate::part::Given;
 use crate::run::{Error, Look, Recorder, Run, States, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over};
 use ode::{Options, Statistics, System};
 use physics::IdealGas;
-use physics::flow::Iso6358;
-use physics::friction::Contact;
 use physics::mechanics::EndStop;
 use std::f64::consts::PI;
 
@@ -28,16 +26,13 @@ pub struct Drive {
     citations: Vec<&'static str>,
 }
 
-/// The equations of a drive, from numbers with or without derivatives, and what it needs to know of them.
+/// The equations of a drive with its names, from numbers with or without derivatives.
 #[derive(Clone, Debug)]
 pub(super) struct Wired<P> {
     pub assembly: Assembly<P>,
-    axis: AxisId,
     a: GasId,
     b: GasId,
-    ends: Ends<P>,
-    /// The larger area of the piston, m2.
-    area: P,
+    piston: Piston<P>,
 }
 
 impl Drive {
@@ -55,15 +50,19 @@ impl Drive {
                 spec.cylinder.leakage_m3_s_pa
             )));
         }
-        let lifted = Lifted::plain(spec);
-        let wired = Wired::lifted(&lifted, ledger)?;
+        let wired = Wired::lifted(&Lifted::plain(spec), ledger)?;
         let friction = friction_law(&spec.friction)?;
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
         let mut warnings = friction.warnings(gauge, spec.cylinder.stroke_m);
-        let areas = sides::<f64>(&lifted).map(|side| side.area);
         let dead_volumes = [spec.cylinder.dead_volume_a_m3, spec.cylinder.dead_volume_b_m3];
         let named = ["cylinder.end_stop.stiffness", "cylinder.dead_volume."];
-        warnings.extend(stop_warning(wired.ends.stop.stiffness, dead_volumes, areas, gauge, named));
+        warnings.extend(stop_warning(
+            wired.piston.ends.stop.stiffness,
+            dead_volumes,
+            wired.piston.areas,
+            gauge,
+            named,
+        ));
         let mut citations = friction.sources();
         citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if printed {
@@ -80,123 +79,106 @@ impl Drive {
     }
 }
 
-/// Both sides of the piston.
-fn sides<P: Lane>(lifted: &Lifted<specification::Drive>) -> [PistonSide<P>; 2] {
-    let bore: P = lifted.number(|s| s.cylinder.bore_m);
-    let rod = |has_rod: bool| {
-        if has_rod { lifted.number(|s| s.cylinder.rod_diameter_m) } else { P::zero() }
+type Spec = specification::Drive;
+
+fn valve(spec: &Spec) -> &specification::ProportionalValve {
+    let Valve::Proportional53(valve) = &spec.valve;
+    valve
+}
+
+/// Where the cylinder stands among the components of a drive.
+const CYLINDER: usize = 2;
+
+/// A drive as components and joints.
+fn components<P: Lane>(lifted: &Lifted<Spec>) -> Result<(Vec<Instance<P>>, Vec<Joint>), Error> {
+    let number = |f: fn(&Spec) -> f64| Some((lifted.number(f), lifted.is_free(f)));
+    let stop = |f: fn(&specification::EndStop) -> Option<f64>| {
+        f(&lifted.value.cylinder.end_stop)?;
+        Some((lifted.number_or(0.0, |s| f(&s.cylinder.end_stop)), false))
     };
-    let kind = lifted.value.cylinder.kind;
-    let mut sides =
-        [side(bore, rod(kind == CylinderKind::ThroughRod)), side(bore, rod(kind != CylinderKind::Rodless))];
-    if lifted.value.cylinder.chamber_law == ChamberLawName::AsPrinted {
-        // pi (D x + 0.25 D^3) as printed, in metres: the second term is no area at all.
-        for side in &mut sides {
-            (side.perimeter, side.end_wall) = (P::c(PI) * bore, P::c(0.25 * PI) * (bore * bore * bore));
-        }
-    }
-    sides
-}
-
-/// The law of the valve's edges.
-fn edge_law<P: Lane>(lifted: &Lifted<specification::Drive>, gas: &IdealGas<P>) -> Iso6358<P> {
-    fn valve(spec: &specification::Drive) -> &specification::ProportionalValve {
-        let Valve::Proportional53(valve) = &spec.valve;
-        valve
-    }
-    let index = |spec: &specification::Drive| valve(spec).subsonic_index;
-    Iso6358::for_gas(
-        lifted.number(|s| valve(s).conductance_m3_s_pa),
-        lifted.number(|s| valve(s).critical_pressure_ratio),
-        lifted.number(index),
-        lifted.number(|s| valve(s).linear_above),
-        index(lifted.value) == 0.5 && !lifted.is_free(index),
-        gas,
-        is_air(lifted.value),
-    )
-}
-
-fn is_air(spec: &specification::Drive) -> bool {
-    IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k).is_air()
+    let supply = Instance::new("supply", "reservoir", |key| match key {
+        "pressure" => number(|s| s.supply.pressure_pa),
+        "temperature" => number(|s| s.supply.temperature_k),
+        _ => None,
+    });
+    let valve = Instance::new("valve", "valve/proportional-5/3", |key| match key {
+        "conductance" => number(|s| valve(s).conductance_m3_s_pa),
+        "critical_pressure_ratio" => number(|s| valve(s).critical_pressure_ratio),
+        "subsonic_index" => number(|s| valve(s).subsonic_index),
+        "linear_above" => number(|s| valve(s).linear_above),
+        _ => None,
+    });
+    let kind = match lifted.value.cylinder.kind {
+        CylinderKind::Rodless => "cylinder/rodless",
+        CylinderKind::ThroughRod => "cylinder/through-rod",
+        CylinderKind::SingleRod => "cylinder/single-rod",
+    };
+    let mut cylinder = Instance::new("cylinder", kind, |key| match key {
+        "bore" => number(|s| s.cylinder.bore_m),
+        "rod_diameter" => number(|s| s.cylinder.rod_diameter_m),
+        "stroke" => number(|s| s.cylinder.stroke_m),
+        "dead_volume_a" => number(|s| s.cylinder.dead_volume_a_m3),
+        "dead_volume_b" => number(|s| s.cylinder.dead_volume_b_m3),
+        "moving_mass" => number(|s| s.cylinder.moving_mass_kg),
+        "incline" => number(|s| s.cylinder.incline_rad),
+        "heat_transfer" => number(|s| s.cylinder.heat_transfer_w_m2_k),
+        "wall_temperature" => number(|s| s.cylinder.wall_temperature_k),
+        "leakage" => number(|s| s.cylinder.leakage_m3_s_pa),
+        "end_stop_stiffness" => stop(|s| s.stiffness_n_m),
+        "end_stop_damping" => stop(|s| s.damping_n_s_m),
+        "end_stop_damping_depth" => stop(|s| s.damping_depth_m),
+        _ => None,
+    });
+    cylinder.choices[0] = usize::from(lifted.value.cylinder.chamber_law == ChamberLawName::AsPrinted);
+    cylinder.friction = Some(contact(&lifted.table(|spec| &spec.friction))?);
+    let load = Instance::new("load", "load", |key| match key {
+        "mass" => number(|s| s.load.mass_kg),
+        "force" => number(|s| s.load.force_n),
+        _ => None,
+    });
+    let spring = lifted.optional(|spec| spec.load.spring.as_ref()).map(|spring| {
+        Instance::new("spring", "spring", |key| match key {
+            "stiffness" => Some((spring.number(|s| s.stiffness_n_m), false)),
+            "rest_position" => Some((spring.number(|s| s.rest_position_m), false)),
+            _ => None,
+        })
+    });
+    let mut rod = vec![(CYLINDER, 2), (3, 0)];
+    rod.extend(spring.is_some().then_some((4, 0)));
+    let ends = [vec![(0, 0), (1, 0)], vec![(1, 1), (CYLINDER, 0)], vec![(1, 2), (CYLINDER, 1)], rod];
+    let mut joints: Vec<Joint> = ends.map(|ports| Joint { ports, ambient: false }).into();
+    joints.push(Joint { ports: vec![(1, 3), (1, 4)], ambient: true });
+    Ok(([supply, valve, cylinder, load].into_iter().chain(spring).collect(), joints))
 }
 
 impl<P: Lane> Wired<P>
 where
     Deps: Over<P>,
 {
-    pub fn lifted(lifted: &Lifted<specification::Drive>, ledger: bool) -> Result<Self, Error> {
-        let number = |f: fn(&specification::Drive) -> f64| -> P { lifted.number(f) };
+    /// The circuit of a drive under its own names.
+    pub fn lifted(lifted: &Lifted<Spec>, ledger: bool) -> Result<Self, Error> {
+        let number = |f: fn(&Spec) -> f64| -> P { lifted.number(f) };
         let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
-        let friction: Contact<P> = contact(&lifted.table(|spec| &spec.friction))?;
-        let inner: Vec<String> = friction.states().iter().map(|state| state.name.to_string()).collect();
+        let plain = &lifted.value.gas;
+        let is_air = IdealGas::new(plain.heat_capacity_ratio, plain.gas_constant_j_kg_k).is_air();
         let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
-        let mut circuit = Circuit::new(&gas, ambient[0], ambient[1]);
-        let supply = circuit.reservoir(number(|s| s.supply.pressure_pa), number(|s| s.supply.temperature_k));
-        let exhaust = circuit.reservoir(ambient[0], ambient[1]);
-        let chamber_law = match lifted.value.cylinder.chamber_law {
-            ChamberLawName::EnergyBalance => ChamberLaw::EnergyBalance,
-            ChamberLawName::AsPrinted => ChamberLaw::AsPrinted,
-        };
-        let heat_transfer = number(|s| s.cylinder.heat_transfer_w_m2_k);
-        let wall = number(|s| s.cylinder.wall_temperature_k);
-        let mut chamber =
-            |dead_volume: P| circuit.volume(chamber_law, dead_volume, P::zero(), heat_transfer, wall);
-        let (a, b) = (
-            chamber(number(|s| s.cylinder.dead_volume_a_m3)),
-            chamber(number(|s| s.cylinder.dead_volume_b_m3)),
-        );
-        let mass = number(|s| s.cylinder.moving_mass_kg) + number(|s| s.load.mass_kg);
-        let (incline, force) = (number(|s| s.cylinder.incline_rad), number(|s| s.load.force_n));
-        let axis = circuit.axis(mass, incline, force, Some(friction));
-        let stroke = number(|s| s.cylinder.stroke_m);
-        let [side_a, side_b] = sides(lifted);
-        circuit.face(a, axis, true, stroke, side_a);
-        circuit.face(b, axis, false, stroke, side_b);
-        let spring = lifted
-            .optional(|spec| spec.load.spring.as_ref())
-            .map(|spring| [spring.number(|s| s.stiffness_n_m), spring.number(|s| s.rest_position_m)]);
-        let stop = |f: fn(&specification::EndStop) -> Option<f64>| -> Option<P> {
-            f(&lifted.value.cylinder.end_stop)?;
-            Some(lifted.number_or(0.0, |s| f(&s.cylinder.end_stop)))
-        };
-        let ends = ends(&Driven {
-            sides: &[side_a, side_b],
-            dead_volumes: [number(|s| s.cylinder.dead_volume_a_m3), number(|s| s.cylinder.dead_volume_b_m3)],
-            mass,
-            stroke,
-            incline,
-            supply_pressure: number(|s| s.supply.pressure_pa),
-            hottest: number(|s| s.supply.temperature_k).max(ambient[1]),
-            forces: [
-                force,
-                spring.map_or(P::zero(), |[k, rest]: [P; 2]| k * rest.abs().max((stroke - rest).abs())),
-            ],
-            gas_constant: number(|s| s.gas.gas_constant_j_kg_k),
-            conductance: number(|s| {
-                let Valve::Proportional53(valve) = &s.valve;
-                valve.conductance_m3_s_pa
-            }),
-            given: [stop(|s| s.stiffness_n_m), stop(|s| s.damping_n_s_m), stop(|s| s.damping_depth_m)],
+        let (each, joints) = components(lifted)?;
+        let network::Wired { circuit, nodes, mut pistons, inputs, .. } =
+            wire(&gas, is_air, ambient, (&each, &joints), ledger)?;
+        let command = inputs.iter().find_map(|(_, _, acts)| match acts {
+            Acts::Command(edges) => Some(*edges),
+            _ => None,
         });
-        let area = side_a.area.max(side_b.area);
-        circuit.end_stops(axis, ends.stop.clone(), stroke);
-        if let Some(covers) = &ends.covers {
-            circuit.covers(axis, covers.clone());
-        }
-        if let Some([stiffness, rest_position]) = spring {
-            circuit.spring(axis, stiffness, rest_position);
-        }
-        let law = edge_law(lifted, &gas);
-        let mut edge = |from, to| circuit.restriction(law.clone(), from, to);
-        let edges = [edge(supply, a), edge(a, exhaust), edge(supply, b), edge(b, exhaust)];
-        let leakage = |s: &specification::Drive| s.cylinder.leakage_m3_s_pa;
-        let leaks = leakage(lifted.value) != 0.0 || lifted.is_free(leakage);
-        let gap = leaks
-            .then(|| circuit.restriction(leak(lifted.number(leakage), &gas, is_air(lifted.value)), a, b));
-        let mut circuit = circuit.build(ledger);
-        if let Some(gap) = gap {
-            circuit.set_input(gap, 0, P::one());
-        }
+        let (&[Node::Gas(a), Node::Gas(b), Node::Axis(axis)], &[Node::Gas(supply)], Some(edges)) =
+            (&nodes[CYLINDER][..], &nodes[0][..], command)
+        else {
+            unreachable!("a drive has a supply, a valve and a cylinder")
+        };
+        let inner: Vec<String> = (each[CYLINDER].friction.iter())
+            .flat_map(|friction| friction.states())
+            .map(|state| state.name.to_string())
+            .collect();
+        let piston = pistons.remove(0);
         let [pressure, temperature] = circuit.boundary(supply);
         let input = |id, name, meaning| Settable::of(&circuit, id, name, meaning);
         let [to_a, from_a, to_b, from_b] = edges;
@@ -236,7 +218,7 @@ where
         ];
         variables.read(COLUMNS.into_iter().zip(quantities));
         variables.read(inner.into_iter().enumerate().map(|(i, name)| (name, Quantity::Inner(axis, i))));
-        Ok(Wired { assembly: Assembly::new(circuit, variables), axis, a, b, ends, area })
+        Ok(Wired { assembly: Assembly::new(circuit, variables), a, b, piston })
     }
 }
 
@@ -275,7 +257,7 @@ impl Drive {
 
     /// The axis of the piston.
     pub fn axis(&self) -> AxisId {
-        self.wired.axis
+        self.wired.piston.axis
     }
 
     /// Number of states.
@@ -290,7 +272,7 @@ impl Drive {
 
     /// The end stops, as given or as they follow from the drive.
     pub fn end_stop(&self) -> &EndStop<f64> {
-        &self.wired.ends.stop
+        &self.wired.piston.ends.stop
     }
 
     /// What the user should know about this description.
@@ -300,8 +282,9 @@ impl Drive {
 
     /// What to say of impacts that press a stop through, or are too hard for a cylinder of this size.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> impl Iterator<Item = String> {
-        let through = through_warning(self.wired.ends.enough, "cylinder.end_stop.stiffness", impacts);
-        through.into_iter().chain(impact_warning(self.wired.area, impacts))
+        let Piston { ends, areas, .. } = &self.wired.piston;
+        let through = through_warning(ends.enough, "cylinder.end_stop.stiffness", impacts);
+        through.into_iter().chain(impact_warning(areas[0].max(areas[1]), impacts))
     }
 
     /// Keys in references.bib of the laws and methods that this drive uses.

@@ -1,13 +1,14 @@
 //! A circuit of components as a user describes it: components by name, and the joints of their ports.
 
-use super::end_stop::{impact_warning, through_warning};
+use super::end_stop::{impact_warning, stop_warning, through_warning};
 use super::friction::contact;
 use super::friction_law;
 use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Instance, KINDS, Node, PortKind, Terminals, bring, check, compose, joint_volume,
+    Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Terminals, bring, check, compose,
+    joint_volume,
 };
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
@@ -27,19 +28,16 @@ type PortId = (usize, usize);
 
 /// Ports that are one point, and whether the air around is joined to them.
 #[derive(Clone, Debug, Default)]
-struct Joint {
-    ports: Vec<PortId>,
-    ambient: bool,
+pub(super) struct Joint {
+    pub ports: Vec<PortId>,
+    pub ambient: bool,
 }
-
-/// Of each cylinder: its axis and name, the stiffness that keeps its piston off the covers, N/m, its larger area, m2.
-type Cylinders = Vec<(AxisId, String, f64, f64)>;
 
 /// A circuit of components.
 #[derive(Clone, Debug)]
 pub struct Network {
     assembly: Assembly,
-    cylinders: Cylinders,
+    pistons: Vec<Piston<f64>>,
     warnings: Vec<String>,
     citations: Vec<&'static str>,
 }
@@ -98,7 +96,8 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         Some(friction) => Some(contact(&Lifted::plain(friction))?),
         None => None,
     };
-    let instance = Instance { name: name.clone(), kind, numbers, choices, friction };
+    let free = vec![false; table.parameters.len()];
+    let instance = Instance { name: name.clone(), kind, numbers, free, choices, friction };
     check(&instance)?;
     Ok(instance)
 }
@@ -234,8 +233,9 @@ where
             )),
             ([(_, None)], None) => Ok(self.ambient()),
             (&[(_, Some([pressure, temperature]))], None) => {
-                let [highest, hottest] = self.build.highest;
-                self.build.highest = [highest.max(pressure), hottest.max(temperature)];
+                self.build.highest =
+                    Some(self.build.highest.map_or(pressure, |highest| highest.max(pressure)));
+                self.build.hottest = temperature.max(self.build.hottest);
                 Ok(self.build.circuit.reservoir(pressure, temperature))
             }
             ([], volume) => {
@@ -290,14 +290,26 @@ where
     }
 }
 
-/// The circuit with its names, and what else is known of it.
-fn wire<P: Lane>(
+/// Components that are joined, as equations.
+pub(super) struct Wired<P> {
+    pub circuit: Circuit<P>,
+    /// The node at each port of each component.
+    pub nodes: Vec<Vec<Node>>,
+    pub pistons: Vec<Piston<P>>,
+    /// Name, meaning, and what it acts on.
+    pub inputs: Vec<(String, &'static str, Acts)>,
+    columns: Vec<(String, Quantity)>,
+    starts: Vec<(Starting, Vec<String>)>,
+}
+
+/// Joins components, from numbers with or without derivatives.
+pub(super) fn wire<P: Lane>(
     gas: &IdealGas<P>,
     is_air: bool,
     ambient: [P; 2],
     (each, joints): (&[Instance<P>], &[Joint]),
     ledger: bool,
-) -> Result<(Assembly<P>, Cylinders, Vec<String>), Error>
+) -> Result<Wired<P>, Error>
 where
     Deps: Over<P>,
 {
@@ -306,56 +318,64 @@ where
         gas: *gas,
         is_air,
         ambient,
-        highest: ambient,
+        highest: None,
+        hottest: ambient[1],
         masses: Vec::new(),
         springs: Vec::new(),
-        ends: Vec::new(),
+        pistons: Vec::new(),
         open: Vec::new(),
         paths: Vec::new(),
         inputs: Vec::new(),
         columns: vec![("time_s".into(), Quantity::Time)],
-        warnings: Vec::new(),
     };
     let nodes = each.iter().map(|own| vec![Node::Shut; own.kind().ports.len()]).collect();
     let mut wiring = Wiring { each, build, nodes, around: None, starts: Vec::new() };
     for joint in joints {
         wiring.join(joint)?;
     }
-    let Wiring { mut build, nodes, mut starts, .. } = wiring;
+    let Wiring { mut build, nodes, starts, .. } = wiring;
     // The ends of a cylinder follow from what is joined to it.
     let mut order: Vec<usize> = (0..each.len()).collect();
     order.sort_by_key(|&i| each[i].kind().friction);
     for i in order {
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
     }
-    let Build { circuit, open, inputs, mut columns, ends, warnings, .. } = build;
+    let Build { circuit, open, pistons, inputs, columns, .. } = build;
     let mut circuit = circuit.build(ledger);
     for id in open {
         circuit.set_input(id, 0, P::one());
     }
-    let settable = |(name, meaning, acts): (String, &'static str, Acts)| {
-        let of = |id: InputId| Settable::of(&circuit, id, &name, meaning);
-        match acts {
-            Acts::Command(edges) => Settable { name, ..Settable::command(edges) },
-            Acts::Force(axis) => of(circuit.external_force(axis)),
-            Acts::Pressure(node) => of(circuit.boundary(node)[0]),
-            Acts::Temperature(node) => of(circuit.boundary(node)[1]),
+    Ok(Wired { circuit, nodes, pistons, inputs, columns, starts })
+}
+
+impl<P: Lane> Wired<P> {
+    /// The circuit under the names of its components.
+    fn named(self) -> (Assembly<P>, Vec<Piston<P>>) {
+        let Wired { circuit, pistons, inputs, mut columns, mut starts, .. } = self;
+        let settable = |(name, meaning, acts): (String, &'static str, Acts)| {
+            let of = |id: InputId| Settable::of(&circuit, id, &name, meaning);
+            match acts {
+                Acts::Command(edges) => Settable { name, ..Settable::command(edges) },
+                Acts::Force(axis) => of(circuit.external_force(axis)),
+                Acts::Pressure(node) => of(circuit.boundary(node)[0]),
+                Acts::Temperature(node) => of(circuit.boundary(node)[1]),
+            }
+        };
+        let inputs = inputs.into_iter().map(settable).collect();
+        // What nobody has as a column of its own: joints between two components.
+        for (starting, names) in &starts {
+            if let Starting::Gas(node) = *starting
+                && !columns.iter().any(|(name, _)| *name == names[0])
+            {
+                let quantities = [Quantity::Pressure(node), Quantity::Temperature(node)];
+                columns.extend(names.iter().cloned().zip(quantities));
+            }
         }
-    };
-    let inputs = inputs.into_iter().map(settable).collect();
-    // What nobody has as a column of its own: joints between two components.
-    for (starting, names) in &starts {
-        if let Starting::Gas(node) = *starting
-            && !columns.iter().any(|(name, _)| *name == names[0])
-        {
-            let quantities = [Quantity::Pressure(node), Quantity::Temperature(node)];
-            columns.extend(names.iter().cloned().zip(quantities));
-        }
+        starts.retain(|(_, names)| !names.is_empty());
+        let mut variables = Variables { inputs, starts, ..Variables::default() };
+        variables.read(columns);
+        (Assembly::new(circuit, variables), pistons)
     }
-    starts.retain(|(_, names)| !names.is_empty());
-    let mut variables = Variables { inputs, starts, ..Variables::default() };
-    variables.read(columns);
-    Ok((Assembly::new(circuit, variables), ends, warnings))
 }
 
 impl Network {
@@ -370,20 +390,29 @@ impl Network {
         let joints = joints(spec, &each)?;
         let gas = IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k);
         let ambient = [spec.ambient.pressure_pa, spec.ambient.temperature_k];
-        let (assembly, cylinders, mut warnings) =
-            wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger)?;
-        let mut citations = Vec::new();
+        let printed = |own: &Instance<f64>| own.kind().friction && own.choices[0] != 0;
+        if ledger && let Some(own) = each.iter().find(|own| printed(own)) {
+            return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
+        }
+        let (assembly, pistons) = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger)?.named();
+        let gauge = assembly.highest_pressure() - ambient[0];
+        let (mut warnings, mut citations) = (Vec::new(), Vec::new());
         for (own, spec) in each.iter().zip(&spec.components) {
             citations.extend(own.kind().sources);
-            if let Some(friction) = &spec.friction {
-                let law = friction_law(friction)?;
-                let stroke = spec.numbers.get("stroke").copied().unwrap_or_default();
-                let highest = assembly.highest_pressure() - ambient[0];
-                warnings.extend(
-                    law.warnings(highest, stroke).into_iter().map(|text| format!("{}: {text}", own.name)),
-                );
-                citations.extend(law.sources());
-            }
+            let Some(friction) = &spec.friction else { continue };
+            let law = friction_law(friction)?;
+            citations.extend(law.sources());
+            let number = |key: &str| spec.numbers.get(key).copied().unwrap_or_default();
+            let mut own_warnings = law.warnings(gauge, number("stroke"));
+            let piston = pistons.iter().find(|piston| piston.name == own.name).expect("a piston");
+            own_warnings.extend(stop_warning(
+                piston.ends.stop.stiffness,
+                [number("dead_volume_a"), number("dead_volume_b")],
+                piston.areas,
+                gauge,
+                ["end_stop_stiffness", "dead_volume_"],
+            ));
+            warnings.extend(own_warnings.into_iter().map(|text| format!("{}: {text}", own.name)));
         }
         citations.extend(["steinebach2023", "hairer1996"]);
         let mut seen = Vec::new();
@@ -393,7 +422,7 @@ impl Network {
                 true
             }
         });
-        Ok(Network { assembly, cylinders, warnings, citations })
+        Ok(Network { assembly, pistons, warnings, citations })
     }
 
     pub fn assembly(&self) -> &Assembly {
@@ -412,19 +441,18 @@ impl Network {
 
     /// What to say of the impacts of a run.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> Vec<String> {
-        let each = self.cylinders.iter().flat_map(|(axis, name, enough, area)| {
+        let each = self.pistons.iter().flat_map(|Piston { axis, name, ends, areas }| {
             let own: Vec<Impact> = impacts.iter().filter(|impact| impact.axis == *axis).copied().collect();
-            let words = format!("{name}.end_stop_stiffness");
-            let through = through_warning(*enough, &words, &own);
-            let all = through.into_iter().chain(impact_warning(*area, &own));
-            all.map(|text| format!("{name}: {text}")).collect::<Vec<_>>()
+            let through = through_warning(ends.enough, "end_stop_stiffness", &own);
+            let all = through.into_iter().chain(impact_warning(areas[0].max(areas[1]), &own));
+            all.map(move |text| format!("{name}: {text}")).collect::<Vec<_>>()
         });
         each.collect()
     }
 
     /// The name of the cylinder on an axis.
     pub fn cylinder(&self, axis: AxisId) -> Option<&str> {
-        self.cylinders.iter().find(|(own, ..)| *own == axis).map(|(_, name, ..)| name.as_str())
+        self.pistons.iter().find(|piston| piston.axis == axis).map(|piston| piston.name.as_str())
     }
 
     /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.

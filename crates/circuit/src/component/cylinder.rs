@@ -1,6 +1,8 @@
-use super::{Acts, Brings, Build, Component, Instance, Kind, Port, Terminals, axis, gas, table};
+use super::{
+    Acts, Brings, Build, Choice, Component, Instance, Kind, Piston, Port, Terminals, axis, gas, table,
+};
 use crate::assembly::Quantity;
-use crate::assembly::end_stop::{Driven, Ends, ends, stop_warning};
+use crate::assembly::end_stop::{Driven, ends};
 use crate::assembly::leak::leak;
 use crate::circuit::PistonSide;
 use crate::part::ChamberLaw;
@@ -44,7 +46,11 @@ const KIND: Kind = Kind {
         ("end_stop_damping", "the stiffness of the end stop"),
         ("end_stop_damping_depth", "the dead volumes"),
     ],
-    choices: &[],
+    choices: &[Choice {
+        name: "chamber_law",
+        options: &["energy-balance", "as-printed"],
+        meaning: "Balance of the chambers; as-printed breaks it and is for reproducing the source paper only",
+    }],
     friction: true,
     inputs: &[("load_force_n", "N", "external force in +x")],
     outputs: &[
@@ -64,9 +70,13 @@ const KIND: Kind = Kind {
 
 /// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both
 /// end faces and the rod's surface; the dead volume has no surface of its own.
-pub(crate) fn side<P: Real>(bore: P, rod: P) -> PistonSide<P> {
+fn side<P: Real>(bore: P, rod: P) -> PistonSide<P> {
     let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
     PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
+}
+
+fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
+    if own.choices[0] == 0 { ChamberLaw::EnergyBalance } else { ChamberLaw::AsPrinted }
 }
 
 fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
@@ -80,7 +90,7 @@ fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Bri
         }
     };
     Brings::Volume {
-        law: ChamberLaw::EnergyBalance,
+        law: chamber_law(own),
         dead_volume,
         wall: P::zero(),
         heat_transfer: own.number("heat_transfer"),
@@ -111,42 +121,42 @@ fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
 fn compose<P: Lane>(own: &Instance<P>, rods: [bool; 2], at: &Terminals, build: &mut Build<P>) {
     let (Some(a), Some(b), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
     let (bore, stroke) = (own.number("bore"), own.number("stroke"));
-    let sides = rods.map(|has_rod| side(bore, if has_rod { own.number("rod_diameter") } else { P::zero() }));
+    let mut sides =
+        rods.map(|has_rod| side(bore, if has_rod { own.number("rod_diameter") } else { P::zero() }));
+    if chamber_law(own) == ChamberLaw::AsPrinted {
+        // pi (D x + 0.25 D^3) as printed, in metres: the second term is no area at all.
+        for side in &mut sides {
+            (side.perimeter, side.end_wall) = (P::c(PI) * bore, P::c(0.25 * PI) * (bore * bore * bore));
+        }
+    }
     build.circuit.face(a, axis, true, stroke, sides[0]);
     build.circuit.face(b, axis, false, stroke, sides[1]);
-    let dead_volumes = ["dead_volume_a", "dead_volume_b"].map(|key| own.number(key));
     let spring = build
         .springs
         .iter()
         .filter(|(of, ..)| *of == axis)
         .fold(P::zero(), |sum, (_, k, rest)| sum + *k * rest.abs().max((stroke - *rest).abs()));
     let (mass, force) = build.masses[axis.index()];
-    let Ends { stop, covers, enough } = ends(&Driven {
+    let ends = ends(&Driven {
         sides: &sides,
-        dead_volumes,
+        dead_volumes: ["dead_volume_a", "dead_volume_b"].map(|key| own.number(key)),
         mass,
         stroke,
         incline: own.number("incline"),
-        supply_pressure: build.highest[0],
-        hottest: build.highest[1],
+        supply_pressure: build.highest.unwrap_or(build.ambient[0]),
+        hottest: build.hottest,
         forces: [force, spring],
         gas_constant: build.gas.gas_constant,
         conductance: build.widest(a).max(build.widest(b)),
         given: ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"].map(|key| own.given(key)),
     });
-    let gauge = build.highest[0].get(0) - build.ambient[0].get(0);
-    let number = |numbers: [P; 2]| numbers.map(|number| number.get(0));
-    let areas = number(sides.map(|side| side.area));
-    let names = [format!("{}.end_stop_stiffness", own.name), format!("{}.dead_volume_", own.name)];
-    let words = [names[0].as_str(), names[1].as_str()];
-    build.warnings.extend(stop_warning(stop.stiffness.get(0), number(dead_volumes), areas, gauge, words));
-    build.ends.push((axis, own.name.clone(), enough.get(0), areas[0].max(areas[1])));
-    build.circuit.end_stops(axis, stop, stroke);
-    if let Some(covers) = covers {
-        build.circuit.covers(axis, covers);
+    build.circuit.end_stops(axis, ends.stop.clone(), stroke);
+    if let Some(covers) = &ends.covers {
+        build.circuit.covers(axis, covers.clone());
     }
+    build.pistons.push(Piston { axis, name: own.name.clone(), ends, areas: sides.map(|side| side.area) });
     let leakage = own.number("leakage");
-    if leakage.get(0) != 0.0 || (1..=P::DIRECTIONS).any(|direction| leakage.part(direction) != 0.0) {
+    if leakage.get(0) != 0.0 || own.is_free("leakage") {
         let law = leak(leakage, &build.gas, build.is_air);
         build.passage(law, a, b);
     }
