@@ -191,7 +191,8 @@ class Session:
 @type_check_only
 class Port(TypedDict):
     name: str
-    kind: str
+    kind: Literal["gas", "axis"]
+    holds: Literal["", "volume", "pressure"]
     exhaust: bool
     optional: bool
 
@@ -231,6 +232,7 @@ class Component(TypedDict):
     ports: list[Port]
     parameters: list[ComponentParameter]
     choices: list[ComponentChoice]
+    open: bool
     friction: bool
     inputs: list[ComponentVariable]
     outputs: list[ComponentVariable]

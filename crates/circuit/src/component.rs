@@ -27,6 +27,17 @@ pub enum PortKind {
     Axis,
 }
 
+/// What determines the state of the gas behind a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holds {
+    /// A restriction: the gas is that of the joint.
+    Nothing,
+    /// A volume of its own.
+    Volume,
+    /// A constant pressure.
+    Pressure,
+}
+
 /// A port of a component.
 #[derive(Clone, Copy, Debug)]
 pub struct Port {
@@ -36,13 +47,21 @@ pub struct Port {
     pub exhaust: bool,
     /// Shut where nothing is joined to it.
     pub optional: bool,
+    pub holds: Holds,
     /// Volume that it brings to a joint without a volume of its own, m3 (assumed).
     pub volume: f64,
 }
 
 /// A port of gas that brings the volume of a small fitting to its joint.
 const fn gas(name: &'static str) -> Port {
-    Port { name, kind: PortKind::Gas, exhaust: false, optional: false, volume: PORT_VOLUME }
+    Port {
+        name,
+        kind: PortKind::Gas,
+        exhaust: false,
+        optional: false,
+        holds: Holds::Nothing,
+        volume: PORT_VOLUME,
+    }
 }
 
 /// The same, open to the ambient air where nothing is joined to it.
@@ -50,8 +69,13 @@ const fn exhaust(name: &'static str) -> Port {
     Port { exhaust: true, ..gas(name) }
 }
 
+/// A port of a volume, which includes that of the port.
+const fn chamber(name: &'static str) -> Port {
+    Port { holds: Holds::Volume, volume: 0.0, ..gas(name) }
+}
+
 const fn axis(name: &'static str, optional: bool) -> Port {
-    Port { name, kind: PortKind::Axis, exhaust: false, optional, volume: 0.0 }
+    Port { name, kind: PortKind::Axis, exhaust: false, optional, holds: Holds::Nothing, volume: 0.0 }
 }
 
 /// Volume of a port of a fitting or a valve, m3 (assumed): a bore of 5 mm, 10 mm long.
@@ -85,6 +109,8 @@ pub struct Kind {
     pub assumed: &'static [(&'static str, &'static str)],
     pub follows: &'static [(&'static str, &'static str)],
     pub choices: &'static [Choice],
+    /// Gas can always pass between its ports.
+    pub open: bool,
     /// It takes a friction table.
     pub friction: bool,
     pub inputs: &'static [Variable],
@@ -361,3 +387,26 @@ macro_rules! table {
     (@default $default:expr) => { Some($default) };
 }
 use table;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_holds_what_its_component_brings() {
+        for (kind, table) in KINDS.iter().enumerate() {
+            let numbers = vec![Some(1.0); table.parameters.len()];
+            let choices = vec![0; table.choices.len()];
+            let own =
+                Instance { name: String::new(), kind, numbers, choices, friction: None, free: Vec::new() };
+            for (place, port) in table.ports.iter().enumerate() {
+                let holds = match bring(&own, place, 293.15) {
+                    Brings::Volume { .. } => Holds::Volume,
+                    Brings::Reservoir { .. } => Holds::Pressure,
+                    Brings::Mass { .. } | Brings::Nothing => Holds::Nothing,
+                };
+                assert_eq!(holds, port.holds, "{} {}", table.key, port.name);
+            }
+        }
+    }
+}

@@ -2,7 +2,7 @@
 
 use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
 use crate::session::PySession;
-use circuit::{KINDS, Network, PortKind, specification};
+use circuit::{Holds, KINDS, Network, PortKind, specification};
 use ode::Options;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -124,6 +124,12 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         let ports = kind.ports.iter().map(|port| {
             let out = table(&[("name", any(port.name)?)])?;
             out.set_item("kind", if port.kind == PortKind::Gas { "gas" } else { "axis" })?;
+            let holds = match port.holds {
+                Holds::Nothing => "",
+                Holds::Volume => "volume",
+                Holds::Pressure => "pressure",
+            };
+            out.set_item("holds", holds)?;
             out.set_item("exhaust", port.exhaust)?;
             out.set_item("optional", port.optional)?;
             PyResult::Ok(out)
@@ -161,6 +167,7 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         out.set_item("ports", ports.collect::<PyResult<Vec<_>>>()?)?;
         out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
         out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
+        out.set_item("open", kind.open)?;
         out.set_item("friction", kind.friction)?;
         out.set_item("inputs", variables(kind.inputs)?)?;
         out.set_item("outputs", variables(kind.outputs)?)?;

@@ -340,6 +340,10 @@ where
     for i in order {
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
     }
+    let states: usize = starts.iter().map(|(_, names)| names.len()).sum();
+    if states > Deps::CAPACITY {
+        return refuse(format!("the circuit has {states} states: at most {}", Deps::CAPACITY));
+    }
     let Build { circuit, open, pistons, inputs, columns, .. } = build;
     let mut circuit = circuit.build(ledger);
     for id in open {

@@ -24,6 +24,7 @@ impl Component for CheckValve {
         assumed: &[("linear_above", "a modelling parameter"), ("cracking_pressure", "a usual spring")],
         follows: &[],
         choices: &[],
+        open: false,
         friction: false,
         inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],

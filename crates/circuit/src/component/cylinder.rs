@@ -1,5 +1,5 @@
 use super::{
-    Acts, Brings, Build, Choice, Component, Instance, Kind, Piston, Port, Terminals, axis, gas, table,
+    Acts, Brings, Build, Choice, Component, Instance, Kind, Piston, Port, Terminals, axis, chamber, table,
 };
 use crate::assembly::Quantity;
 use crate::assembly::end_stop::{Driven, ends};
@@ -12,8 +12,7 @@ use physics::Parameter;
 use std::f64::consts::PI;
 
 /// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
-const PORTS: &[Port] =
-    &[Port { volume: 0.0, ..gas("a") }, Port { volume: 0.0, ..gas("b") }, axis("rod", true)];
+const PORTS: &[Port] = &[chamber("a"), chamber("b"), axis("rod", true)];
 
 const PARAMETERS: &[Parameter] = table! {
     bore: "m", physics::above(0.0), "Bore D";
@@ -51,6 +50,7 @@ const KIND: Kind = Kind {
         options: &["energy-balance", "as-printed"],
         meaning: "Balance of the chambers; as-printed breaks it and is for reproducing the source paper only",
     }],
+    open: false,
     friction: true,
     inputs: &[("load_force_n", "N", "external force in +x")],
     outputs: &[

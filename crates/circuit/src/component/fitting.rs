@@ -23,6 +23,7 @@ impl Component for Fitting {
         assumed: &[("linear_above", "a modelling parameter")],
         follows: &[],
         choices: &[],
+        open: true,
         friction: false,
         inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],

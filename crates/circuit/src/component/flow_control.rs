@@ -36,6 +36,7 @@ impl Component for FlowControl {
             options: &["out", "in", "both"],
             meaning: "What it throttles: gas out of the cylinder, gas into it, or both",
         }],
+        open: true,
         friction: false,
         inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],

@@ -1,4 +1,4 @@
-use super::{Acts, Brings, Build, Component, Instance, Kind, Terminals, gas, table};
+use super::{Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Terminals, gas, table};
 use crate::assembly::Quantity;
 use math::Lane;
 
@@ -11,14 +11,15 @@ impl Component for Reservoir {
         title: "Reservoir",
         text: "Gas of constant pressure and temperature, as much as is asked for: a mains, an open room.",
         sources: &[],
-        ports: &[gas("1")],
+        ports: &[Port { holds: Holds::Pressure, ..gas("1") }],
         parameters: table! {
-            pressure: "Pa", physics::above(0.0), "Pressure";
+            pressure: "Pa abs", physics::above(0.0), "Pressure";
             temperature: "K", physics::above(0.0), "Temperature";
         },
         assumed: &[],
         follows: &[("temperature", "the ambient temperature")],
         choices: &[],
+        open: false,
         friction: false,
         inputs: &[("pressure_pa", "Pa", "absolute pressure"), ("temperature_k", "K", "temperature")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of the reservoir")],

@@ -1,4 +1,4 @@
-use super::{Brings, Build, Component, Instance, Kind, Port, Terminals, gas, table};
+use super::{Brings, Build, Component, Instance, Kind, Terminals, chamber, table};
 use crate::assembly::Quantity;
 use crate::part::ChamberLaw;
 use math::Lane;
@@ -12,7 +12,7 @@ impl Component for Tank {
         title: "Tank",
         text: "A rigid volume V of uniform gas: its balance of mass and energy, with heat alpha A (T_w - T) from the wall.",
         sources: &["bejan2016"],
-        ports: &[Port { volume: 0.0, ..gas("1") }],
+        ports: &[chamber("1")],
         parameters: table! {
             volume: "m3", physics::above(0.0), "Volume V";
             wall_area: "m2", physics::at_least(0.0), default 0.0, "Area A of the wall that gives heat; 0: no heat passes";
@@ -22,6 +22,7 @@ impl Component for Tank {
         assumed: &[],
         follows: &[("wall_temperature", "the ambient temperature")],
         choices: &[],
+        open: false,
         friction: false,
         inputs: &[],
         outputs: &[

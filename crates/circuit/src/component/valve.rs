@@ -24,6 +24,7 @@ impl Component for Proportional53 {
         assumed: &[("linear_above", "a modelling parameter")],
         follows: &[],
         choices: &[],
+        open: false,
         friction: false,
         inputs: &[("command", "1", "valve command")],
         outputs: &[
