@@ -398,6 +398,7 @@ _READABLE = {
     "m": "mm",
     "m^3": "cm3",
     "m/s": "mm/s",
+    "rad": "deg",
     "Pa": "bar",
     "N/Pa": "N/bar",
     "1/Pa": "%/bar",

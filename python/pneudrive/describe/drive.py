@@ -15,7 +15,7 @@ from pneudrive.describe import catalogue, provenance, toml
 from pneudrive.describe.base import Described, inline, wrong
 from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction, friction_laws
-from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
+from pneudrive.describe.law import law_of, read_law_file
 from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
 from pneudrive.errors import DescriptionError
@@ -67,6 +67,9 @@ class Drive(Described):
     @model_validator(mode="before")
     @classmethod
     def _not_yet(cls, data: Any) -> Any:  # noqa: ANN401
+        if isinstance(data, dict) and "components" in data:
+            remedy = "pn.Circuit.load and pneudrive simulate take it."
+            raise wrong("components", "[components] describes a circuit, and a drive is needed", remedy=remedy)
         if isinstance(data, dict) and "tubing" in data:
             raise wrong(
                 "tubing",
@@ -104,7 +107,7 @@ class Drive(Described):
         if str(source).startswith(catalogue.PREFIX):
             return cls._from_catalogue(str(source), {})
         tables, text = toml.read(source)
-        _read_law(tables, Path(source), text)
+        read_law_file(tables.get("friction"), "friction", Path(source), text)
         try:
             base = tables.pop("drive", None)
             if base is None:
@@ -316,6 +319,11 @@ class Drive(Described):
         ]
         return out + [f"friction.{key} = {value}" for key, value in self.friction.assumed]
 
+    @property
+    def notes(self) -> list[str]:
+        """What reading it warned of: a friction table without a law."""
+        return [f"friction {self.friction.note}"] if self.friction.note else []
+
     def _card(self) -> Card:
         """Show a line for each table, with what was given."""
         tables = {key: inline(value) for key, value in self.to_dict().items() if isinstance(value, dict)}
@@ -327,19 +335,6 @@ class Drive(Described):
     def to_toml(self) -> str:
         """Write the drive as a file that `load` reads back to the same bits."""
         return toml.write({"schema": self.schema_version} | self.to_dict())
-
-
-def _read_law(tables: dict[str, Any], path: Path, text: str) -> None:
-    """Put the law in place of the name of its file, which counts from the drive file's folder."""
-    friction = tables.get("friction")
-    name = friction.get("law") if isinstance(friction, dict) else None
-    if not (isinstance(friction, dict) and isinstance(name, str) and name.startswith(FILE_PREFIX)):
-        return
-    file = path.parent / name.removeprefix(FILE_PREFIX).strip()
-    if not file.is_file():
-        error = wrong("friction.law", f"friction.law names a file that is not there: {file}", remedy=toml.beside(file))
-        raise toml.located(error, path, text)
-    friction["law"] = FrictionLaw.load(file)
 
 
 def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from pneudrive.describe.dependences import (
     Wear,
 )
 from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
+from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
 from pneudrive.errors import nearest, warn
 
 
@@ -87,35 +88,6 @@ class SlipElement(Described):
     def core(self) -> dict[str, Any]:
         """Return the element as the core takes it."""
         return {"stiffness_n_m": self.stiffness_n_m, "share": self.share}
-
-
-# how the core writes units -> (unit of pneudrive.units, unit preferred for reading)
-_UNITS = {
-    "N": ("N", "N"),
-    "m/s": ("m/s", "mm/s"),
-    "N s/m": ("N s/m", "N s/m"),
-    "N/m": ("N/m", "N/m"),
-    "s": ("s", "s"),
-    "m": ("m", "mm"),
-    "m/(s Pa)": ("m/(s Pa)", "mm/(s bar)"),
-    "-": ("", None),
-}
-
-
-def _parameter_quantity(parameter: dict[str, Any]) -> Quantity:
-    """Make the checked quantity of one parameter of a law."""
-    si_unit, written = _UNITS.get(parameter["unit"], (parameter["unit"], None))
-    low, high = parameter["lower"], parameter["upper"]
-    low = None if low is None or math.isinf(low) else low
-    high = None if high is None or math.isinf(high) else high
-    lower = {"above" if parameter["open"] else "at_least": low}
-    upper = {"below" if parameter["open_above"] else "at_most": high}
-    return Quantity(si_unit, written, Bounds(**lower, **upper))
-
-
-def parameter_quantities(entry: Mapping[str, Any]) -> dict[str, Quantity]:
-    """Return the checked quantity of each parameter of a law as `friction_laws` lists it, by its key."""
-    return {p["key"]: _parameter_quantity(p) for p in entry["parameters"]}
 
 
 #: The law of a friction table that names none: presliding, breakaway and stick-slip without drift.
@@ -296,7 +268,7 @@ class Friction(Described):
                 remedy = f"It belongs to {', '.join(owners)}." if owners else nearest(key, _keys(name, entry))
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
             try:
-                values[key] = _parameter_quantity(parameters[key]).read(given)
+                values[key] = parameter_quantity(parameters[key]).read(given)
             except WrongValueError as error:
                 raise wrong(full, f"{full}: {error.what}", rule=error.rule, remedy=error.remedy) from None
         for key, parameter in parameters.items():
@@ -304,7 +276,7 @@ class Friction(Described):
             if key in values or (default is not None and math.isinf(default)):
                 continue  # an infinite default means that the effect is absent, and so is the value
             if default is None:
-                si_unit, _ = _UNITS.get(parameter["unit"], (parameter["unit"], None))
+                si_unit = parameter_quantity(parameter).si_unit
                 needed = units.needed(si_unit) if si_unit else "a number"
                 remedy = (
                     f"{parameter['meaning']}: {needed}."
@@ -330,6 +302,12 @@ class Friction(Described):
     def assumed(self) -> tuple[tuple[str, str], ...]:
         """What a table without a law left open, as (key, value); equality does not ask for it."""
         return ()
+
+    @property
+    def note(self) -> str:
+        """What reading a table without a law warned of, to follow the table's name; empty where a law is named."""
+        listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
+        return f"names no law, so what it leaves open is assumed: {listed}" if listed else ""
 
     @model_validator(mode="after")
     def _levels(self) -> Friction:
@@ -430,7 +408,7 @@ class Friction(Described):
         out: dict[str, Any] = {"law": law} | self._words()
         if self.elements:
             out["elements"] = [element.to_dict() for element in self.elements]
-        out |= {key: _parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
+        out |= {key: parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
         return out | {key: value.to_dict() for key, value in self._dependences().items()}
 
     def _all(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
@@ -459,7 +437,7 @@ class Friction(Described):
                 one = SlipElement.model_json_schema(by_alias=True)
                 properties["elements"] = {"type": "array", "items": one, "minItems": 2, "maxItems": MOST_ELEMENTS}
             for p in law["parameters"]:
-                one = _parameter_quantity(p).__get_pydantic_json_schema__(None, None)
+                one = parameter_quantity(p).__get_pydantic_json_schema__(None, None)
                 properties[p["key"]] = one | {"title": p["meaning"]}
             required = ["law", *(p["key"] for p in law["parameters"] if p["default"] is None)]
             alternatives.append(

@@ -211,6 +211,33 @@ def law_of(given: object, folder: Path | None = None) -> FrictionLaw | None:
     return None
 
 
+def read_law_file(friction: object, key: str, path: Path, text: str) -> None:
+    """Put the law in place of the name of its file in a friction table; the name counts from the folder of `path`.
+
+    Parameters
+    ----------
+    friction : object
+        The table as it was read.
+    key : str
+        Where the table stands in the file.
+    path, text : Path, str
+        The file and its text, for messages.
+
+    Raises
+    ------
+    DescriptionError
+        There is no such file, or it holds no law.
+    """
+    name = friction.get("law") if isinstance(friction, dict) else None
+    if not (isinstance(friction, dict) and isinstance(name, str) and name.startswith(FILE_PREFIX)):
+        return
+    file = path.parent / name.removeprefix(FILE_PREFIX).strip()
+    if not file.is_file():
+        what = f"{key}.law names a file that is not there: {file}"
+        raise toml.located(wrong(f"{key}.law", what, remedy=toml.beside(file)), path, text)
+    friction["law"] = FrictionLaw.load(file)
+
+
 def _table(tables: dict[str, Any], key: str) -> dict[str, Any]:
     table = tables.get(key, {})
     if not isinstance(table, dict):

@@ -175,10 +175,11 @@ class Cylinder(Described):
         return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
 
 
-class _FlowCoefficient(Quantity):
+class FlowCoefficient(Quantity):
     """A flow coefficient: a pure number, or a number with its own name as unit ("0.9 Cv")."""
 
     def read(self, given: object) -> float:
+        """Convert and check."""
         if isinstance(given, str) and given.split()[1:] in (["Kv"], ["Cv"], ["m3/h"]):
             text, unit = given.split()
             if (unit in {"Kv", "m3/h"}) != (self.written == "Kv"):
@@ -194,9 +195,6 @@ class _FlowCoefficient(Quantity):
         own = "Kv|m3/h" if self.written == "Kv" else "Cv"
         number = super().__get_pydantic_json_schema__(schema, handler)
         return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
-
-
-_FLOW_KEYS = ("conductance", "nominal_flow", "kv", "cv")
 
 
 class Valve(Described):
@@ -216,8 +214,8 @@ class Valve(Described):
     nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0))] = Field(
         default=None, alias="nominal_flow"
     )
-    kv: Annotated[float | None, _FlowCoefficient("", "Kv", Bounds(above=0.0))] = None
-    cv: Annotated[float | None, _FlowCoefficient("", "Cv", Bounds(above=0.0))] = None
+    kv: Annotated[float | None, FlowCoefficient("", "Kv", Bounds(above=0.0))] = None
+    cv: Annotated[float | None, FlowCoefficient("", "Cv", Bounds(above=0.0))] = None
     critical_pressure_ratio: Fraction
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: Fraction = 0.999
@@ -225,16 +223,7 @@ class Valve(Described):
 
     @model_validator(mode="after")
     def _one_size(self) -> Valve:
-        given = [key for key, value in zip(_FLOW_KEYS, self._sizes(), strict=True) if value is not None]
-        if not given:
-            raise wrong(
-                "valve.conductance", "valve.conductance is missing", rule=f"exactly one of {', '.join(_FLOW_KEYS)}"
-            )
-        if len(given) > 1:
-            key = f"valve.{given[-1]}"
-            raise wrong(
-                key, f"the valve's flow is given {len(given)} times: {', '.join(given)}", remedy="Keep one of them."
-            )
+        valve_flow.size_given(self._sizes(), valve_flow.FLOW_KEYS, "valve.")
         if not self.critical_pressure_ratio < self.linear_above:
             key = "valve.linear_above"
             b = self.critical_pressure_ratio
@@ -252,12 +241,7 @@ class Valve(Described):
     @property
     def conductance_m3_s_pa(self) -> float:
         """Sonic conductance C for air at full opening, m3/(s Pa)."""
-        c, flow, kv, cv = self._sizes()
-        if c is not None:
-            return c
-        if flow is not None:
-            return valve_flow.conductance_from_nominal_flow(flow, self.critical_pressure_ratio, self.subsonic_index)
-        return valve_flow.conductance_from_kv(kv) if kv is not None else valve_flow.conductance_from_cv(cv or 0.0)
+        return valve_flow.conductance_of(self._sizes(), self.critical_pressure_ratio, self.subsonic_index)
 
 
 class Spring(Described):

@@ -16,7 +16,8 @@ from pneudrive.describe.base import (
     WrongValueError,
     wrong,
 )
-from pneudrive.describe.friction import Friction, parameter_quantities
+from pneudrive.describe.friction import Friction
+from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:

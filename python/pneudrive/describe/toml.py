@@ -24,6 +24,7 @@ _KEY = r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'"""
 _ASSIGNMENT = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=\s*(.*)$")
 LONGEST_LINE = 10_000  # of a line no more is looked at for keys
 _INLINE = re.compile(rf"(?:^|[{{,])\s*({_KEY})\s*=")
+_TEXTS = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|(?P<end>[#\]{])""")  # the texts of an array, up to what is none
 
 
 def read(
@@ -100,45 +101,67 @@ def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int,
 def line_of(text: str, key: str) -> int | None:
     r"""Return the line (from 1) on which a dotted key is given, or that of its nearest table.
 
+    An entry of a list of texts is asked for by its number, from 0.
+
     Examples
     --------
     >>> line_of('[cylinder]\nbore = "25 mm"', "cylinder.bore")
     2
     """
-    lines: dict[str, int] = {}
-    counts: dict[str, int] = {}
-    table = ""
-    fence = None  # inside a multi-line string nothing is a key
-    for number, whole in enumerate(text.splitlines(), start=1):
-        line = whole[:LONGEST_LINE]
-        if fence is not None:
-            fence = None if fence in line else fence
-            continue
-        header = _HEADER.match(line)
-        if header and not _ASSIGNMENT.match(line):
-            table = _dotted(header[1])
-            if line.lstrip().startswith("[["):
-                counts[table] = counts.get(table, -1) + 1
-                table = f"{table}.{counts[table]}"
-            lines.setdefault(table, number)
-            continue
-        assignment = _ASSIGNMENT.match(line)
-        if not assignment:
-            continue
-        name = ".".join(part for part in (table, _dotted(assignment[1])) if part)
-        lines.setdefault(name, number)
-        value = assignment[2]
-        for mark in ('"""', "'''"):
-            if value.count(mark) % 2:
-                fence = mark
-        if value.startswith("{"):
-            for inner in _INLINE.finditer(value):
-                lines.setdefault(f"{name}.{_dotted(inner[1])}", number)
+    lines = _lines(text)
     while key:
         if key in lines:
             return lines[key]
         key = key.rpartition(".")[0]
     return None
+
+
+def _lines(text: str) -> dict[str, int]:
+    """Return the line of each key, of each table, and of each text in a list."""
+    lines: dict[str, int] = {}
+    counts: dict[str, int] = {}
+    table = ""
+    fence = None  # inside a multi-line string nothing is a key
+    texts: tuple[str, int] | None = None  # list of texts that goes on, and how many of them there were
+    for number, whole in enumerate(text.splitlines(), start=1):
+        line = whole[:LONGEST_LINE]
+        if fence is not None:
+            fence = None if fence in line else fence
+            continue
+        if texts is not None:
+            texts = _texts(line, *texts, number, lines)
+            continue
+        header, assignment = _HEADER.match(line), _ASSIGNMENT.match(line)
+        if header and not assignment:
+            table = _table(header[1], is_one_of_many=line.lstrip().startswith("[["), counts=counts)
+            lines.setdefault(table, number)
+        elif assignment:
+            name, value = ".".join(part for part in (table, _dotted(assignment[1])) if part), assignment[2]
+            lines.setdefault(name, number)
+            fence = next((mark for mark in ('"""', "'''") if value.count(mark) % 2), None)
+            for inner in _INLINE.finditer(value) if value.startswith("{") else ():
+                lines.setdefault(f"{name}.{_dotted(inner[1])}", number)
+            texts = _texts(value[1:], name, 0, number, lines) if value.startswith("[") else None
+    return lines
+
+
+def _table(header: str, *, is_one_of_many: bool, counts: dict[str, int]) -> str:
+    """Return the name of a table; one of many has its number behind it."""
+    table = _dotted(header)
+    if not is_one_of_many:
+        return table
+    counts[table] = counts.get(table, -1) + 1
+    return f"{table}.{counts[table]}"
+
+
+def _texts(line: str, name: str, count: int, number: int, lines: dict[str, int]) -> tuple[str, int] | None:
+    """Note the line of each text of a list on a line; return name and count where the list goes on behind it."""
+    for found in _TEXTS.finditer(line):
+        if found["end"]:
+            return (name, count) if found["end"] == "#" else None
+        lines.setdefault(f"{name}.{count}", number)
+        count += 1
+    return name, count
 
 
 def write(tables: dict[str, Any]) -> str:
@@ -158,21 +181,21 @@ def write(tables: dict[str, Any]) -> str:
     blocks = ["\n".join(plain)] if plain else []
     for key, value in tables.items():
         if isinstance(value, dict):
-            blocks += _blocks(key_text(key), value)
+            blocks += tables_of(key_text(key), value)
     return "\n\n".join(blocks) + "\n"
 
 
-def _blocks(name: str, table: dict[str, Any]) -> list[str]:
+def tables_of(name: str, table: dict[str, Any]) -> list[str]:
     """Write a table, and those in it that are too deep for a line as tables of their own."""
     deep = {key: value for key, value in table.items() if _depth(value) > 2}
     body = [f"{key_text(key)} = {value_text(value)}" for key, value in table.items() if key not in deep]
     blocks = ["\n".join([f"[{name}]", *body])]
     for key, value in deep.items():
         plain = {k: v for k, v in value.items() if not isinstance(v, dict)}
-        blocks += _blocks(f"{name}.{key_text(key)}", plain)
+        blocks += tables_of(f"{name}.{key_text(key)}", plain)
         for k, v in value.items():
             if isinstance(v, dict):
-                blocks += _blocks(f"{name}.{key_text(key)}.{key_text(k)}", v)
+                blocks += tables_of(f"{name}.{key_text(key)}.{key_text(k)}", v)
     return blocks
 
 

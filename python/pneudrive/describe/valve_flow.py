@@ -19,8 +19,11 @@ from pneudrive.constants import (
     ANR_PRESSURE_PA,
     ANR_TEMPERATURE_K,
 )
+from pneudrive.describe.base import wrong
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
@@ -67,3 +70,42 @@ def conductance_from_cv(cv: float) -> float:
     Assumes what `conductance_from_kv` does.
     """
     return conductance_from_kv(cv * KV_PER_CV)
+
+
+#: In which a flow path's size may be given, each instead of the others.
+FLOW_KEYS = ("conductance", "nominal_flow", "kv", "cv")
+
+
+def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> None:
+    """Refuse a flow path whose size is given not once.
+
+    Parameters
+    ----------
+    sizes : sequence of float or None
+        By `FLOW_KEYS`.
+    keys : sequence of str
+        Their keys in the table.
+    of : str
+        Where the table stands, with a dot where that is somewhere.
+
+    Raises
+    ------
+    DescriptionError
+        It is not given, or more than once.
+    """
+    given = [key for key, value in zip(keys, sizes, strict=True) if value is not None]
+    if not given:
+        raise wrong(f"{of}{keys[0]}", f"{of}{keys[0]} is missing", rule=f"exactly one of {', '.join(keys)}")
+    if len(given) > 1:
+        what = f"the flow is given {len(given)} times: {', '.join(given)}"
+        raise wrong(f"{of}{given[-1]}", what, remedy="Keep one of them.")
+
+
+def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:
+    """Return C in m3/(s Pa), whichever size is given; `sizes` are by `FLOW_KEYS`."""
+    c, flow, kv, cv = sizes
+    if c is not None:
+        return c
+    if flow is not None:
+        return conductance_from_nominal_flow(flow, b, m)
+    return conductance_from_kv(kv) if kv is not None else conductance_from_cv(cv or 0.0)

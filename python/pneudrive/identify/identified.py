@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from pneudrive import units
 from pneudrive.describe.base import Quantity, StatedPressure
 from pneudrive.describe.dependences import SealPressure
-from pneudrive.describe.friction import assumed_with, friction_laws, parameter_quantities
+from pneudrive.describe.friction import assumed_with, friction_laws
+from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.provenance import marks as marks_of
 from pneudrive.describe.provenance import values as values_of
 from pneudrive.errors import FitError, nearest, warn

@@ -11,7 +11,7 @@ import numpy as np
 
 from pneudrive.describe import Friction, toml
 from pneudrive.describe.dependences import DEPENDENCES
-from pneudrive.describe.friction import parameter_quantities
+from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.errors import FitError
 from pneudrive.identify.apply import HASH_DIGITS, whole_interval
 from pneudrive.identify.identified import Identified, apply_identified

@@ -1,0 +1,29 @@
+"""Parameters as the core lists them, with unit and bounds, and how users write them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pneudrive import units
+from pneudrive.describe.base import Bounds, Quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+def parameter_quantity(parameter: Mapping[str, Any]) -> Quantity:
+    """Make the checked quantity of one parameter: its unit in SI, the unit in which people write it, its bounds."""
+    si_unit = units.si_name(parameter["unit"])
+    written = units.readable(si_unit)[1]
+    low, high = parameter["lower"], parameter["upper"]
+    low = None if low is None or math.isinf(low) else low
+    high = None if high is None or math.isinf(high) else high
+    lower = {"above" if parameter["open"] else "at_least": low}
+    upper = {"below" if parameter["open_above"] else "at_most": high}
+    return Quantity(si_unit, written if units.is_unit(written) else None, Bounds(**lower, **upper))
+
+
+def parameter_quantities(entry: Mapping[str, Any]) -> dict[str, Quantity]:
+    """Return the checked quantity of each parameter of a law or a component as the core lists it, by its key."""
+    return {p["key"]: parameter_quantity(p) for p in entry["parameters"]}
