@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pneudrive.characteristics import characteristics as characteristics
     from pneudrive.characteristics.compare.comparison import compare as compare
     from pneudrive.describe import Ambient as Ambient
+    from pneudrive.describe import Circuit as Circuit
     from pneudrive.describe import Cylinder as Cylinder
     from pneudrive.describe import Drive as Drive
     from pneudrive.describe import EndStop as EndStop
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
 # Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
 _HOME = {
     **dict.fromkeys(
-        ["Ambient", "Cylinder", "Drive", "EndStop", "Friction", "FrictionLaw", "Gas"], "pneudrive.describe"
+        ["Ambient", "Circuit", "Cylinder", "Drive", "EndStop", "Friction", "FrictionLaw", "Gas"], "pneudrive.describe"
     ),
     **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),

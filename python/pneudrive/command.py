@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pneudrive import units
-from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.files.content import exists, read_text
 
 if TYPE_CHECKING:
@@ -23,6 +24,9 @@ Pairs: TypeAlias = Sequence[tuple[float | str, float | str]]
 Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
 #: Whatever `steps` reads.
 Command: TypeAlias = "str | Path | float | Callable[[float], float] | Pairs | np.ndarray"
+_NAMED = re.compile(r"\s*([A-Za-z_][\w-]*)(?:\.command)?\s*:(.*)", re.DOTALL)  # a time begins with a digit
+#: Whatever `plans` reads.
+Commands: TypeAlias = "Command | Mapping[str, Command] | Sequence[str] | None"
 FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)], a CSV file or a function of time'
 
 
@@ -78,6 +82,75 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Signal
             ) from None
         pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _opening(value, signal)))
     return _checked(pairs)
+
+
+def plans(
+    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
+) -> list[tuple[str, Steps]]:
+    """Read the commands of a circuit.
+
+    Parameters
+    ----------
+    given : mapping, str, sequence of str, or anything that `steps` reads; or None
+        Commands by component; texts with the component in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``; or the command of
+        the only component that takes one.
+    commandable : mapping
+        Component that takes a command -> its electrical input, where one is described.
+    times : sequence of float, optional
+        As for `steps`.
+
+    Returns
+    -------
+    list of (str, Steps)
+        Component and its steps.
+
+    Raises
+    ------
+    CommandError
+        No such component, none named where there are several, or a command is not valid.
+
+    Examples
+    --------
+    >>> plans(["left: 0 s: 1, 0.5 s: -1", "right: 0.4"], {"left": None, "right": None})
+    [('left', ((0.0, 0.5), (1.0, -1.0))), ('right', ((0.0,), (0.4,)))]
+    """
+    if given is None:
+        return []
+    if isinstance(given, Mapping):
+        named = [(str(name).removesuffix(".command"), command) for name, command in given.items()]
+    elif isinstance(given, list | tuple) and given and all(isinstance(one, str) for one in given):
+        named = [_named(str(one)) for one in given]
+    else:
+        named = [_named(cast("Command", given))]
+    out: dict[str, Steps] = {}
+    for name, command in named:
+        own = _one_of(name, commandable)
+        if own in out:
+            raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
+        try:
+            out[own] = steps(command, times, commandable[own])
+        except CommandError as error:
+            what = f"{own}: {error.what}"
+            raise CommandError(what, where=error.where, rule=error.rule, remedy=error.remedy) from None
+    return list(out.items())
+
+
+def _named(given: Command) -> tuple[str, Command]:
+    """Split the name of a component from a command; it is empty where none is given."""
+    found = _NAMED.fullmatch(given) if isinstance(given, str) else None
+    return (found[1], found[2].strip()) if found else ("", given)
+
+
+def _one_of(name: str, commandable: Mapping[str, Signal | None]) -> str:
+    known = list(commandable)
+    if not known:
+        raise CommandError("no component of the circuit takes a command", remedy="Leave the command out.")
+    if not name and len(known) > 1:
+        remedy = f'Name one: "{known[0]}: 0 s: 1".'
+        raise CommandError(f"the command does not say for which of {', '.join(known)} it is", remedy=remedy)
+    if name and name not in commandable:
+        raise CommandError(f'no component "{name}" takes a command', remedy=nearest(name, known))
+    return name or known[0]
 
 
 @lru_cache(maxsize=64)
@@ -212,6 +285,26 @@ def initial(given: Initial | Mapping[str, object] | str | None) -> Initial | Non
             remedy='Give {"position": "50 mm"}, "position = 50 mm" or pn.Initial(position="50 mm").',
         )
     return Initial.model_validate(dict(given))
+
+
+def start_values(given: object) -> Mapping[str, object]:
+    """Read start values of a circuit: a dict, or ``"left.position = 20 mm, tank = 5 bar abs"``.
+
+    Raises
+    ------
+    CommandError
+        It is neither, or an entry of a text is not ``key = quantity``, or comes twice.
+
+    Examples
+    --------
+    >>> start_values("tank = 5 bar abs")
+    {'tank': '5 bar abs'}
+    """
+    given = _entries(given) if isinstance(given, str) else given
+    if given is not None and not isinstance(given, Mapping):
+        remedy = 'Give {"left.position": "20 mm"} or "left.position = 20 mm".'
+        raise CommandError(f"the initial state is a {type(given).__name__}", remedy=remedy)
+    return given or {}
 
 
 def _entries(text: str) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""A drive that runs: its inputs are set, it is advanced and read, saved and put back, and linearised."""
+"""A drive or a circuit that runs: its inputs are set, it is advanced and read, saved and put back, and linearised."""
 
 from __future__ import annotations
 
@@ -16,13 +16,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     import numpy as np
+    from typing_extensions import TypeIs
 
+    from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Drive as CoreDrive
     from pneudrive._core import Session as CoreSession
     from pneudrive.describe import Drive, Initial
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.watch import Flag
 
 RTOL_BOUNDS = (1e-13, 1e-1)
+_DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # by which a drive is linearised
 _RULE, _ENDED = ": it must be ", "the session cannot go on"
 
 
@@ -259,15 +263,16 @@ class Session:
         except (TypeError, ValueError, RuntimeError) as error:
             self._refuse(error, [], saved)
 
-    def linearise(self, inputs: Sequence[str] = ("command", "load_force_n", "supply_pressure_pa")) -> Linear:
+    def linearise(self, inputs: Sequence[str] | None = None) -> Linear:
         """Return the exact derivatives of the drive's rates and outputs about the present state.
 
         Friction is taken in its present mode: what sticks does not move, bristles are springs.
 
         Parameters
         ----------
-        inputs : sequence of str
-            By which inputs; all states are taken.
+        inputs : sequence of str, optional
+            By which inputs; all states are taken. Where nothing is said, those of a circuit but its commands, and of
+            a drive command, force of the load and pressure of the supply.
 
         Raises
         ------
@@ -276,12 +281,14 @@ class Session:
         SimulationError
             The session cannot go on.
         """
-        names = tuple(inputs)
+        known = [name for name, *_ in self._core.inputs]
+        of_circuit = tuple(name for name in known if "." in name and not name.endswith(".command"))
+        names = tuple(inputs) if inputs is not None else of_circuit or _DRIVE_INPUTS
         try:
             found = self._core.linearise(names)
         except (TypeError, ValueError, RuntimeError) as error:
             self._refuse(error, names, inputs)
-        outputs = (name for name in self._core.columns if name not in ("time_s", "command"))
+        outputs = (name for name in self._core.columns if name.rpartition(".")[2] not in ("time_s", "command"))
         return Linear(
             *(found["a"], found["b"], found["c"], found["d"]),
             *(tuple(self._core.states), names, tuple(outputs)),
@@ -308,10 +315,33 @@ class Session:
         raise kind(what, rule=rule or None) from None
 
 
-def start(drive: Drive, initial: Initial | Mapping[str, object] | str | None = None, rtol: float = 1e-6) -> Session:
-    """Start a session of a drive; see `Drive.start`."""
+def start(
+    described: Drive | Circuit, initial: Initial | Mapping[str, object] | str | None = None, rtol: float = 1e-6
+) -> Session:
+    """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
     check_tolerance(rtol)
-    return Session(compiled(drive.core_json()).start(drive.core_initial(commands.initial(initial)), rtol))
+    if is_circuit(described):
+        core, state = circuit_ready(described, initial)
+        return Session(core.start(state, rtol))
+    return Session(compiled(described.core_json()).start(described.core_initial(commands.initial(initial)), rtol))
+
+
+def is_circuit(described: Drive | Circuit) -> TypeIs[Circuit]:
+    """Whether what is described is a circuit; its class is not imported for that."""
+    return hasattr(described, "wiring")
+
+
+def circuit_ready(circuit: Circuit, initial: object) -> tuple[CoreCircuit, dict[str, float]]:
+    """Return the core's form of a circuit, and the start state in SI.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        The start state is not valid, or does not fit.
+    """
+    from pneudrive.describe.circuit import compiled as compiled_circuit
+
+    return compiled_circuit(circuit.core_json()), circuit.core_initial(commands.start_values(initial))
 
 
 def check_tolerance(rtol: float) -> None:

@@ -1,9 +1,10 @@
-"""A drive, a command and a start state in; a trajectory out. The equations and their solution are the core's."""
+"""A drive or a circuit, commands and a start in; a trajectory out. The equations and their solution are the core's."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -11,21 +12,25 @@ from pneudrive import __version__, units
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.references import bibtex
-from pneudrive.session import check_tolerance
+from pneudrive.session import check_tolerance, circuit_ready, is_circuit
 from pneudrive.session import compiled as compiled
 from pneudrive.show import Shown
 from pneudrive.trajectory import meaning
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     import numpy as np
     import xarray as xr
 
     from pneudrive._core import SimulationResult
     from pneudrive.describe import Drive, Initial
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.watch import Flag
+
+    #: Runs the core: seconds, rate, rtol, budget, look; gives a `SimulationResult`.
+    _Solve = Callable[[float, float, float, int | None, Callable[[float], object]], Any]
 
 MOST_SAMPLES = 50_000_000  # a trajectory of that many rows takes about 6 GB
 MOST_BUDGET = 10**15
@@ -40,6 +45,7 @@ class Run(Shown):
 
     columns: dict[str, np.ndarray]
     provenance: dict[str, Any]
+    meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
 
     def dataset(self) -> xr.Dataset:
         """Label the columns: dimension time, a unit and a long name for each variable."""
@@ -47,7 +53,7 @@ class Run(Shown):
 
         variables, coordinates = {}, {}
         for column, values in self.columns.items():
-            name, attrs = _label(column)
+            name, attrs = _label(column, self.meanings.get(column))
             (coordinates if name == "time" else variables)[name] = xr.Variable(
                 "time", values, dict(attrs), fastpath=True
             )
@@ -55,8 +61,8 @@ class Run(Shown):
 
 
 def simulate(
-    drive: Drive,
-    command: commands.Command,
+    drive: Drive | Circuit,
+    command: commands.Commands,
     duration: str | float,
     *,
     initial: Initial | Mapping[str, object] | str | None = None,
@@ -67,12 +73,12 @@ def simulate(
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Simulate a drive.
+    """Simulate a drive or a circuit.
 
     Parameters
     ----------
-    drive : Drive
-        What is simulated.
+    drive : Drive or Circuit
+        What is simulated; for a circuit commands and the start state have names, see `Circuit.simulate`.
     command : number, str, path, sequence of (time, command) or callable
         Valve command in [-1, 1]: a number that holds throughout, ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s,
         command) or pairs with the time in s; each entry holds until the next, the first is at 0 s. A function of the
@@ -141,8 +147,8 @@ def simulate(
 
 
 def run(
-    drive: Drive,
-    command: commands.Command,
+    drive: Drive | Circuit,
+    command: commands.Commands,
     duration: str | float,
     *,
     initial: Initial | Mapping[str, object] | str | None = None,
@@ -165,24 +171,39 @@ def run(
             f"duration = {seconds:g} s at sample_rate = {rate:g} Hz makes {samples:.3g} samples",
             rule=f"1 to {MOST_SAMPLES:.0e} samples",
         )
-    asked = [k / rate for k in range(round(samples))] if callable(command) else None
-    steps = commands.steps(command, asked, drive.valve.command)
+    has_function = callable(command) or (isinstance(command, Mapping) and any(map(callable, command.values())))
+    asked = [k / rate for k in range(round(samples))] if has_function else None
     check_tolerance(rtol)
     if budget is not None and (isinstance(budget, bool) or not 1 <= budget <= MOST_BUDGET):
         raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempts at a step")
-    start = drive.core_initial(commands.initial(initial))
+    solve = (_circuit if is_circuit(drive) else _drive)(drive, command, asked, initial, ledger)  # type: ignore[arg-type]
     watch.look()
-    core = compiled(drive.core_json())
     try:
-        result = core.simulate(
-            *steps, seconds, rate, start, rtol, ledger, budget, lambda t: watch.tell(t, seconds, "seconds simulated")
-        )
+        result = solve(seconds, rate, rtol, budget, lambda t: watch.tell(t, seconds, "seconds simulated"))
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None
     result["warnings"] += _open_ledger(result["ledger"], rtol)
     for message in result["warnings"]:
         warn(message)
-    return Run(result["columns"], _provenance(drive, result, rtol))
+    return Run(result["columns"], _provenance(drive, result, rtol), drive.meanings if is_circuit(drive) else {})
+
+
+def _drive(drive: Drive, command: Any, asked: list[float] | None, initial: Any, ledger: bool) -> _Solve:  # noqa: ANN401
+    steps = commands.steps(command, asked, drive.valve.command)
+    start = drive.core_initial(commands.initial(initial))
+    core = compiled(drive.core_json())
+    return lambda seconds, rate, rtol, budget, look: core.simulate(
+        *steps, seconds, rate, start, rtol, ledger, budget, look
+    )
+
+
+def _circuit(circuit: Circuit, command: Any, asked: list[float] | None, initial: Any, ledger: bool) -> _Solve:  # noqa: ANN401
+    named = commands.plans(command, circuit.commandable, asked)
+    plans = [(f"{name}.command", list(times), list(values)) for name, (times, values) in named]
+    core, start = circuit_ready(circuit, initial)
+    return lambda seconds, rate, rtol, budget, look: core.simulate(
+        plans, seconds, rate, start, rtol, ledger, budget, look
+    )
 
 
 def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
@@ -195,7 +216,7 @@ def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
     ]
 
 
-def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str, Any]:
+def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -> dict[str, Any]:
     ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
     return {
         "title": drive.name,
@@ -204,28 +225,20 @@ def _provenance(drive: Drive, result: SimulationResult, rtol: float) -> dict[str
         "solver": SOLVER,
         "rtol": rtol,
         "statistics": result["statistics"],
-        "warnings": [*_assumed_law(drive), *result["warnings"]],
+        "warnings": [*drive.notes, *result["warnings"]],
         "impacts": result["impacts"],
         "citations": result["citations"],
         "assumed": drive.assumed(),
         "labels": dict(drive.labels),
-        **({"identified": drive.to_dict()["provenance"]} if drive.provenance else {}),
+        **({"identified": drive.to_dict()["provenance"]} if getattr(drive, "provenance", None) else {}),
         **ledger,
     }
 
 
-def _assumed_law(drive: Drive) -> list[str]:
-    """Return what reading the drive warned of: a friction table without a law."""
-    if not drive.friction.assumed:
-        return []
-    listed = ", ".join(f"{key} = {value}" for key, value in drive.friction.assumed)
-    return [f"friction names no law, so what it leaves open is assumed: {listed}"]
-
-
 @lru_cache(maxsize=64)
-def _label(column: str) -> tuple[str, tuple[tuple[str, str], ...]]:
+def _label(column: str, said: str | None) -> tuple[str, tuple[tuple[str, str], ...]]:
     name, unit, long_name = meaning(column)
-    return name, (("units", unit), ("long_name", long_name), ("column", column))
+    return name, (("units", unit), ("long_name", said or long_name), ("column", column))
 
 
 def _require(given: object, has: str, what: str, instead: str) -> None:

@@ -72,7 +72,13 @@ def meaning(column: str) -> tuple[str, str, str]:
     --------
     >>> meaning("film_thickness_m")
     ('film_thickness', 'm', 'film thickness')
+    >>> meaning("tank.pressure_pa")
+    ('tank.pressure', 'Pa', 'tank: pressure')
     """
+    of, dot, last = column.rpartition(".")
+    if dot:  # a column of a circuit: the component and what it is of
+        name, unit, what = meaning(last)
+        return f"{of}.{name}", unit, f"{of}: {what}"
     known = MEANING.get(column)
     if known is not None:
         return known

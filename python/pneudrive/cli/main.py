@@ -33,6 +33,7 @@ COMMANDS = {
     "layout": "pneudrive.cli.layout",
     "reproduce": "pneudrive.cli.reproduce",
     "catalogue": "pneudrive.cli.catalogue",
+    "components": "pneudrive.cli.components",
     "schema": "pneudrive.cli.schema",
     "demo": "pneudrive.cli.demo",
 }

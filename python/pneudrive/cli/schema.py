@@ -13,13 +13,18 @@ class Kind(str, Enum):
     """Files that have a schema."""
 
     drive = "drive"
+    circuit = "circuit"
     protocol = "protocol"
 
 
-def schema(kind: Annotated[Kind, typer.Argument(help="Drive file, or protocol of a campaign.")] = Kind.drive) -> None:
-    """Print the JSON schema of the drive file, or of a campaign's protocol."""
+def schema(
+    kind: Annotated[Kind, typer.Argument(help="Drive file, circuit file, or protocol of a campaign.")] = Kind.drive,
+) -> None:
+    """Print the JSON schema of the drive file, of the circuit file, or of a campaign's protocol."""
     if kind is Kind.drive:
         from pneudrive.describe.schema import drive_schema as described
+    elif kind is Kind.circuit:
+        from pneudrive.describe.schema import circuit_schema as described
     else:
         from pneudrive.campaign.protocol import protocol_schema as described
 

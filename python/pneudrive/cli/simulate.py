@@ -1,4 +1,4 @@
-"""``pneudrive simulate``: a drive, a command, a trajectory file or picture."""
+"""``pneudrive simulate``: a drive or a circuit, commands, a trajectory file or picture."""
 
 from __future__ import annotations
 
@@ -7,21 +7,29 @@ from typing import Annotated
 
 import typer
 
+from pneudrive.errors import CommandError
+
 MOST_IMPACTS = 5  # shown; the file holds all of them
 
 
 def simulate(
-    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
-    command: Annotated[
-        str,
-        typer.Option(
-            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command).',
-            metavar="STEPS",
-        ),
+    drive: Annotated[
+        str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
     ],
     duration: Annotated[str, typer.Option(help='How long, e.g. "2 s".')],
+    command: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command). For a valve of '
+            'a circuit with its name in front, once for each: "valve_l: 0 s: 1, 0.5 s: -1".',
+            metavar="STEPS",
+        ),
+    ] = None,
     initial: Annotated[
-        str | None, typer.Option(help='Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs".')
+        str | None,
+        typer.Option(
+            help='Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; of a circuit "left.position = 50 mm".'
+        ),
     ] = None,
     sample_rate: Annotated[str, typer.Option(help="Samples a second.")] = "1 kHz",
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
@@ -31,9 +39,9 @@ def simulate(
     out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png, .svg, .pdf or .html.")] = None,
 ) -> None:
-    """Simulate a drive and write its trajectory."""
+    """Simulate a drive or a circuit and write its trajectory."""
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.describe import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.simulate import run
     from pneudrive.trajectory import check_target, save, save_columns
 
@@ -43,10 +51,11 @@ def simulate(
         from pneudrive.report.trajectory import PICTURES
 
         check_target(plot, PICTURES)
-    described = Drive.load(drive)
+    is_circuit = Circuit.is_file(drive)
+    described = Circuit.load(drive) if is_circuit else Drive.load(drive)
     result = run(
         described,
-        command,
+        command if is_circuit else _only(command),
         duration,
         initial=initial,
         sample_rate=sample_rate,
@@ -66,16 +75,31 @@ def simulate(
     _say(described.name, result.columns, result.provenance, [p for p in (out, plot) if p is not None])
 
 
+def _only(commands: list[str] | None) -> str:
+    """Return the command of a drive."""
+    if not commands:
+        raise CommandError("the command of the valve is missing", remedy='Add --command "0 s: 1", for instance.')
+    if len(commands) > 1:
+        raise CommandError(f"a drive has one valve, and {len(commands)} commands are given", remedy="Keep one of them.")
+    return commands[0]
+
+
 def _say(name: str, columns: dict, provenance: dict, written: list[Path]) -> None:
-    time, x, statistics = columns["time_s"], columns["position_m"], provenance["statistics"]
+    time, statistics = columns["time_s"], provenance["statistics"]
     typer.echo(f"{name}: {len(time)} samples to {time[-1]:g} s, {statistics['steps']} steps of the solver")
-    typer.echo(
-        f"position {x[0] * 1e3:.3f} mm -> {x[-1] * 1e3:.3f} mm, between {x.min() * 1e3:.3f} and {x.max() * 1e3:.3f} mm"
-    )
+    for column, x in columns.items():
+        of, _, last = column.rpartition(".")
+        if last == "position_m":
+            typer.echo(
+                f"{of and f'{of}: '}position {x[0] * 1e3:.3f} mm -> {x[-1] * 1e3:.3f} mm, "
+                f"between {x.min() * 1e3:.3f} and {x.max() * 1e3:.3f} mm"
+            )
     for impact in provenance["impacts"][:MOST_IMPACTS]:
+        of = f"{impact['cylinder']}: " if impact.get("cylinder") else ""
         typer.echo(
-            f"impact at {impact['time_s']:.4f} s on the end of chamber {impact['end']}: {impact['speed_m_s']:.3f} m/s, "
-            f"{impact['energy_j']:.3g} J, {impact['depth_m'] * 1e3:.3f} mm deep, {impact['peak_force_n']:.0f} N"
+            f"{of}impact at {impact['time_s']:.4f} s on the end of chamber {impact['end']}: "
+            f"{impact['speed_m_s']:.3f} m/s, {impact['energy_j']:.3g} J, {impact['depth_m'] * 1e3:.3f} mm deep, "
+            f"{impact['peak_force_n']:.0f} N"
         )
     if len(provenance["impacts"]) > MOST_IMPACTS:
         typer.echo(f"and {len(provenance['impacts']) - MOST_IMPACTS} impacts more")

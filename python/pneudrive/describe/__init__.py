@@ -1,4 +1,4 @@
-"""What a drive is: quantities with units, checked, from Python or from TOML."""
+"""What a drive or a circuit is: quantities with units, checked, from Python or from TOML."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from pneudrive.lazy import lazy
 
 if TYPE_CHECKING:
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.components import Component, component_kinds
     from pneudrive.describe.dependences import (
         DirectionDependence,
         Dwell,
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Ambient",
+    "Circuit",
+    "Component",
     "Cylinder",
     "DirectionDependence",
     "Drive",
@@ -41,12 +45,15 @@ __all__ = [
     "Spring",
     "Supply",
     "Valve",
+    "component_kinds",
     "friction_laws",
 ]
 
 __getattr__ = lazy(
     __name__,
     {
+        "circuit": ["Circuit"],
+        "components": ["Component", "component_kinds"],
         "dependences": [
             "DirectionDependence",
             "Dwell",

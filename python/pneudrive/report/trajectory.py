@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
 from pneudrive.trajectory import check_target, whole
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+MOST_IN_A_ROW = 4  # entries of a legend
 PICTURES = (".png", ".svg", ".pdf", ".html")
 # Panel -> (label, factor from SI, variables with line style and words)
 PANELS = (
@@ -24,6 +25,16 @@ PANELS = (
     ("command", 1.0, (("command", "-", ""),)),
 )
 LINES = {"-": style.BLACK, "--": style.ORANGE}
+# Panels of a circuit: label, factor from SI, last part of the names of its variables.
+CIRCUIT_PANELS = (
+    ("position / mm", 1e3, "position"),
+    ("velocity / (m/s)", 1.0, "velocity"),
+    ("pressure / bar abs", 1e-5, "pressure"),
+    ("gas temperature / K", 1.0, "temperature"),
+    ("friction force / N", 1.0, "friction_force"),
+    ("end stop force / N", 1.0, "end_stop_force"),
+    ("command", 1.0, "command"),
+)
 
 
 def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
@@ -32,7 +43,8 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
     Parameters
     ----------
     run : xarray.Dataset
-        From ``pneudrive.simulate``; variables that are not there are left out.
+        From ``pneudrive.simulate``; variables that are not there are left out. Of a circuit, the first eight of each
+        kind: as many as can be told apart.
     path : path-like, optional
         Picture to write: .png, .svg, .pdf, or .html (a page with the picture and where it comes from).
 
@@ -63,19 +75,19 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
 
 def draw(run: xr.Dataset) -> Figure:
     """One panel for each kind of variable, on one time axis."""
-    shown = [panel for panel in PANELS if any(_has_something(run, name) for name, _, _ in panel[2])]
+    shown = _panels(run)
     figure = style.new_figure(1.15 * len(shown) + 0.5)
     axes = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
     part = style.thin(run.time, 20_000)
     time = run.time.to_numpy()[part]
     for axis, (label, factor, variables) in zip(axes, shown, strict=False):
-        for name, line, words in variables:
-            if name in run:
-                values = factor * run[name].to_numpy()[part]
-                drawn = "steps-post" if name == "command" else "default"
-                axis.plot(time, values, line, color=LINES[line], lw=1.0, drawstyle=drawn, label=words or None)
+        for name, look, words in variables:
+            values = factor * run[name].to_numpy()[part]
+            drawn = "steps-post" if label == "command" else "default"
+            axis.plot(time, values, **look, lw=1.0, drawstyle=drawn, label=words or None)
         if len(variables) > 1:
-            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
+            columns = min(len(variables), MOST_IN_A_ROW)
+            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=columns, borderaxespad=0.0)
         axis.set_ylabel(label)
         axis.margins(x=0)
     axes[-1].set_xlabel("time / s")
@@ -86,9 +98,24 @@ def draw(run: xr.Dataset) -> Figure:
     return figure
 
 
+def _panels(run: xr.Dataset) -> list[tuple[str, float, list[tuple[str, dict[str, Any], str]]]]:
+    """Return label, factor and variables (name, look, words) of each panel that has something to show."""
+    panels = [
+        (label, factor, [(name, {"linestyle": line, "color": LINES[line]}, words) for name, line, words in variables])
+        for label, factor, variables in PANELS
+    ]
+    for label, factor, last in CIRCUIT_PANELS:
+        named = [str(name) for name in run.data_vars if str(name).endswith(f".{last}")][: len(style.LOOKS)]
+        looks = [{"linestyle": style.look(i).linestyle, "color": style.look(i).color} for i in range(len(named))]
+        words = [name.removesuffix(f".{last}") for name in named]
+        panels.append((label, factor, list(zip(named, looks, words, strict=True))))
+    shown = [(label, factor, [one for one in drawn if one[0] in run]) for label, factor, drawn in panels]
+    return [panel for panel in shown if any(_has_something(run, name) for name, *_ in panel[2])]
+
+
 def _has_something(run: xr.Dataset, name: str) -> bool:
     """Whether a variable is there; the end stops only where one was touched."""
-    return name in run and (name != "end_stop_force" or bool((run[name] != 0.0).any()))
+    return not name.endswith("end_stop_force") or bool((run[name] != 0.0).any())
 
 
 def _write(figure: Figure, run: xr.Dataset, target: Path) -> None:

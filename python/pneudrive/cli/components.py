@@ -1,0 +1,65 @@
+"""``pneudrive components``: what a circuit can be made of, as the core lists it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+
+def components(
+    kind: Annotated[str | None, typer.Argument(help="Kind to show.", metavar="KIND")] = None,
+) -> None:
+    """List the components of circuits; with a kind, its ports, parameters and sources."""
+    from pneudrive.describe.components import component_kinds
+    from pneudrive.errors import CommandError, nearest
+
+    kinds = component_kinds()
+    if kind is None:
+        _table((name, entry["title"], f"ports {_ports(entry)}") for name, entry in kinds.items())
+        typer.echo("\npneudrive components KIND shows the parameters of one.")
+        return
+    if kind not in kinds:
+        raise CommandError(f'there is no component "{kind}"', remedy=nearest(kind, kinds))
+    _show(kinds[kind])
+
+
+def _show(entry: Mapping[str, Any]) -> None:
+    from pneudrive.describe.components import rows
+
+    typer.echo(f"{entry['kind']}: {entry['title']}\n\n{entry['doc']}")
+    for title, lines in (
+        ("Ports", [(port["name"], port["kind"], _flags(port)) for port in entry["ports"]]),
+        ("Keys", rows(entry)),
+        ("Inputs of a session", [(one["name"], one["unit"], one["meaning"]) for one in entry["inputs"]]),
+        ("Columns", [(one["name"], one["meaning"]) for one in entry["outputs"]]),
+    ):
+        if lines:
+            typer.echo(f"\n{title}")
+            _table(lines)
+    if entry["sources"]:
+        from pneudrive.references import bibtex
+
+        for key in entry["sources"]:
+            typer.echo(f"\n{bibtex(key)}")
+
+
+def _ports(entry: Mapping[str, Any]) -> str:
+    return ", ".join(port["name"] for port in entry["ports"])
+
+
+def _flags(port: Mapping[str, Any]) -> str:
+    if port["exhaust"]:
+        return "open to the ambient air where nothing is joined to it"
+    return "may stay free" if port["optional"] else ""
+
+
+def _table(lines: Iterable[tuple[str, ...]]) -> None:
+    """Print columns, each as wide as its widest entry."""
+    lines = list(lines)
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        typer.echo("  " + "  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())

@@ -1,0 +1,421 @@
+"""A circuit: components by name, joined by their ports, from a file or from Python."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from functools import cached_property, lru_cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from pneudrive.describe import toml
+from pneudrive.describe.base import Described, inline, wrong
+from pneudrive.describe.components import COMMAND, Component, component, component_kinds, within
+from pneudrive.describe.connections import AMBIENT, Part, Wiring
+from pneudrive.describe.drive import Drive
+from pneudrive.describe.law import read_law_file
+from pneudrive.describe.parts import Ambient, Gas
+from pneudrive.describe.starts import Starts
+from pneudrive.errors import DescriptionError, Problems, together, warn
+from pneudrive.files.content import exists
+from pneudrive.show import Card
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    import xarray as xr
+
+    from pneudrive._core import Circuit as CoreCircuit
+    from pneudrive.command import Commands
+    from pneudrive.describe.signal import Signal
+    from pneudrive.errors import PneudriveError
+    from pneudrive.session import Session
+    from pneudrive.watch import Flag
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+
+
+class Circuit(Described):
+    """A pneumatic circuit: components by name, and connections between their ports.
+
+    Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``; a port that
+    leads nowhere on purpose stands in `plugged`. `initial` is the start state where a run says nothing else.
+
+    Examples
+    --------
+    >>> discharge = Circuit(
+    ...     components={
+    ...         "tank": {"kind": "tank", "volume": "2 l"},
+    ...         "nozzle": {"kind": "fitting", "conductance": "0.5 dm3/(s bar)", "critical_pressure_ratio": 0.5},
+    ...     },
+    ...     connections=["tank -> nozzle -> ambient"],
+    ...     initial={"tank": "7 bar abs"},
+    ... )
+    >>> run = discharge.simulate(None, "2 s")
+    >>> bool(run["tank.pressure"][-1] < 4e5)
+    True
+    """
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    name: str = "unnamed circuit"
+    gas: Gas = Gas()
+    ambient: Ambient = Ambient()
+    components: dict[str, Component]
+    connections: tuple[str, ...] = ()
+    plugged: tuple[str, ...] = ()
+    initial: dict[str, Any] = Field(default_factory=dict)
+    labels: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _whole(cls, data: Any, handler: Callable[[Any], Circuit]) -> Circuit:  # noqa: ANN401
+        """Look at all of it, then tell of everything that is wrong."""
+        if not isinstance(data, dict):
+            return handler(data)
+        problems = Problems()
+        data = _without_tables_of_a_drive(data, problems)
+        tables, keys, templates = _copied(data.get("components"), problems)
+        read = {name: _component(keys[name], table, problems) for name, table in tables.items()}
+        components = {name: one for name, one in read.items() if one is not None}
+        parts = {name: _part(table, keys[name], read[name]) for name, table in tables.items()}
+        lists = [data.get(key, ()) for key in ("connections", "plugged")]
+        chains, plugged = ([] if isinstance(one, str) or not isinstance(one, list | tuple) else one for one in lists)
+        wiring = Wiring(parts, chains, plugged, templates, problems)
+        whole = None
+        try:
+            whole = handler(data | {"components": components})
+        except ValidationError as error:
+            for one in cls.explain(error):
+                problems.add(one)
+        problems.tell()
+        assert whole is not None  # or there was a problem
+        vars(whole)["wiring"] = wiring
+        try:
+            whole.core_initial()
+        except DescriptionError as error:
+            raise together([_in_file(one, keys) for one in error.each()]) from None
+        for warning in wiring.warnings:
+            warn(warning)
+        return whole
+
+    @classmethod
+    def load(cls, source: str | Path) -> Circuit:
+        """Read a circuit from a TOML file.
+
+        Parameters
+        ----------
+        source : path-like
+            The file, or the text of one: whatever has more than one line.
+
+        Raises
+        ------
+        DescriptionError
+            Something is wrong; the message names file, line, value, rule and remedy.
+
+        Warns
+        -----
+        PneudriveWarning
+            Gas of a component cannot come or go; a friction table names no law.
+        """
+        if isinstance(source, str) and "\n" in source:
+            origin, folder, text = "circuit", Path(), source
+            tables = toml.parse(text, origin)
+        else:
+            origin, folder = str(source), Path(source)
+            tables, text = toml.read(source)
+        components = tables.get("components")
+        if isinstance(components, dict):
+            for name, table in components.items():
+                friction = table.get("friction") if isinstance(table, dict) else None
+                read_law_file(friction, f"components.{name}.friction", folder, text)
+        try:
+            return cls.model_validate(tables)
+        except DescriptionError as error:
+            raise toml.located(error, origin, text) from None
+
+    @classmethod
+    def is_file(cls, source: str | Path) -> bool:
+        """Whether a file describes a circuit rather than a drive: it has components."""
+        if not exists(Path(source)):
+            return False  # a drive of the catalogue, or an error that the reader of drives tells
+        try:
+            return "components" in toml.read(source)[0]
+        except DescriptionError:
+            return False
+
+    def replace(self, changes: dict[str, Any]) -> Circuit:
+        """Return a circuit with some values changed, checked anew.
+
+        Parameters
+        ----------
+        changes : dict
+            Dotted keys of the circuit file, each with a quantity, a list or a table:
+            ``{"components.left.bore": "40 mm"}``.
+        """
+        tables = self.to_dict()
+        for key, value in changes.items():
+            *path, last = key.split(".")
+            at = tables
+            for table in path:
+                at = at.setdefault(table, {})
+            at[last] = value.to_dict() if isinstance(value, Described) else value
+        return type(self).model_validate(tables)
+
+    @cached_property
+    def wiring(self) -> Wiring:
+        """The joints: which ports share their gas or their motion."""
+        parts = {name: Part(one.entry, f"components.{name}") for name, one in self.components.items()}
+        return Wiring(parts, self.connections, self.plugged, {}, Problems())
+
+    @property
+    def commandable(self) -> dict[str, Signal | None]:
+        """Components that take a command, each with its electrical input where one is described."""
+        taking = {
+            name for name, one in self.components.items() if any(i["name"] == COMMAND for i in one.entry["inputs"])
+        }
+        return {name: getattr(one, COMMAND) for name, one in self.components.items() if name in taking}
+
+    @property
+    def meanings(self) -> dict[str, str]:
+        """What the columns of a run mean, by name."""
+        return {
+            f"{name}.{output['name']}": f"{name}: {output['meaning']}"
+            for name, one in self.components.items()
+            for output in one.entry["outputs"]
+        }
+
+    @cached_property
+    def si_form(self) -> str:
+        """What `core_json` returns, made once."""
+        ambient = {"pressure_pa": self.ambient.pressure_pa, "temperature_k": self.ambient.temperature_k}
+        gas = {
+            "heat_capacity_ratio": self.gas.heat_capacity_ratio,
+            "gas_constant_j_kg_k": self.gas.gas_constant_j_kg_k,
+        }
+        problems = Problems()
+        components = [problems.take(self._core_of, name, one) for name, one in self.components.items()]
+        problems.tell()
+        form = {"gas": gas, "ambient": ambient, "components": components, "joints": self.wiring.core()}
+        return json.dumps(form, sort_keys=True)
+
+    def _core_of(self, name: str, one: Component) -> dict[str, Any]:
+        try:
+            return {"name": name} | one.core(self.ambient.pressure_pa)
+        except DescriptionError as error:
+            raise within(error, name, {}) from None
+
+    def core_json(self) -> str:
+        """Return the SI form of the description that the core takes."""
+        return self.si_form
+
+    @property
+    def description_hash(self) -> str:
+        """SHA-256 of what is simulated: name, labels and the start state do not count."""
+        return hashlib.sha256(self.core_json().encode()).hexdigest()
+
+    def core_initial(self, initial: Mapping[str, Any] | None = None) -> dict[str, float]:
+        """Return the SI start state that the core takes; what is given here goes before `self.initial`.
+
+        Raises
+        ------
+        DescriptionError
+            Unknown start value, or one that does not fit; the core refuses the circuit.
+        """
+        return self._starts(initial)[0]
+
+    def _starts(self, initial: Mapping[str, Any] | None = None) -> tuple[dict[str, float], list[str]]:
+        names = compiled(self.core_json()).start_names
+        return Starts(names, self.components, self.wiring, self.ambient).values(self.initial, initial or {})
+
+    def start(self, initial: Mapping[str, Any] | str | None = None, *, rtol: float = 1e-6) -> Session:
+        """Start the circuit: a session that runs as long as its caller advances it.
+
+        Parameters
+        ----------
+        initial : dict or str, optional
+            Start values that differ from those of the circuit: ``{"left.position": "20 mm"}`` or
+            ``"left.position = 20 mm, tank = 5 bar abs"``.
+        rtol : float
+            Relative tolerance of the solver.
+
+        Returns
+        -------
+        Session
+            See `pneudrive.session.Session`; its inputs are ``"valve.command"``, ``"left.load_force_n"``, ...
+
+        Raises
+        ------
+        CommandError
+            The tolerance is not valid.
+        DescriptionError
+            The start state does not fit the circuit.
+        """
+        # What runs knows what is described, not the other way round: it is found when it is asked for.
+        return import_module("pneudrive.session").start(self, initial, rtol)
+
+    def simulate(
+        self,
+        commands: Commands,
+        duration: str | float,
+        *,
+        initial: Mapping[str, Any] | str | None = None,
+        sample_rate: str | float = "1 kHz",
+        rtol: float = 1e-6,
+        ledger: bool = False,
+        budget: int | None = None,
+        progress: Callable[[float, float, str], None] | None = None,
+        cancel: Flag | None = None,
+    ) -> xr.Dataset:
+        """Simulate the circuit; ``pn.simulate(circuit, ...)`` is the same.
+
+        Parameters
+        ----------
+        commands : dict, str, number, sequence or None
+            By component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each as `pneudrive.simulate` takes a
+            command, or texts with the name in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. Where one component alone
+            takes a command no name is needed. Without a command a valve stays shut.
+        duration, sample_rate, rtol, ledger, budget, progress, cancel
+            See `pneudrive.simulate`.
+        initial : dict or str, optional
+            As for `start`.
+
+        Returns
+        -------
+        xarray.Dataset
+            As from `pneudrive.simulate`; variables are called ``left.position``, ``left.a.pressure``, ...
+
+        Raises
+        ------
+        CommandError, DescriptionError, SimulationError, Cancelled
+            As `pneudrive.simulate`.
+        """
+        options = {"initial": initial, "sample_rate": sample_rate, "rtol": rtol, "ledger": ledger, "budget": budget}
+        simulate = import_module("pneudrive.simulate").simulate
+        return simulate(self, commands, duration, **options, progress=progress, cancel=cancel)
+
+    def assumed(self) -> list[str]:
+        """Return what was assumed because the description says nothing and no source backs it."""
+        own = [f"{name}.{line}" for name, one in self.components.items() for line in one.assumed()]
+        return own + self._starts()[1]
+
+    @property
+    def notes(self) -> list[str]:
+        """What reading it warned of."""
+        frictions = {name: getattr(one, "friction", None) for name, one in self.components.items()}
+        said = [
+            f"{name}.friction {friction.note}" for name, friction in frictions.items() if friction and friction.note
+        ]
+        return self.wiring.warnings + said
+
+    def _card(self) -> Card:
+        """Show a line for each component, and how they are joined."""
+        rows = [(name, inline(one.to_dict())) for name, one in self.components.items()]
+        return Card(self.name, rows=rows, notes=[*self.connections, f"assumed: {', '.join(self.assumed())}"])
+
+    def to_toml(self) -> str:
+        """Write the circuit as a file that `load` reads back to the same bits."""
+        tables: dict[str, Any] = {"schema": self.schema_version} | self.to_dict()
+        components = tables.pop("components").items()
+        blocks = [block for name, one in components for block in toml.tables_of(f"components.{name}", one)]
+        return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])
+
+
+@lru_cache(maxsize=64)
+def compiled(core_json: str) -> CoreCircuit:
+    """Return the core's form of a circuit, made once for each description.
+
+    Raises
+    ------
+    DescriptionError
+        The core refuses it.
+    """
+    from pneudrive import _core
+
+    try:
+        return _core.Circuit(core_json)
+    except ValueError as error:
+        refusal = DescriptionError(str(error))
+        names = [one["name"] for one in json.loads(core_json)["components"]]
+        named = re.match(rf"({'|'.join(map(re.escape, names))})\b(?:\.(\w+))?", str(error))
+        if named and named[1]:
+            refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
+        raise refusal from None
+
+
+def _part(table: object, key: str, read: Component | None) -> Part:
+    kind = table.get("kind") if isinstance(table, dict) else getattr(table, "kind", None)
+    stated = ", ".join(map(str, read.pressures())) if read is not None else ""
+    return Part(component_kinds().get(kind) if isinstance(kind, str) else None, key, stated)
+
+
+def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError:
+    """Return an error of a component, which may be a copy, with the key that the file has."""
+    key = getattr(error, "key", None) or ""
+    table, _, rest = key.partition(".")
+    name, dot, inner = rest.partition(".")
+    written = keys.get(name, "").partition(".copies")[0]
+    if table == "components" and written:
+        key = f"{written}{dot}{inner}"
+    return wrong(key, error.what, rule=error.rule, remedy=error.remedy)
+
+
+def _without_tables_of_a_drive(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
+    """Refuse what a drive file has at the top."""
+    own = Circuit.keys()
+    found = [key for key in data if key in Drive.keys() and key not in own]  # noqa: SIM118 - a method of ours
+    for key in found:
+        what = f"[{key}] is a table of a drive, and this is a circuit"
+        problems.add(wrong(key, what, remedy="A circuit has its parts under [components.NAME]."))
+    return {key: value for key, value in data.items() if key not in found}
+
+
+def _copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str, str], dict[str, list[str]]]:
+    """Return each component's table and where it stands, by name; and the tables that stand for copies."""
+    tables: dict[str, Any] = {}
+    keys: dict[str, str] = {}
+    templates: dict[str, list[str]] = {}
+    if not isinstance(given, dict) or not given:
+        what = "a circuit has no components" if not given else f"components = {given!r} is not a table"
+        problems.add(wrong("components", what, remedy="Write [components.NAME]."))
+    given = given if isinstance(given, dict) else {}
+    for name, table in given.items():
+        key, copies = f"components.{name}", [name]
+        if isinstance(table, dict) and "copies" in table:
+            copies = table["copies"]
+            table = {key: value for key, value in table.items() if key != "copies"}  # noqa: PLW2901 - without them
+            if not isinstance(copies, list | tuple) or not copies or not all(isinstance(one, str) for one in copies):
+                what = f"{name}.copies = {copies!r} is no list of names"
+                problems.add(wrong(f"{key}.copies", what, remedy='Write copies = ["left", "right"].'))
+                copies = [name]
+            elif name not in copies:
+                templates[name] = list(copies)
+        for number, own in enumerate(copies):
+            here = f"{key}.copies.{number}" if len(copies) > 1 or own != name else key
+            if own in tables or (own != name and own in given):
+                rule = "a component has a name of its own"
+                problems.add(wrong(here, f'two components are called "{own}"', rule=rule, remedy="Rename one of them."))
+            elif own == AMBIENT or not _NAME.fullmatch(str(own)):
+                rule = 'letters, digits, "_" and "-", a letter first; not ambient'
+                problems.add(wrong(here, f'"{own}" is no name for a component', rule=rule))
+            if own not in tables and (own == name or own not in given):
+                tables[own], keys[own] = table, here
+    return tables, keys, templates
+
+
+def _component(key: str, table: object, problems: Problems) -> Component | None:
+    """Read one component; what is wrong with a table that has copies is told once."""
+    if isinstance(table, Component):
+        return table
+    name = key.split(".")[1]
+    if not isinstance(table, dict):
+        problems.add(wrong(key, f"components.{name} = {table!r} is not a table"))
+        return None
+    try:
+        return component(table)
+    except DescriptionError as error:
+        problems.add(within(error, name, table))
+    return None

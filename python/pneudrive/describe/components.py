@@ -1,0 +1,266 @@
+"""The components of circuits as the core lists them, and the table by which a user describes one."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
+
+from pydantic import Field, create_model, model_validator
+
+from pneudrive import units
+from pneudrive.describe import valve_flow
+from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
+from pneudrive.describe.friction import Friction
+from pneudrive.describe.parameters import parameter_quantity
+from pneudrive.describe.parts import FlowCoefficient
+from pneudrive.describe.signal import Signal, SignalRange
+from pneudrive.errors import DescriptionError, nearest, together
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+#: Unit of a parameter that is a pressure which says ``abs`` or ``gauge``; a difference has the plain unit.
+STATED = "Pa abs"
+#: Input of a component that takes a command in -1 .. 1.
+COMMAND = "command"
+#: What a flow path needs beside its size, where that may be given in other ways than by its conductance.
+_FLOW = ("critical_pressure_ratio", "subsonic_index")
+
+
+@lru_cache(maxsize=1)
+def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
+    """Return what the core knows of each kind of component, by name.
+
+    Each is a dict with title, doc, sources, ports, parameters, choices, friction, inputs and outputs.
+    """
+    from pneudrive import _core
+
+    return MappingProxyType({entry["kind"]: dict(entry) for entry in _core.components()})
+
+
+def is_needed(parameter: Mapping[str, Any]) -> bool:
+    """Whether a description has to give a parameter: it has no default, and follows from nothing else."""
+    return parameter["default"] is None and not parameter["follows"]
+
+
+def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the keys in which the size of a flow path may be given, where a parameter is one; else its own alone."""
+    keys = {p["key"] for p in entry["parameters"]}
+    if key.endswith("conductance") and keys.issuperset(_FLOW):
+        return tuple(key.removesuffix("conductance") + name for name in valve_flow.FLOW_KEYS)
+    return (key,)
+
+
+class Component(Described):
+    """One component of a circuit.
+
+    Its class is made of what the core lists of its kind: a number is stored in SI under a name that says so, and is
+    read as a quantity under its key.
+    """
+
+    entry: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
+    kind: str
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flat(cls, data: Any) -> Any:  # noqa: ANN401
+        """Take ``end_stop = { stiffness = ... }`` for ``end_stop_stiffness = ...``."""
+        if not isinstance(data, dict):
+            return data
+        out: dict[str, Any] = {}
+        for key, value in data.items():
+            inner = isinstance(value, dict) and key not in cls.keys()  # noqa: SIM118 - a method of ours
+            if inner and any(name.startswith(f"{key}_") for name in cls.fields):
+                out |= {f"{key}_{sub}": one for sub, one in value.items()}
+            else:
+                out[key] = value
+        return out
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Component:
+        for parameter in self.entry["parameters"]:
+            keys = flow_keys(self.entry, parameter["key"])
+            if len(keys) > 1 and (is_needed(parameter) or any(self._values(keys[1:]))):
+                valve_flow.size_given(self._values(keys), keys, "")
+        return self
+
+    def _values(self, keys: Sequence[str]) -> list[Any]:
+        return [getattr(self, self.fields[key]) for key in keys]
+
+    def numbers(self, ambient_pa: float) -> dict[str, float]:
+        """Return the parameters that are known, in SI by their keys; pressures become absolute."""
+        out = {}
+        for key in (p["key"] for p in self.entry["parameters"]):
+            sizes = self._values(flow_keys(self.entry, key))
+            value = sizes[0]
+            if any(sizes[1:]):
+                value = valve_flow.conductance_of(sizes, *self._values(_FLOW))
+            if isinstance(value, units.Pressure):
+                value = value.absolute_pa(ambient_pa)
+                if not value > 0.0:
+                    raise wrong(key, f"{key} is below vacuum", rule="gauge + ambient > 0")
+            if value is not None:
+                out[key] = value
+        return out
+
+    def pressures(self) -> list[units.Pressure]:
+        """Return the pressures that it states against vacuum or ambient."""
+        return [value for field in self.fields.values() if isinstance(value := getattr(self, field), units.Pressure)]
+
+    def core(self, ambient_pa: float) -> dict[str, Any]:
+        """Return the SI form of the component that the core takes."""
+        friction = getattr(self, "friction", None)
+        return {
+            "kind": self.kind,
+            "numbers": self.numbers(ambient_pa),
+            "choices": {choice["name"]: getattr(self, choice["name"]) for choice in self.entry["choices"]},
+            "friction": None if friction is None else friction.core(),
+        }
+
+    def assumed(self) -> Iterator[str]:
+        """Give what was assumed because the table says nothing and no source backs it, as ``key = value``."""
+        for parameter in self.entry["parameters"]:
+            field = self.fields[parameter["key"]]
+            if parameter["assumed"] and field not in self.model_fields_set:
+                yield f"{parameter['key']} = {self.default(field)}, {parameter['assumed']}"
+            if parameter["follows"] and field not in self.model_fields_set:
+                yield f"{parameter['key']} follows {parameter['follows']}"
+        friction = getattr(self, "friction", None)
+        if friction is not None:
+            yield from (f"friction.{key} = {value}" for key, value in friction.assumed)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Keep it as its table: its class is made anew."""
+        return component, (self.to_dict(),)
+
+
+def component(table: Mapping[str, Any]) -> Component:
+    """Read the table of a component.
+
+    Raises
+    ------
+    DescriptionError
+        Unknown kind, or something in the table is wrong.
+
+    Examples
+    --------
+    >>> component({"kind": "tank", "volume": "5 l"}).volume
+    5000 cm3
+    """
+    kinds = component_kinds()
+    if "kind" not in table:
+        raise wrong("kind", "kind is missing", remedy=f"Known: {', '.join(kinds)}.")
+    kind = table["kind"]
+    if kind not in kinds:
+        raise wrong("kind", f"kind = {kind!r} is not known", remedy=nearest(str(kind), kinds))
+    return cast("Component", component_class(kind).model_validate(dict(table)))
+
+
+def within(error: DescriptionError, name: str, table: Mapping[str, Any]) -> DescriptionError:
+    """Return what is wrong with a table as an error of the circuit that has it under a name."""
+    out = []
+    for one in error.each():
+        key = getattr(one, "key", None) or ""
+        what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
+        if key not in table:  # a key of a table inside the table, written flat by `Component`
+            inner = next((k for k, v in table.items() if isinstance(v, dict) and key.startswith(f"{k}_")), None)
+            key = f"{inner}.{key.removeprefix(f'{inner}_')}" if inner else key
+        out.append(wrong(f"components.{name}.{key}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
+    return together(out)
+
+
+def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Return the keys of a kind as a table for people: key, what it takes, its default and where from, its meaning."""
+    kind = component_class(entry["kind"])
+    out = []
+    for parameter in entry["parameters"]:
+        key, rule = parameter["key"], parameter["rule"]
+        keys = flow_keys(entry, key)
+        mark = _mark(parameter)
+        unit = (mark.written or "") if isinstance(mark, Quantity) else "bar abs, bar gauge"
+        takes = ", ".join(filter(None, (unit, "" if rule == "finite" else rule)))
+        follows = parameter["follows"] and f"follows {parameter['follows']}"
+        default = follows or ("needed" if is_needed(parameter) else str(kind.default(kind.fields[key])))
+        assumed = f" (assumed: {parameter['assumed']})" if parameter["assumed"] else ""
+        out.append((key, takes, default + assumed, parameter["meaning"]))
+        out += [(other, _SIZES[_last(other)].written or "", "", f"In place of {key}") for other in keys[1:]]
+    for choice in entry["choices"]:
+        out.append((choice["name"], " | ".join(choice["options"]), choice["default"], choice["meaning"]))
+    if entry["friction"]:
+        out.append(("friction", "a table", "needed", "As [friction] of a drive file"))
+    if COMMAND in kind.keys():  # noqa: SIM118 - a method of ours
+        out.append((COMMAND, "V or mA", "", 'Range of the electrical input, "0 V .. 10 V"'))
+    return out
+
+
+def _mark(parameter: Mapping[str, Any]) -> Quantity | StatedPressure:
+    """Return how a parameter is written."""
+    return StatedPressure() if parameter["unit"] == STATED else parameter_quantity(parameter)
+
+
+def _last(key: str) -> str:
+    return key.rpartition("_")[2]
+
+
+@lru_cache(maxsize=256)
+def component_class(kind: str) -> type[Component]:
+    """Make the class of a kind of component."""
+    entry = component_kinds()[kind]
+    fields: dict[str, Any] = {"kind": (Literal[kind], ...)}  # type: ignore[valid-type]
+    names: dict[str, str] = {}
+    for parameter in entry["parameters"]:
+        key = parameter["key"]
+        mark = _mark(parameter)
+        sizes = flow_keys(entry, key)
+        kind_of = float if isinstance(mark, Quantity) else units.Pressure
+        if is_needed(parameter) and len(sizes) == 1:
+            _add(fields, names, key, Annotated[kind_of, mark], ..., parameter["meaning"])
+        else:
+            _add(fields, names, key, Annotated[kind_of | None, mark], parameter["default"], parameter["meaning"])
+        for size in sizes[1:]:
+            mark = _SIZES[_last(size)]
+            _add(fields, names, size, Annotated[float | None, mark], None, f"In place of {key}")
+    for choice in entry["choices"]:
+        options = Literal[tuple(choice["options"])]  # type: ignore[valid-type]
+        fields[choice["name"]] = (options, Field(default=choice["default"], description=choice["meaning"]))
+    if entry["friction"]:
+        fields["friction"] = (Friction | None, None)
+    if any(one["name"] == COMMAND for one in entry["inputs"]):
+        meaning = "Range of the electrical input where commands are given in V or mA"
+        fields[COMMAND] = (Annotated[Signal | None, SignalRange("")], Field(default=None, description=meaning))
+    name = re.sub(r"\W+", " ", kind).title().replace(" ", "")
+    made = create_model(name, __base__=Component, __doc__=entry["doc"], __module__=__name__, **fields)
+    made.entry, made.fields = MappingProxyType(entry), MappingProxyType(names)
+    return made
+
+
+#: Other sizes of a flow path than its conductance, by the last word of their key.
+_SIZES: dict[str, Quantity] = {
+    "flow": Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0)),
+    "kv": FlowCoefficient("", "Kv", Bounds(above=0.0)),
+    "cv": FlowCoefficient("", "Cv", Bounds(above=0.0)),
+}
+
+
+def _add(fields: dict[str, Any], names: dict[str, str], key: str, kind: Any, default: object, meaning: str) -> None:  # noqa: ANN401 - an annotation
+    """Add the field of a number, which is stored under a name with its unit."""
+    mark = next(mark for mark in get_args(kind) if isinstance(mark, Quantity | StatedPressure))
+    names[key] = _field_name(key, mark)
+    alias = None if names[key] == key else key
+    fields[names[key]] = (kind, Field(default=default, alias=alias, description=meaning))
+
+
+def _field_name(key: str, mark: Quantity | StatedPressure) -> str:
+    """Return the name under which a number is stored: it ends with its unit.
+
+    Examples
+    --------
+    >>> _field_name("leakage", Quantity("m^3/(s Pa)"))
+    'leakage_m3_s_pa'
+    """
+    si_unit = mark.si_unit if isinstance(mark, Quantity) else ""
+    unit = re.sub(r"[^a-z0-9]+", "_", si_unit.lower().replace("^", "")).strip("_")
+    return f"{key}_{unit}" if unit else key

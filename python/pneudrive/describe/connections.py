@@ -1,0 +1,342 @@
+"""Connections between the components of a circuit: chains of ports become joints, and what is wrong with them is told.
+
+`a -> b -> c` enters a component of two ports by its first and leaves it by its second; any other port is named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pneudrive.describe.base import wrong
+from pneudrive.errors import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from pneudrive.errors import Problems
+
+ARROW = "->"
+AMBIENT = "ambient"
+
+
+class Part(NamedTuple):
+    """What is known of a component before its circuit is checked."""
+
+    entry: Mapping[str, Any] | None  # what the core lists of its kind, where that is known
+    key: str  # where it stands in the file
+    pressure: str = ""  # of a reservoir, as messages show it
+
+
+class Port(NamedTuple):
+    """A port of a component of a circuit."""
+
+    component: str
+    name: str
+    kind: str  # "gas" or "axis"
+    holds: str  # "volume": gas with a state of its own; "pressure": constant; "" opens on a restriction or an axis
+    exhaust: bool
+    optional: bool
+
+    @property
+    def id(self) -> str:
+        """As users write it."""
+        return f"{self.component}.{self.name}"
+
+    @property
+    def is_single(self) -> bool:
+        """Whether one connection may name it, as a hole takes one fitting."""
+        return self.kind == "gas" and not self.holds
+
+
+@dataclass(eq=False)
+class Joint:
+    """Ports that share their gas or their motion, in the order in which connections name them."""
+
+    ports: list[Port] = field(default_factory=list)
+    ambient: bool = False  # open to the air around
+    key: str = ""  # of the connection that made it
+    is_refused: bool = False
+
+    def __str__(self) -> str:
+        return ", ".join([port.id for port in self.ports] + [AMBIENT] * self.ambient)
+
+    @property
+    def holders(self) -> list[Port]:
+        """Ports behind which the pressure is constant."""
+        return [port for port in self.ports if port.holds == "pressure"]
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether its pressure is given from outside."""
+        return self.ambient or bool(self.holders)
+
+    @property
+    def volumes(self) -> list[Port]:
+        """Ports behind which there is a volume."""
+        return [port for port in self.ports if port.holds == "volume"]
+
+
+class Wiring:
+    """The joints of a circuit.
+
+    Parameters
+    ----------
+    parts : mapping
+        Name of a component -> what is known of it.
+    connections : sequence of str
+        Chains such as ``"valve.4 -> hose -> cylinder.a"``.
+    plugged : sequence of str
+        Ports that lead nowhere on purpose.
+    templates : mapping
+        Name of a table that stands for its copies -> their names.
+    problems : Problems
+        Takes what is wrong.
+
+    Attributes
+    ----------
+    joints : list of Joint
+    at : dict
+        Port -> its joint.
+    warnings : list of str
+        Gas that cannot come or go.
+    """
+
+    def __init__(
+        self,
+        parts: Mapping[str, Part],
+        connections: Sequence[str],
+        plugged: Sequence[str],
+        templates: Mapping[str, Sequence[str]],
+        problems: Problems,
+    ) -> None:
+        self.parts, self.templates, self.problems = parts, templates, problems
+        self.warnings: list[str] = []
+        self.joints: list[Joint] = []
+        self.at: dict[Port, Joint] = {}
+        self.named: dict[Port, str] = {}  # connection that names a port
+        self.meant: set[Port] = set()  # ports that a connection is about, also where that is wrong
+        before = len(problems.found)
+        for number, chain in enumerate(connections):
+            self._chain(chain, f"connections.{number}")
+        plugs = {self._plug(text, f"plugged.{number}"): f"plugged.{number}" for number, text in enumerate(plugged)}
+        if len(problems.found) == before:  # else nobody knows which ports were meant
+            self._rest({port: key for port, key in plugs.items() if port is not None})
+        self._check()
+
+    def ports(self, component: str) -> list[Port]:
+        """Return the ports of a component in their order."""
+        entry = self.parts[component].entry or {"ports": ()}
+        about = ((p["name"], p["kind"], p["holds"], p["exhaust"], p["optional"]) for p in entry["ports"])
+        return [Port(component, *one) for one in about]
+
+    def core(self) -> list[list[str]]:
+        """Return the joints as the core takes them."""
+        out = []
+        for joint in self.joints:
+            ports = [port.id for port in joint.ports]
+            out += [[port, AMBIENT] for port in ports] if joint.ambient else [ports]
+        return out
+
+    def across(self, joint: Joint, only: Iterable[str] | None = None) -> Iterator[Joint]:
+        """Give the joints that share a component with a joint whose gas passes between them.
+
+        `only` names the components through which it may; all where nothing is said.
+        """
+        for port in joint.ports:
+            if port.is_single and (only is None or port.component in only):
+                for other in self.ports(port.component):
+                    if other != port and other.is_single and other in self.at:
+                        yield self.at[other]
+
+    # --- reading -----------------------------------------------------------------------------
+
+    def _chain(self, chain: object, key: str) -> None:
+        """Join what one connection names."""
+        with self.problems.caught():
+            if not isinstance(chain, str):
+                raise wrong(key, f"connection {chain!r} is not a text", remedy='Write "supply -> valve.1".')
+            words = [word.strip() for word in chain.split(ARROW)]
+            if len(words) < 2:
+                rule = "a connection names two ports or more"
+                raise wrong(key, f'"{chain}" joins nothing', rule=rule, remedy='Write "supply -> valve.1".')
+            ends: list[tuple[Port | str | None, Port | str | None]] = []
+            for place, word in enumerate(words):
+                with self.problems.caught():
+                    ends.append((None, None))
+                    ends[-1] = self._element(word, key, first=place == 0, last=place == len(words) - 1)
+            self.meant |= {port for both in ends for port in both if isinstance(port, Port)}
+            for (_, one), (other, _) in pairwise(ends):
+                if one is not None and other is not None:
+                    with self.problems.caught():
+                        self._join(one, other, chain, key)
+
+    def _element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
+        """Return the port by which a chain enters an element and that by which it leaves; None where nobody knows."""
+        if word == AMBIENT:
+            return AMBIENT, AMBIENT
+        name, dot, port = word.partition(".")
+        self._known(name, word, key)
+        ports = self.ports(name)
+        if not ports:
+            return None, None
+        if dot:
+            found = self._port(name, port, key)
+            return found, found
+        if len(ports) == 1:
+            return ports[0], ports[0]
+        if len(ports) == 2 and all(one.is_single for one in ports):
+            return (None if first else ports[0]), (None if last else ports[1])
+        listed = ", ".join(one.id for one in ports)
+        raise wrong(key, f"{name} has {len(ports)} ports, and the connection names none", remedy=f"Name one: {listed}.")
+
+    def _known(self, name: str, word: str, key: str) -> None:
+        if name in self.templates:
+            copies = ", ".join(self.templates[name])
+            raise wrong(key, f"{name} stands for its copies", remedy=f"Name one of them: {copies}.")
+        if name not in self.parts:
+            known = [*self.parts, AMBIENT]
+            raise wrong(key, f'there is no component "{name}"', remedy=nearest(name, known))
+
+    def _port(self, component: str, name: str, key: str) -> Port:
+        kind = (self.parts[component].entry or {}).get("kind")
+        for port in self.ports(component):
+            if port.name == name:
+                return port
+        known = ", ".join(port.name for port in self.ports(component))
+        remedy = f"Ports of {kind}: {known}."
+        raise wrong(key, f'{component} has no port "{name}"', remedy=remedy)
+
+    def _join(self, one: Port | str, other: Port | str, chain: str, key: str) -> None:
+        ports = [port for port in (one, other) if isinstance(port, Port)]
+        kinds = {port.kind for port in ports} | ({"gas"} if AMBIENT in (one, other) else set())
+        if len(kinds) > 1:
+            said = ", ".join(
+                f"{port if isinstance(port, str) else port.id} is {_a(port if isinstance(port, str) else port.kind)}"
+                for port in (one, other)
+            )
+            raise wrong(key, said, rule="gas is joined to gas, an axis to an axis")
+        for port in ports:
+            if port.is_single and port in self.named:
+                what = f'{port.id} is joined twice: by "{self.named[port]}" and by "{chain}"'
+                remedy = "Branch where there is room for gas: at a tank, a chamber or a reservoir."
+                raise wrong(key, what, rule="a port takes one connection", remedy=remedy)
+        for port in ports:
+            self.named[port] = chain
+        self._merge(one, other, key)
+
+    def _merge(self, one: Port | str, other: Port | str, key: str) -> None:
+        joints = [self._joint(port, key) for port in (one, other)]
+        if joints[0] is not joints[1]:
+            kept, gone = sorted(joints, key=self.joints.index)
+            kept.ports += gone.ports
+            kept.ambient |= gone.ambient
+            self.at |= dict.fromkeys(gone.ports, kept)
+            self.joints.remove(gone)
+            self._one_state(kept, key)
+
+    def _one_state(self, joint: Joint, key: str) -> None:
+        """Refuse the connection by which a joint has its pressure, or its volume, from two ports; once."""
+        held = [port.component for port in joint.holders] + [AMBIENT] * joint.ambient
+        full = [port.component if len(self.ports(port.component)) == 1 else port.id for port in joint.volumes]
+        what = ""
+        if len(held) > 1 and AMBIENT in held:
+            what = f"{held[0]} {ARROW} {AMBIENT} without any restriction"
+        elif len(held) > 1:
+            rest = ", ".join(port.id for port in joint.ports if port not in joint.holders)
+            at = " and ".join(filter(None, (self.parts[name].pressure for name in held)))
+            what = f"{' and '.join(held)} hold the same joint{rest and f' ({rest})'}{at and f' at {at}'}"
+        elif held and full:
+            what = f"{held[0]} holds the pressure in {full[0]}: nothing lies between them"
+        elif len(full) > 1:
+            what = f"{' and '.join(full)} are one joint and have a volume each"
+        if not what or joint.is_refused:
+            return
+        joint.is_refused = True
+        remedy = "Put what lies between them there: a fitting, a valve, a flow control."
+        rule = "a joint has at most one pressure that is given, or one volume"
+        raise wrong(key, what, rule=rule, remedy=remedy)
+
+    def _joint(self, port: Port | str, key: str) -> Joint:
+        """Return the joint of a port, a new one where it is in none; the air around is one at each place."""
+        found = self.at.get(port) if isinstance(port, Port) else None
+        if found is None:
+            found = Joint([port] if isinstance(port, Port) else [], ambient=port == AMBIENT, key=key)
+            self.joints.append(found)
+            self.at |= dict.fromkeys(found.ports, found)
+        return found
+
+    # --- checking ----------------------------------------------------------------------------
+
+    def _plug(self, text: object, key: str) -> Port | None:
+        with self.problems.caught():
+            name, dot, port = str(text).partition(".")
+            self._known(name, str(text), key)
+            if not dot:
+                raise wrong(key, f'"{text}" names no port', rule="a plug shuts a port", remedy='Write "valve.2".')
+            found = self._port(name, port, key) if self.parts[name].entry is not None else None
+            if found is not None and found in self.at:
+                what = f"{text} is plugged, and joined to {self.at[found]}"
+                raise wrong(key, what, remedy="Leave one of the two out.")
+            return found
+        return None
+
+    def _rest(self, plugged: Mapping[Port, str]) -> None:
+        """Shut what is plugged and open exhausts to the air around; another port that leads nowhere is an error."""
+        for port, key in plugged.items():
+            self._joint(port, key)
+        taken = self.meant | set(self.at)
+        left = [port for name in self.parts for port in self.ports(name) if port not in taken]
+        nowhere = [port for port in left if not (port.exhaust or port.optional)]
+        for port in left:
+            key = self.parts[port.component].key
+            if port.exhaust:
+                self._merge(port, AMBIENT, key)
+            elif not port.optional:
+                others = [one for one in nowhere if one.component != port.component and one.kind == port.kind]
+                joined = f'Join it, for instance "{port.id} {ARROW} {others[0].id}"' if others else "Join it"
+                rule = "each port is joined or plugged"
+                remedy = f'{joined}, or write plugged = ["{port.id}"].'
+                self.problems.add(wrong(key, f"port {port.id} leads nowhere", rule=rule, remedy=remedy))
+
+    def _check(self) -> None:
+        for name in self.parts:
+            ports = [port for port in self.ports(name) if port.is_single]
+            places = [self.at[port] for port in ports if port in self.at]
+            if len(ports) == len(places) == 2 and (places[0] is places[1] or all(one.ambient for one in places)):
+                where = AMBIENT if places[0].ambient else f"{{{places[0]}}}"
+                what = f"{name} connects joint {where} with itself"
+                self.problems.add(wrong(places[0].key, what, rule="a restriction lies between two joints"))
+        if not self.problems.found:
+            self._islands()
+
+    def _islands(self) -> None:
+        """Tell of gas that no reservoir reaches; a joint without any volume must be reached."""
+        for group in self._groups():
+            if any(joint.is_constant for joint in group):
+                continue
+            volumes = dict.fromkeys(port.component for joint in group for port in joint.volumes)
+            if volumes:
+                what = "{} is not connected to any reservoir: its gas cannot come or go"
+                self.warnings += [what.format(f"component {name}") for name in volumes]
+            else:
+                what = f"no volume and no reservoir reaches joint {{{group[0]}}}"
+                remedy = "Join a tank, a chamber, a reservoir or ambient to it."
+                self.problems.add(
+                    wrong(group[0].key, what, rule="each joint gets its gas from somewhere", remedy=remedy)
+                )
+
+    def _groups(self) -> Iterator[list[Joint]]:
+        """Give the joints of gas in groups between which none passes."""
+        left = [joint for joint in self.joints if any(port.kind == "gas" for port in joint.ports)]
+        while left:
+            group = [left[0]]
+            for joint in group:  # grows as it is looked at
+                group += [other for other in dict.fromkeys(self.across(joint)) if other not in group]
+            left = [joint for joint in left if joint not in group]
+            yield group
+
+
+def _a(kind: str) -> str:
+    return "an axis" if kind == "axis" else kind

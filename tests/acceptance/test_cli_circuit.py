@@ -1,0 +1,64 @@
+"""Circuits on the command line: the file decides; commands have names; what there is can be listed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import polars as pl
+
+from pneudrive.cli.main import run
+from pneudrive.describe.components import component_kinds
+
+EXAMPLE = str(Path(__file__).parents[2] / "examples" / "two_cylinders.toml")
+
+
+def test_a_circuit_file_is_simulated(tmp_path, capsys):
+    out, picture = tmp_path / "run.parquet", tmp_path / "run.svg"
+    commands = ["--command", "valve_l: 0 s: 1, 0.5 s: -1", "--command", "valve_r: 0.4"]
+    assert run(["simulate", EXAMPLE, *commands, "--duration", "0.3 s", "--out", str(out), "--plot", str(picture)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("two cylinders on one tank: 301 samples to 0.3 s")
+    assert "left: position 0.000 mm -> " in said
+    columns = pl.read_parquet(out)
+    assert columns["left.position_m"][-1] > columns["right.position_m"][-1] > 0.001
+    assert columns["valve_r.command"][-1] == 0.4
+    assert "fc_la" not in picture.read_text()  # it has no position, pressure or force of its own
+    assert picture.stat().st_size > 10_000
+
+
+def test_commands_need_the_name_of_a_valve(capsys):
+    duration = ["--duration", "0.1 s"]
+    assert run(["simulate", EXAMPLE, "--command", "0 s: 1", *duration]) == 2
+    assert "does not say for which of valve_l, valve_r it is" in capsys.readouterr().err
+    assert run(["simulate", EXAMPLE, "--command", "valv_l: 0 s: 1", *duration]) == 2
+    assert "Did you mean 'valve_l'?" in capsys.readouterr().err
+    assert run(["simulate", EXAMPLE, "--command", "valve_l: 0 s: 2", *duration]) == 2
+    assert "valve_l: command = 2 at 0 s" in capsys.readouterr().err
+    assert run(["simulate", EXAMPLE, "--command", "valve_l: 1", "--command", "valve_l: 0", *duration]) == 2
+    assert "two commands are given for valve_l" in capsys.readouterr().err
+    assert run(["simulate", "catalogue:reference", *duration]) == 2
+    assert "the command of the valve is missing" in capsys.readouterr().err
+    assert run(["simulate", "catalogue:reference", "--command", "1", "--command", "0", *duration]) == 2
+    assert "a drive has one valve" in capsys.readouterr().err
+
+
+def test_components_are_listed(capsys):
+    assert run(["components"]) == 0
+    listed = capsys.readouterr().out
+    assert all(f"\n  {kind} " in f"\n{listed}" for kind in component_kinds())
+    for kind, entry in component_kinds().items():
+        assert run(["components", kind]) == 0
+        shown = capsys.readouterr().out
+        assert entry["doc"] in shown
+        assert all(f"\n  {parameter['key']} " in shown for parameter in entry["parameters"])
+        assert all(f"{{{source}," in shown for source in entry["sources"])
+    assert run(["components", "flow-controls"]) == 2
+    assert "Did you mean 'flow-control'?" in capsys.readouterr().err
+
+
+def test_the_schema_of_circuits_is_printed(capsys):
+    assert run(["schema", "circuit"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    alternatives = schema["properties"]["components"]["additionalProperties"]["oneOf"]
+    assert [one["properties"]["kind"]["const"] for one in alternatives] == list(component_kinds())

@@ -1,0 +1,283 @@
+"""A circuit file becomes components and joints; each fault of it is told with file, line, value, rule and remedy."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+from pathlib import Path
+
+import pytest
+
+import pneudrive as pn
+from pneudrive.describe.schema import circuit_schema
+from pneudrive.errors import DescriptionError, PneudriveWarning
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
+TEXT = EXAMPLE.read_text("utf-8")
+FITTING = 'kind = "fitting"\nconductance = "1 dm3/(s bar)"\ncritical_pressure_ratio = 0.3\n'
+
+
+def changed(*changes: tuple[str, str]) -> str:
+    text = TEXT
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return text
+
+
+def line_of(text: str, mark: str) -> int:
+    return next(number for number, line in enumerate(text.splitlines(), start=1) if mark in line)
+
+
+FAULTS = {
+    "dangling": (
+        changed(('    "valve_l.2 -> fc_lb -> left.b",\n', "")),
+        ("port valve_l.2 leads nowhere", 'copies = ["valve_l"', "joined or plugged", '"valve_l.2 -> fc_lb.1"'),
+        ("port fc_lb.1 leads nowhere", 'copies = ["fc_la"', "joined or plugged", 'plugged = ["fc_lb.1"]'),
+        ("port fc_lb.2 leads nowhere", 'copies = ["fc_la"', "joined or plugged", 'plugged = ["fc_lb.2"]'),
+        ("port left.b leads nowhere", 'copies = ["left"', "joined or plugged", 'plugged = ["left.b"]'),
+    ),
+    "two sources": (
+        changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "second -> mains",'))
+        + '[components.second]\nkind = "reservoir"\npressure = "9 bar abs"\n',
+        (
+            "mains and second hold the same joint (inlet.1) at 6 bar gauge and 9 bar abs",
+            '"second -> mains"',
+            "at most one pressure",
+            "a fitting",
+        ),
+    ),
+    "short circuit": (
+        changed(('"mains -> inlet', '"mains -> ambient",\n    "mains -> inlet')),
+        ("mains -> ambient without any restriction", '"mains -> ambient"', "at most one pressure", "a fitting"),
+    ),
+    "a tank at the mains": (
+        changed(
+            ("mains -> inlet -> tank", "mains -> tank"),
+            ("[components.inlet]", "[components.inlet]\ncopies = []"),
+            ("schema = 1", 'schema = 1\nplugged = ["inlet.1", "inlet.2"]'),
+        ),
+        ("mains holds the pressure in tank", '"mains -> tank"', "one volume", "a fitting"),
+        ("inlet.copies = [] is no list of names", "copies = []", "", 'copies = ["left"'),
+    ),
+    "two volumes": (
+        changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "tank -> left.a",')),
+        ("tank and left.a are one joint and have a volume each", '"tank -> left.a"', "or one volume", "a fitting"),
+    ),
+    "itself": (
+        changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "extra.1 -> extra.2",'))
+        + f"[components.extra]\n{FITTING}",
+        ("extra connects joint {extra.1, extra.2} with itself", '"extra.1 -> extra.2"', "between two joints", ""),
+    ),
+    "no pressure": (
+        changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "one -> two -> one.1",'))
+        + f'[components.pair]\ncopies = ["one", "two"]\n{FITTING}',
+        ("no volume and no reservoir reaches joint {one.2, two.1}", '"one -> two', "from somewhere", "Join a tank"),
+    ),
+    "kind": (
+        changed(("fc_la -> left.a", "fc_la -> left.rod")),
+        ("fc_la.2 is gas, left.rod is an axis", "left.rod", "gas is joined to gas", ""),
+    ),
+    "twice": (
+        changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "valve_l.4 -> tank",')),
+        (
+            'valve_l.4 is joined twice: by "valve_l.4 -> tank" and by "valve_l.4 -> fc_la -> left.a"',
+            '"valve_l.4 -> fc_la',
+            "one connection",
+            "at a tank",
+        ),
+    ),
+    "copies of one name": (
+        changed(('"right"]', '"left", "tank"]')),
+        ('two components are called "left"', 'copies = ["left"', "a name of its own", "Rename"),
+        ('two components are called "tank"', 'copies = ["left"', "a name of its own", "Rename"),
+        ('there is no component "right"', '"valve_r.4 -> fc_ra', "", ""),
+    ),
+    "unknown": (
+        changed(("fc_la -> left.a", "fc_la -> lef.a"), ("valve_r.4 ->", "valve_r.A ->"), ('"tank"', '"tnak"')),
+        ('there is no component "lef"', "lef.a", "", "Did you mean 'left'?"),
+        ('valve_r has no port "A"', "valve_r.A", "", "Ports of valve/proportional-5/3: 1, 4, 2, 5, 3"),
+        ("tank.kind = 'tnak' is not known", '"tnak"', "", "Did you mean 'tank'?"),
+    ),
+    "a template": (
+        changed(("tank -> valve_l.1", "tank -> valve.1")),
+        ("valve stands for its copies", "tank -> valve.1", "", "Name one of them: valve_l, valve_r"),
+    ),
+    "a component without a port": (
+        changed(("tank -> valve_l.1", "tank -> valve_l")),
+        ("valve_l has 5 ports, and the connection names none", '"tank -> valve_l"', "", "valve_l.1, valve_l.4"),
+    ),
+    "units": (
+        changed(
+            ("6 bar gauge", "6 bar"),
+            ("critical_pressure_ratio = 0.4", "critical_pressure_ratio = 1.4"),
+            ('conductance = "1.2 dm3/(s bar)"', 'conductance = "1.2 dm3/(s bar)"\nnominal_flow = "300 l/min ANR"'),
+            ('throttles = "out"', 'throttles = "uot"'),
+            ('bore = "32 mm"', 'bore = "32 bar"'),
+            ('b = "8 cm3" }', 'b = "8 cm2" }'),
+            ('coulomb = "20 N"', 'coulomb = "20 m"'),
+            ("moving_mass", "moving_mas"),
+        ),
+        ('mains.pressure: pressure "6 bar" does not say abs or gauge', 'pressure = "6 bar"', "absolute", '"6 bar abs"'),
+        ("inlet.critical_pressure_ratio: 1.4 is out of bounds", "ratio = 1.4", "less than 1", ""),
+        ("valve: the flow is given 2 times: conductance, nominal_flow", "nominal_flow", "", "Keep one"),
+        ("flow_control.throttles = 'uot' is not known", "uot", "", "Did you mean 'out'?"),
+        ('cylinder.bore: unit "bar" is a pressure', "bore = ", "a length is needed", ""),
+        ('cylinder.dead_volume_b: unit "cm2" is an area', "dead_volume", "a volume is needed", ""),
+        ('cylinder.friction.coulomb: unit "m" is a length', "coulomb", "a force is needed", ""),
+        ("cylinder.moving_mas is not a known key", "moving_mas", "", "Did you mean 'moving_mass'?"),
+    ),
+    "rules of the core": (
+        changed(('rod_diameter = "12 mm"', 'rod_diameter = "40 mm"')),
+        ("left.rod_diameter", "rod_diameter", "", ""),
+    ),
+    "start": (
+        changed(('left.b = "6 bar gauge"', 'left.b = "6 bar"\nright.c = "1 bar abs"'), ('"0 mm"', '"101 mm"')),
+        ("left.position = 101 mm lies outside the stroke", "101 mm", "left.stroke = 100 mm", ""),
+        ('left.b: pressure "6 bar" does not say', 'left.b = "6 bar"', "absolute", '"6 bar abs"'),
+        ("right.c is no start value", "right.c", "", "right.a.pressure"),
+    ),
+    "plugs": (
+        changed(("[components.mains]", 'plugged = ["valve_l.4", "tank", "x.1"]\n[components.mains]')),
+        ("valve_l.4 is plugged, and joined to valve_l.4, fc_la.1", "plugged", "", "Leave one of the two out"),
+        ('"tank" names no port', "plugged", "a plug shuts a port", ""),
+        ('there is no component "x"', "plugged", "", "Known: ambient"),
+    ),
+    "tables of a drive": (
+        changed(("[initial]", '[supply]\npressure = "3 bar abs"\n[initial]')),
+        ("[supply] is a table of a drive", "[supply]", "", "[components.NAME]"),
+    ),
+    "size": (
+        changed(
+            (
+                '    "tank -> valve_r.1",',
+                '    "tank -> valve_r.1",\n'
+                + "".join(f'    "t{i} -> f{i} -> t{i + 1}",\n' for i in range(259))
+                + '    "tank -> f259 -> t0",',
+            )
+        )
+        + f'[components.t]\nkind = "tank"\nvolume = "1 l"\ncopies = {json.dumps([f"t{i}" for i in range(260)])}\n'
+        + f"[components.f]\ncopies = {json.dumps([f'f{i}' for i in range(260)])}\n{FITTING}",
+        ("states", "", "", ""),
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_told_with_its_line_rule_and_remedy(tmp_path, fault):
+    text, *expected = FAULTS[fault]
+    path = tmp_path / "circuit.toml"
+    path.write_text(text, "utf-8")
+    with pytest.raises(DescriptionError) as caught:
+        pn.Circuit.load(path)
+    errors = caught.value.each()
+    for what, mark, rule, remedy in expected:
+        (error,) = (one for one in errors if what in one.what)
+        if mark:
+            assert error.where == f"{path}:{line_of(text, mark)}"
+            assert mark in error.value
+        assert rule in (error.rule or "")
+        assert remedy in (error.remedy or "")
+    assert len(errors) == len(expected), str(caught.value)
+
+
+def test_gas_that_cannot_come_or_go_is_told():
+    text = changed(
+        ('"tank -> valve_r.1"', '"ambient -> valve_r.1"'),
+        ('"valve_r.4 -> fc_ra -> right.a"', '"valve_r.4 -> ambient", "fc_ra.2 -> right.a"'),
+        ('"valve_r.2 -> fc_rb -> right.b"', '"valve_r.2 -> ambient", "right.b -> fc_rb -> fc_ra.1"'),
+    )
+    with pytest.warns(PneudriveWarning, match="component right is not connected to any reservoir"):
+        circuit = pn.Circuit.load(text)
+    assert circuit.notes == ["component right is not connected to any reservoir: its gas cannot come or go"]
+
+
+def test_written_and_read_back():
+    circuit = pn.Circuit.load(EXAMPLE)
+    again = pn.Circuit.load(circuit.to_toml())
+    assert again == circuit
+    assert again.core_json() == circuit.core_json()
+    assert again.core_initial() == circuit.core_initial()
+    assert pickle.loads(pickle.dumps(circuit)) == copy.deepcopy(circuit) == circuit
+    assert circuit.replace({"components.left.bore": "40 mm"}).components["left"].bore_m == 0.04
+
+
+def test_what_counts_for_the_hash():
+    circuit = pn.Circuit.load(EXAMPLE)
+    named = circuit.replace({"name": "other", "labels": {"by": "me"}, "initial": {}})
+    assert named.description_hash == circuit.description_hash
+    assert circuit.replace({"components.left.bore": "40 mm"}).description_hash != circuit.description_hash
+
+
+def test_python_and_file_give_the_same_circuit():
+    tables = {
+        "components": {
+            "tank": {"kind": "tank", "volume": "2 l"},
+            "nozzle": {"kind": "fitting", "nominal_flow": "300 l/min ANR", "critical_pressure_ratio": 0.5},
+        },
+        "connections": ["tank -> nozzle -> ambient"],
+    }
+    text = """
+connections = ["tank -> nozzle -> ambient"]
+[components]
+tank = { kind = "tank", volume = "2 dm3" }
+nozzle = { kind = "fitting", nominal_flow = "300 l/min ANR", critical_pressure_ratio = 0.5 }
+"""
+    circuit = pn.Circuit(**tables)
+    assert circuit.core_json() == pn.Circuit.load(text).core_json()
+    nozzle = json.loads(circuit.core_json())["components"][1]["numbers"]
+    valve = pn.Valve(kind="proportional-5/3", nominal_flow="300 l/min ANR", critical_pressure_ratio=0.5)
+    assert nozzle["conductance"] == valve.conductance_m3_s_pa
+
+
+def test_joints_of_the_example():
+    joints = json.loads(pn.Circuit.load(EXAMPLE).core_json())["joints"]
+    assert ["inlet.2", "tank.1", "valve_l.1", "valve_r.1"] in joints
+    assert ["valve_l.3", "ambient"] in joints
+    assert len(joints) == 10 + 4
+
+
+def test_a_plugged_port_is_a_joint_of_its_own():
+    text = changed(
+        ('    "valve_r.2 -> fc_rb -> right.b",\n', ""),
+        ("schema = 1", 'schema = 1\nplugged = ["valve_r.2", "right.b"]'),
+        (', "fc_rb"]', "]"),
+    )
+    circuit = pn.Circuit.load(text)
+    assert ["valve_r.2"] in json.loads(circuit.core_json())["joints"]
+    assert circuit.simulate({"valve_r": 1.0}, "0.1 s")["right.b.pressure"][-1] > 1.1e5
+
+
+def test_starts_settle_over_what_is_always_open():
+    """Over the fitting from the mains, over the needle of a flow control; not over the valve."""
+    circuit = pn.Circuit.load(EXAMPLE)
+    start = circuit.core_initial()
+    assert start["tank.pressure_pa"] == start["left.b.pressure_pa"] == start["valve_l.2.pressure_pa"] == 701325.0
+    assert start["left.a.pressure_pa"] == start["valve_l.4.pressure_pa"] == 101325.0
+    assert start["left.position_m"] == 0.0
+    assert "tank starts at 7.01325 bar abs, as mains has it" in circuit.assumed()
+    assert "valve_l.2 starts at 7.01325 bar abs, as left.b does" in circuit.assumed()
+    given = circuit.core_initial({"tank": "3 bar abs", "fc_la.1.pressure": "2 bar abs", "left": {"position": "5 mm"}})
+    assert (given["tank.pressure_pa"], given["valve_l.4.pressure_pa"], given["left.position_m"]) == (3e5, 2e5, 0.005)
+    assert given["left.a.pressure_pa"] == 2e5
+
+
+def test_a_drive_file_and_a_circuit_file_are_told_apart(tmp_path, drive_file):
+    drive = tmp_path / "drive.toml"
+    drive.write_text(drive_file)
+    assert (pn.Circuit.is_file(EXAMPLE), pn.Circuit.is_file(drive)) == (True, False)
+    with pytest.raises(DescriptionError, match="describes a circuit") as caught:
+        pn.Drive.load(EXAMPLE)
+    assert "pn.Circuit.load" in str(caught.value)
+
+
+def test_the_schema_takes_the_example():
+    jsonschema = pytest.importorskip("jsonschema")
+    tomllib = pytest.importorskip("tomllib")
+    schema = circuit_schema()
+    tables = tomllib.loads(TEXT)
+    jsonschema.validate(tables, schema)
+    tables["components"]["tank"]["volum"] = "1 l"
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(tables, schema)

@@ -1,0 +1,139 @@
+"""Circuits run: against the drive that they are, against a closed form, and as sessions."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.errors import CommandError
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
+DISCHARGE = {
+    "components": {
+        "tank": {"kind": "tank", "volume": "2 l"},
+        "nozzle": {"kind": "fitting", "conductance": "0.5 dm3/(s bar)", "critical_pressure_ratio": 0.3},
+    },
+    "connections": ["tank -> nozzle -> ambient"],
+    "initial": {"tank": "8 bar abs"},
+}
+
+
+def as_circuit(drive: pn.Drive) -> pn.Circuit:
+    """Write a drive with a valve, a cylinder and a load as the circuit that it is."""
+    tables = drive.to_dict()
+    cylinder, valve = tables["cylinder"], tables["valve"]
+    return pn.Circuit(
+        gas=tables.get("gas", {}),
+        ambient=tables.get("ambient", {}),
+        components={
+            "supply": {"kind": "reservoir"} | tables["supply"],
+            "valve": valve | {"kind": f"valve/{valve['kind']}"},
+            "cylinder": cylinder | {"kind": f"cylinder/{cylinder['kind']}", "friction": tables["friction"]},
+            "load": {"kind": "load"} | tables.get("load", {}),
+        },
+        connections=[
+            "supply -> valve.1", "valve.4 -> cylinder.a", "valve.2 -> cylinder.b", "cylinder.rod -> load",
+        ],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["reference", "starter"])
+def test_a_drive_written_as_a_circuit_has_its_bits(name):
+    drive = pn.Drive.load(f"catalogue:{name}")
+    alone = pn.simulate(drive, "0 s: 0.6, 0.2 s: -0.6", "0.4 s", initial="position = 50 mm, pressure_a = 3 bar abs")
+    circuit = as_circuit(drive)
+    run = circuit.simulate(
+        "0 s: 0.6, 0.2 s: -0.6", "0.4 s", initial="cylinder.position = 50 mm, cylinder.a = 3 bar abs"
+    )
+    for own, there in (
+        ("position", "cylinder.position"),
+        ("pressure_b", "cylinder.b.pressure"),
+        ("temperature_a", "cylinder.a.temperature"),
+        ("friction_force", "cylinder.friction_force"),
+        ("command", "valve.command"),
+    ):
+        np.testing.assert_array_equal(run[there], alone[own], err_msg=own)
+        assert run[there].attrs["units"] == alone[own].attrs["units"]
+
+
+def test_a_tank_runs_empty_as_the_closed_form_says():
+    """Choked and adiabatic: p/p0 = (1 + (k-1)/2 t/tau)^(-2k/(k-1)), tau = V/(C rho0 R sqrt(T0 T))."""
+    circuit = pn.Circuit(**DISCHARGE)
+    run = circuit.simulate(None, "1.5 s", rtol=1e-9)
+    k, r, t0 = 1.4, 287.05, 293.15
+    tau = 2e-3 / (0.5e-8 * 1.185 * r * t0)
+    expected = 8e5 * (1 + (k - 1) / 2 * run.time / tau) ** (-2 * k / (k - 1))
+    choked = expected > 101325.0 / 0.3
+    assert choked.sum() > 500
+    np.testing.assert_allclose(run["tank.pressure"][choked], expected[choked], rtol=2e-7)
+    assert run["tank.pressure"].attrs == {
+        "units": "Pa", "long_name": "tank: absolute pressure", "column": "tank.pressure_pa",
+    }  # fmt: skip
+    assert run.attrs["description_hash"] == circuit.description_hash
+    assert math.isclose(run["nozzle.mass_flow"][0], 8e5 * 0.5e-8 * 1.185, rel_tol=1e-9)
+
+
+def test_the_example_two_cylinders_feel_each_other():
+    circuit = pn.Circuit.load(EXAMPLE)
+    alone = circuit.simulate({"valve_l": 1.0}, "0.6 s")
+    both = circuit.simulate(["valve_l: 1", "valve_r: 1"], "0.6 s", ledger=True)
+    assert both["tank.pressure"].min() < alone["tank.pressure"].min()
+    assert both["left.position"][300] < alone["left.position"][300]
+    np.testing.assert_allclose(both["left.position"], both["right.position"], atol=1e-7)  # alike
+    assert abs(both.attrs["ledger"]["energy_error"]) < 1e-4
+    assert abs(alone["right.position"]).max() < 1e-3  # held at its end by the air in chamber b
+
+
+def test_meter_out_holds_the_speed_by_what_leaves():
+    """A wider needle lets the piston go faster; a wider check valve changes little."""
+    circuit = pn.Circuit.load(EXAMPLE)
+
+    def speed(key: str, value: str) -> float:
+        names = ("fc_la", "fc_lb")
+        other = circuit.replace({f"components.{name}.{key}": value for name in names})
+        return float(other.simulate({"valve_l": 1.0}, "0.4 s")["left.velocity"][200])
+
+    usual = speed("needle_conductance", "0.15 dm3/(s bar)")
+    assert speed("needle_conductance", "0.2 dm3/(s bar)") > 1.2 * usual
+    assert speed("conductance", "1.0 dm3/(s bar)") < 1.1 * usual
+
+
+def test_a_session_gives_the_bits_of_the_run():
+    circuit = pn.Circuit.load(EXAMPLE)
+    run = circuit.simulate({"valve_l": "0 s: 1, 0.1 s: -0.5"}, "0.2 s")
+    session = circuit.start()
+    session.set("valve_l.command", 1.0)
+    session.advance(0.1)
+    session.set("valve_l.command", -0.5)
+    saved = session.save()
+    session.advance(0.2)
+    assert session.read("left.position_m") == run["left.position"][-1]
+    session.restore(saved)
+    session.set("left.load_force_n", -50.0)
+    session.advance(0.2)
+    assert session.read("left.position_m") < run["left.position"][-1]
+    names = {variable.name: variable for variable in session.variables}
+    assert names["left.a.pressure_pa"].unit == "Pa"
+    with pytest.raises(CommandError, match=r"no input 'valve_x\.command'"):
+        session.set("valve_x.command", 1.0)
+
+
+def test_what_is_told_of_commands_and_starts():
+    circuit = pn.Circuit(**DISCHARGE)
+    with pytest.raises(CommandError, match="no component of the circuit takes a command"):
+        circuit.simulate(1.0, "1 s")
+    with pytest.raises(CommandError, match="the initial state is a float"):
+        circuit.simulate(None, "1 s", initial=1.0)
+    with pytest.raises(pn.PneudriveError, match=r"tnak is no start value"):
+        circuit.start("tnak = 3 bar abs")
+
+
+def test_what_was_assumed_goes_with_the_run():
+    run = pn.Circuit.load(EXAMPLE).simulate(None, "1 ms")
+    assert "fc_la.cracking_pressure = 0.1 bar, a usual spring" in run.attrs["assumed"]
+    assert "left.wall_temperature follows the ambient temperature" in run.attrs["assumed"]
+    assert "iso6358-2013" in run.attrs["citations"]
