@@ -79,9 +79,9 @@ class Linear(Shown):
 
 
 class Session:
-    """A running drive. `Drive.start` makes it.
+    """A running drive or circuit. `Drive.start` and `Circuit.start` make it.
 
-    What the drive feels is set by name and holds until it is set again; the integration goes exactly to the times of
+    What it feels is set by name and holds until it is set again; the integration goes exactly to the times of
     `advance` and `schedule`, with the step size kept. Driven with the command of a simulation it gives its bits. A call
     that is wrong raises and leaves the session as it was.
 

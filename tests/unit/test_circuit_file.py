@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 import pneudrive as pn
+from pneudrive.cli.main import run
+from pneudrive.describe import components
 from pneudrive.describe.schema import circuit_schema
 from pneudrive.errors import DescriptionError, PneudriveWarning
 
@@ -201,6 +203,8 @@ def test_written_and_read_back():
     assert again.core_initial() == circuit.core_initial()
     assert pickle.loads(pickle.dumps(circuit)) == copy.deepcopy(circuit) == circuit
     assert circuit.replace({"components.left.bore": "40 mm"}).components["left"].bore_m == 0.04
+    other = circuit.replace({"components.inlet.kv": 0.4}).components["inlet"].to_dict()
+    assert "conductance" not in other
 
 
 def test_what_counts_for_the_hash():
@@ -256,6 +260,7 @@ def test_starts_settle_over_what_is_always_open():
     assert start["tank.pressure_pa"] == start["left.b.pressure_pa"] == start["valve_l.2.pressure_pa"] == 701325.0
     assert start["left.a.pressure_pa"] == start["valve_l.4.pressure_pa"] == 101325.0
     assert start["left.position_m"] == 0.0
+    assert "the joint of valve_l.2 has 0.4 cm3, from its ports" in circuit.assumed()
     assert "tank starts at 7.01325 bar abs, as mains has it" in circuit.assumed()
     assert "valve_l.2 starts at 7.01325 bar abs, as left.b does" in circuit.assumed()
     given = circuit.core_initial({"tank": "3 bar abs", "fc_la.1.pressure": "2 bar abs", "left": {"position": "5 mm"}})
@@ -266,7 +271,8 @@ def test_starts_settle_over_what_is_always_open():
 def test_a_drive_file_and_a_circuit_file_are_told_apart(tmp_path, drive_file):
     drive = tmp_path / "drive.toml"
     drive.write_text(drive_file)
-    assert (pn.Circuit.is_file(EXAMPLE), pn.Circuit.is_file(drive)) == (True, False)
+    with pytest.raises(DescriptionError, match=r"\[supply\] is a table of a drive"):
+        pn.Circuit.load(drive)
     with pytest.raises(DescriptionError, match="describes a circuit") as caught:
         pn.Drive.load(EXAMPLE)
     assert "pn.Circuit.load" in str(caught.value)
@@ -281,3 +287,31 @@ def test_the_schema_takes_the_example():
     tables["components"]["tank"]["volum"] = "1 l"
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(tables, schema)
+
+
+def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
+    """It is read, refused, described and listed by what the core says of it."""
+    toy = copy.deepcopy(dict(components.component_kinds()["fitting"])) | {"kind": "toy/filter", "title": "Filter"}
+    toy["parameters"].append(
+        {"key": "clogging", "unit": "1", "lower": 0.0, "upper": 1.0, "open": False, "open_above": True}
+        | {
+            "rule": "not less than 0 and less than 1",
+            "default": 0.0,
+            "assumed": "new",
+            "follows": "",
+            "meaning": "Dirt",
+        }
+    )
+    kinds = components.component_kinds() | {"toy/filter": toy}
+    monkeypatch.setattr(components, "component_kinds", lambda: kinds)
+    monkeypatch.setattr("pneudrive.describe.schema.component_kinds", lambda: kinds)
+    components.component_class.cache_clear()
+    table = {"kind": "toy/filter", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3}
+    made = components.component(table | {"clogging": 0.2})
+    assert made.core(1e5)["numbers"]["clogging"] == 0.2
+    assert "clogging = 0.0, new" in list(components.component(table).assumed())
+    with pytest.raises(DescriptionError, match="clogging: 1 is out of bounds"):
+        components.component(table | {"clogging": 1})
+    assert '"toy/filter"' in json.dumps(circuit_schema())
+    assert run(["components", "toy/filter"]) == 0
+    assert "0.0 (assumed: new)" in capsys.readouterr().out

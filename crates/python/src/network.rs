@@ -44,6 +44,12 @@ impl PyCircuit {
         self.network.start_names()
     }
 
+    /// Joints without a volume of their own: the first port of each, and the volume of its ports, m3.
+    #[getter]
+    fn joint_volumes(&self) -> Vec<(String, f64)> {
+        self.network.joint_volumes().to_vec()
+    }
+
     /// Names of the states, each with its unit.
     #[getter]
     fn states(&self) -> Vec<String> {

@@ -41,7 +41,7 @@ def simulate(
 ) -> None:
     """Simulate a drive or a circuit and write its trajectory."""
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe import Drive, toml
     from pneudrive.simulate import run
     from pneudrive.trajectory import check_target, save, save_columns
 
@@ -51,8 +51,13 @@ def simulate(
         from pneudrive.report.trajectory import PICTURES
 
         check_target(plot, PICTURES)
-    is_circuit = Circuit.is_file(drive)
-    described = Circuit.load(drive) if is_circuit else Drive.load(drive)
+    is_circuit = toml.has(drive, "components")
+    if is_circuit:
+        from pneudrive.describe import Circuit
+
+        described = Circuit.load(drive)
+    else:
+        described = Drive.load(drive)
     result = run(
         described,
         command if is_circuit else _only(command),

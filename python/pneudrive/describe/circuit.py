@@ -21,7 +21,6 @@ from pneudrive.describe.law import read_law_file
 from pneudrive.describe.parts import Ambient, Gas
 from pneudrive.describe.starts import Starts
 from pneudrive.errors import DescriptionError, Problems, together, warn
-from pneudrive.files.content import exists
 from pneudrive.show import Card
 
 if TYPE_CHECKING:
@@ -137,16 +136,6 @@ class Circuit(Described):
         except DescriptionError as error:
             raise toml.located(error, origin, text) from None
 
-    @classmethod
-    def is_file(cls, source: str | Path) -> bool:
-        """Whether a file describes a circuit rather than a drive: it has components."""
-        if not exists(Path(source)):
-            return False  # a drive of the catalogue, or an error that the reader of drives tells
-        try:
-            return "components" in toml.read(source)[0]
-        except DescriptionError:
-            return False
-
     def replace(self, changes: dict[str, Any]) -> Circuit:
         """Return a circuit with some values changed, checked anew.
 
@@ -163,6 +152,9 @@ class Circuit(Described):
             for table in path:
                 at = at.setdefault(table, {})
             at[last] = value.to_dict() if isinstance(value, Described) else value
+            one = self.components.get(path[1]) if len(path) == 2 and path[0] == "components" else None
+            for other in one.same_size(last) if one is not None else ():
+                at.pop(other, None)
         return type(self).model_validate(tables)
 
     @cached_property
@@ -300,6 +292,8 @@ class Circuit(Described):
     def assumed(self) -> list[str]:
         """Return what was assumed because the description says nothing and no source backs it."""
         own = [f"{name}.{line}" for name, one in self.components.items() for line in one.assumed()]
+        joints = compiled(self.core_json()).joint_volumes
+        own += [f"the joint of {name} has {1e6 * volume:.3g} cm3, from its ports" for name, volume in joints]
         return own + self._starts()[1]
 
     @property

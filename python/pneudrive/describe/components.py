@@ -106,6 +106,11 @@ class Component(Described):
                 out[key] = value
         return out
 
+    def same_size(self, key: str) -> list[str]:
+        """Return the other keys in which the size of a flow path may be given, where a key is one."""
+        groups = (flow_keys(self.entry, parameter["key"]) for parameter in self.entry["parameters"])
+        return [other for keys in groups if key in keys for other in keys if other != key]
+
     def pressures(self) -> list[units.Pressure]:
         """Return the pressures that it states against vacuum or ambient."""
         return [value for field in self.fields.values() if isinstance(value := getattr(self, field), units.Pressure)]

@@ -98,12 +98,7 @@ class Tank(Described):
     @classmethod
     def is_file(cls, source: str | Path) -> bool:
         """Whether a file describes a tank rather than a drive: it has a table [volume]."""
-        if not Path(source).is_file():
-            return False  # a drive of the catalogue, or an error that the reader of drives tells
-        try:
-            return "volume" in toml.read(source)[0]
-        except DescriptionError:
-            return False
+        return toml.has(source, "volume")
 
     def replace(self, changes: dict[str, Any]) -> Tank:
         """Return a tank with some values changed, checked anew: ``{"line.conductance": "2 dm3/(s bar)"}``."""

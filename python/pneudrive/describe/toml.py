@@ -80,6 +80,16 @@ def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError)
     return tables
 
 
+def has(source: str | Path, key: str) -> bool:
+    """Whether a file has a key at the top; what cannot be read has none, and whoever reads it next says why."""
+    if not exists(Path(source)):
+        return False
+    try:
+        return key in read(source)[0]
+    except DescriptionError:
+        return False
+
+
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
     """Add file, line and, where no value is shown yet, the line's text to an error that knows its key.
 

@@ -7,7 +7,7 @@ use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Terminals, bring, check, compose,
+    Acts, Brings, Build, Holds, Instance, KINDS, Node, Piston, PortKind, Terminals, bring, check, compose,
     joint_volume,
 };
 use crate::impacts::Impact;
@@ -40,6 +40,7 @@ pub struct Network {
     pistons: Vec<Piston<f64>>,
     warnings: Vec<String>,
     citations: Vec<&'static str>,
+    joint_volumes: Vec<(String, f64)>,
 }
 
 fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
@@ -157,6 +158,21 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Vec<J
         }
     }
     Ok(joints)
+}
+
+/// Joints of gas without a volume of their own: the first port of each, and the volume of its ports, m3.
+fn volumes(each: &[Instance<f64>], joints: &[Joint]) -> Vec<(String, f64)> {
+    let port = |&(component, port): &PortId| &each[component].kind().ports[port];
+    let bare = |joint: &&Joint| {
+        !joint.ambient
+            && joint.ports.iter().all(|id| port(id).kind == PortKind::Gas && port(id).holds == Holds::Nothing)
+    };
+    let named = |joint: &Joint| {
+        let first = joint.ports.first()?;
+        let ports = joint.ports.iter().map(|id| port(id).volume).sum();
+        Some((format!("{}.{}", each[first.0].name, port(first).name), joint_volume(ports)))
+    };
+    joints.iter().filter(bare).filter_map(named).collect()
 }
 
 /// The equations of components and joints, from numbers with or without derivatives.
@@ -426,7 +442,8 @@ impl Network {
                 true
             }
         });
-        Ok(Network { assembly, pistons, warnings, citations })
+        let joint_volumes = volumes(&each, &joints);
+        Ok(Network { assembly, pistons, warnings, citations, joint_volumes })
     }
 
     pub fn assembly(&self) -> &Assembly {
@@ -436,6 +453,11 @@ impl Network {
     /// What the user should know about this description.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// Joints without a volume of their own: the first port of each, and the volume of its ports, m3.
+    pub fn joint_volumes(&self) -> &[(String, f64)] {
+        &self.joint_volumes
     }
 
     /// Keys in references.bib of the laws and methods that this circuit uses.
