@@ -195,6 +195,29 @@ def test_gas_that_cannot_come_or_go_is_told():
     assert circuit.notes == ["component right is not connected to any reservoir: its gas cannot come or go"]
 
 
+def test_an_island_of_many_is_told_once():
+    tanks, links = ([f"{letter}{i}" for i in range(7)] for letter in "tf")
+    pair = {"kind": "fitting", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3, "copies": links}
+    chains = [f"{one} -> {link} -> {other}" for one, link, other in zip(tanks, links, [*tanks[1:], "t0"], strict=True)]
+    with pytest.warns(PneudriveWarning, match=r"components t0, t1, t2, t3, t4 and 2 more are not") as told:
+        pn.Circuit(components={"t": {"kind": "tank", "volume": "1 l", "copies": tanks}, "f": pair}, connections=chains)
+    assert len(told) == 1
+
+
+def test_kinds_that_are_none_are_told():
+    for kind in ('["tank"]', "3", "{ a = 1 }"):
+        with pytest.raises(DescriptionError, match=r"tank\.kind = .* is not known"):
+            pn.Circuit.load(changed(('kind = "tank"', f"kind = {kind}")))
+    with pytest.raises(DescriptionError, match=r"cylinder\.friction\.law = .* is not known"):
+        pn.Circuit.load(changed(('law = "stribeck"', "law = [1]")))
+
+
+def test_keys_of_a_kind_are_no_words_of_its_class():
+    for kind, entry in components.component_kinds().items():
+        names = [one["key"] for one in entry["parameters"]] + [one["name"] for one in entry["choices"]]
+        assert not [name for name in names if hasattr(components.Component, name)], kind
+
+
 def test_written_and_read_back():
     circuit = pn.Circuit.load(EXAMPLE)
     again = pn.Circuit.load(circuit.to_toml())

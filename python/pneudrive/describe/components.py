@@ -159,7 +159,7 @@ def component(table: Mapping[str, Any]) -> Component:
     if "kind" not in table:
         raise wrong("kind", "kind is missing", remedy=f"Known: {', '.join(kinds)}.")
     kind = table["kind"]
-    if kind not in kinds:
+    if not isinstance(kind, str) or kind not in kinds:
         raise wrong("kind", f"kind = {kind!r} is not known", remedy=nearest(str(kind), kinds))
     return cast("Component", component_class(kind).model_validate(dict(table)))
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 ARROW = "->"
 AMBIENT = "ambient"
+MOST_NAMED = 5  # components of an island
 
 
 class Part(NamedTuple):
@@ -316,10 +317,16 @@ class Wiring:
         for group in self._groups():
             if any(joint.is_constant for joint in group):
                 continue
-            volumes = dict.fromkeys(port.component for joint in group for port in joint.volumes)
-            if volumes:
-                what = "{} is not connected to any reservoir: its gas cannot come or go"
-                self.warnings += [what.format(f"component {name}") for name in volumes]
+            full = {port.component for joint in group for port in joint.volumes}
+            names = [name for name in self.parts if name in full]
+            if names:
+                one = len(names) == 1
+                rest = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+                listed = f"component{'' if one else 's'} {', '.join(names[:MOST_NAMED])}{rest}"
+                gas = "its gas" if one else "their gas"
+                self.warnings.append(
+                    f"{listed} {'is' if one else 'are'} not connected to any reservoir: {gas} cannot come or go"
+                )
             else:
                 what = f"no volume and no reservoir reaches joint {{{group[0]}}}"
                 remedy = "Join a tank, a chamber, a reservoir or ambient to it."

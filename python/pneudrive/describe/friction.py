@@ -254,7 +254,7 @@ class Friction(Described):
         own = law_of(name)
         if own is not None:
             name = own.name
-        elif name not in laws:
+        elif not isinstance(name, str) or name not in laws:
             remedy = f'{nearest(str(name), laws)} A law of your own is "{FILE_PREFIX}NAME.toml".'
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
         entry = laws[name] if own is None else own.entry
