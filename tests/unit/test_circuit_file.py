@@ -12,8 +12,9 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.describe import components
+from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.schema import circuit_schema
-from pneudrive.errors import DescriptionError, PneudriveWarning
+from pneudrive.errors import DescriptionError, PneudriveWarning, Problems
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
 TEXT = EXAMPLE.read_text("utf-8")
@@ -315,6 +316,8 @@ def test_the_schema_takes_the_example():
 def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
     """It is read, refused, described and listed by what the core says of it."""
     toy = copy.deepcopy(dict(components.component_kinds()["fitting"])) | {"kind": "toy/filter", "title": "Filter"}
+    toy["ports"].append({"name": "3", "kind": "gas", "holds": "", "exhaust": True, "optional": False})
+    toy["parameters"] += [one | {"key": "side_conductance", "default": 1e-9} for one in toy["parameters"][:1]]
     toy["parameters"].append(
         {"key": "clogging", "unit": "1", "lower": 0.0, "upper": 1.0, "open": False, "open_above": True}
         | {
@@ -332,9 +335,17 @@ def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
     table = {"kind": "toy/filter", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3}
     made = components.component(table | {"clogging": 0.2})
     assert made.core(1e5)["numbers"]["clogging"] == 0.2
+    sides = [{"side_kv": 0.1}, {"side_conductance": "0.4 dm3/(s bar)"}, {}]
+    numbers = [components.component(table | side).core(1e5)["numbers"] for side in sides]
+    assert [one["side_conductance"] for one in numbers] == pytest.approx([3.91e-9, 4e-9, 1e-9], rel=1e-3)
+    with pytest.raises(DescriptionError, match="2 times: side_conductance, side_kv"):
+        components.component(table | sides[0] | sides[1])
     assert "clogging = 0.0, new" in list(components.component(table).assumed())
     with pytest.raises(DescriptionError, match="clogging: 1 is out of bounds"):
         components.component(table | {"clogging": 1})
     assert '"toy/filter"' in json.dumps(circuit_schema())
+    parts = {name: Part(kinds[kind], name) for name, kind in (("tank", "tank"), ("one", "toy/filter"))}
+    wiring = Wiring(parts, ["tank -> one -> ambient"], [], {}, Problems())
+    assert wiring.core() == [["tank.1", "one.1"], ["one.2", "ambient"], ["one.3", "ambient"]]
     assert run(["components", "toy/filter"]) == 0
     assert "0.0 (assumed: new)" in capsys.readouterr().out

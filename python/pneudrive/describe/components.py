@@ -83,8 +83,11 @@ class Component(Described):
     def _one_size(self) -> Component:
         for parameter in self.entry["parameters"]:
             keys = flow_keys(self.entry, parameter["key"])
-            if len(keys) > 1 and (is_needed(parameter) or any(self._values(keys[1:]))):
-                valve_flow.size_given(self._values(keys), keys, "")
+            given = [
+                getattr(self, self.fields[key]) if self.fields[key] in self.model_fields_set else None for key in keys
+            ]
+            if len(keys) > 1 and (is_needed(parameter) or any(given)):
+                valve_flow.size_given(given, keys, "")
         return self
 
     def _values(self, keys: Sequence[str]) -> list[Any]:
@@ -97,7 +100,7 @@ class Component(Described):
             sizes = self._values(flow_keys(self.entry, key))
             value = sizes[0]
             if any(sizes[1:]):
-                value = valve_flow.conductance_of(sizes, *self._values(_FLOW))
+                value = valve_flow.conductance_of([None, *sizes[1:]], *self._values(_FLOW))
             if isinstance(value, units.Pressure):
                 value = value.absolute_pa(ambient_pa)
                 if not value > 0.0:

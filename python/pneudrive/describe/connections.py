@@ -1,6 +1,7 @@
 """Connections between the components of a circuit: chains of ports become joints, and what is wrong with them is told.
 
-`a -> b -> c` enters a component of two ports by its first and leaves it by its second; any other port is named.
+`a -> b -> c` enters a component of two ports by its first and leaves it by its second, exhausts and ports that may stay
+free apart; any other port is named.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Port(NamedTuple):
     component: str
     name: str
     kind: str  # "gas" or "axis"
-    holds: str  # "volume": gas with a state of its own; "pressure": constant; "" opens on a restriction or an axis
+    holds: str  # "volume": gas with a state of its own; "pressure": constant; "set": kept; "": a restriction, an axis
     exhaust: bool
     optional: bool
 
@@ -48,7 +49,7 @@ class Port(NamedTuple):
     @property
     def is_single(self) -> bool:
         """Whether one connection may name it, as a hole takes one fitting."""
-        return self.kind == "gas" and not self.holds
+        return self.kind == "gas" and self.holds in ("", "set")
 
 
 @dataclass(eq=False)
@@ -185,10 +186,11 @@ class Wiring:
         if dot:
             found = self._port(name, port, key)
             return found, found
-        if len(ports) == 1:
-            return ports[0], ports[0]
-        if len(ports) == 2 and all(one.is_single for one in ports):
-            return (None if first else ports[0]), (None if last else ports[1])
+        through = [one for one in ports if not (one.exhaust or one.optional)]
+        if len(through) == 1:
+            return through[0], through[0]
+        if len(through) == 2 and all(one.is_single for one in through):
+            return (None if first else through[0]), (None if last else through[1])
         listed = ", ".join(one.id for one in ports)
         raise wrong(key, f"{name} has {len(ports)} ports, and the connection names none", remedy=f"Name one: {listed}.")
 

@@ -95,7 +95,7 @@ class Starts:
     def _read(self, key: str, name: str, given: object) -> float:
         of, _, last = name.rpartition(".")
         try:
-            value = _MARKS[last][1].read(given)
+            value = _written(last)[1].read(given)
         except WrongValueError as error:
             raise wrong(f"initial.{key}", f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
         if isinstance(value, units.Pressure):
@@ -127,7 +127,7 @@ class Starts:
                 value = known[f"{starts[joint]}.{PRESSURE}"]
                 notes.append(f"{of} starts at {_bar(value)}, as {starts[joint]} does")
                 return value
-            held = held or next(iter(joint.holders), None)
+            held = held or next((port for port in joint.ports if port.holds in ("pressure", "set")), None)
         if held is None:
             return self.ambient.pressure_pa
         (stated,) = self.components[held.component].pressures()
@@ -148,7 +148,12 @@ class Starts:
 def _key(name: str) -> str:
     """Return a start value's name without the unit, as users write it."""
     of, _, last = name.rpartition(".")
-    return f"{of}.{_MARKS[last][0]}"
+    return f"{of}.{_written(last)[0]}"
+
+
+def _written(last: str) -> tuple[str, Quantity | StatedPressure]:
+    """Return the key and the annotation of a start value; what is not listed is a pure number."""
+    return _MARKS.get(last, (last, Quantity("")))
 
 
 def _flat(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
