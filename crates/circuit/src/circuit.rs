@@ -298,6 +298,7 @@ impl<R: Lane> Circuit<R> {
     pub fn flow(&self, path: Path, net: &Net<R>) -> R {
         let flow = match path.kind {
             PartKind::CheckValve => self.parts.check_valves[path.index].1.flow(net),
+            PartKind::Cup => self.parts.cups[path.index].1.flow(net).0,
             _ => {
                 let part = &self.parts.restrictions[path.index].1;
                 part.flow(&net.gas[part.from], &net.gas[part.to]).0
@@ -310,9 +311,11 @@ impl<R: Lane> Circuit<R> {
     pub fn flow_out_of(&self, node: GasId, net: &Net<R>) -> R {
         let restrictions = self.parts.restrictions.iter().map(|(_, part)| (part.from, part.to));
         let check_valves = self.parts.check_valves.iter().map(|(_, part)| (part.from, part.to));
+        let cups = self.parts.cups.iter().map(|(_, part)| (part.from, part.to));
         let path = |kind| move |(index, ends)| (Path { kind, index, backward: false }, ends);
         let all = restrictions.enumerate().map(path(PartKind::Restriction));
         let all = all.chain(check_valves.enumerate().map(path(PartKind::CheckValve)));
+        let all = all.chain(cups.enumerate().map(path(PartKind::Cup)));
         all.fold(R::zero(), |sum, (path, (from, to))| match (from == node.0, to == node.0) {
             (true, false) => sum + self.flow(path, net),
             (false, true) => sum - self.flow(path, net),

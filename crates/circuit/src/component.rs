@@ -6,8 +6,11 @@ pub(crate) mod cylinder;
 mod fitting;
 mod flow_control;
 mod load;
+mod quick_exhaust;
 mod reservoir;
+mod silencer;
 mod tank;
+mod tube;
 mod valve;
 
 use crate::assembly::Quantity;
@@ -172,9 +175,14 @@ impl<P: Lane> Instance<P> {
 
     /// The law of a flow path of this component with the sonic conductance called `conductance`.
     fn path(&self, conductance: &str, build: &Build<P>) -> Iso6358<P> {
+        self.path_of(self.number(conductance), build)
+    }
+
+    /// The same with a sonic conductance, m3/(s Pa).
+    fn path_of(&self, conductance: P, build: &Build<P>) -> Iso6358<P> {
         let index = self.number("subsonic_index");
         Iso6358::for_gas(
-            self.number(conductance),
+            conductance,
             self.number("critical_pressure_ratio"),
             index,
             self.number("linear_above"),
@@ -194,6 +202,8 @@ pub enum Brings<P> {
     Reservoir { pressure: P, temperature: P },
     /// A volume, m3, with a wall: m2, W/(m2 K), K.
     Volume { law: ChamberLaw, dead_volume: P, wall: P, heat_transfer: P, wall_temperature: P },
+    /// A volume, m3, that comes to that of the joint.
+    Room { volume: P },
     /// A moving mass, kg, on an incline, rad, with an external force in +x, N, and with friction.
     Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
 }
@@ -286,6 +296,13 @@ impl<P: Lane> Build<P> {
         self.circuit.check_valve(law, cracking_pressure, from, to)
     }
 
+    /// A path from the second node to the third that opens as the second rises above the first, fully from a pressure
+    /// difference, Pa, on.
+    fn piloted(&mut self, law: Iso6358<P>, switching_pressure: P, nodes: [GasId; 3]) -> Path {
+        self.paths.push((law.conductance, nodes[1], nodes[2]));
+        self.circuit.cup(law, switching_pressure, nodes)
+    }
+
     /// The largest sonic conductance through which gas leaves a node.
     fn widest(&self, node: GasId) -> P {
         let each = self.paths.iter().filter(|(_, from, to)| *from == node || *to == node);
@@ -356,8 +373,11 @@ components! {
     reservoir::Reservoir,
     tank::Tank,
     fitting::Fitting,
+    silencer::Silencer,
+    tube::Tube,
     check_valve::CheckValve,
     flow_control::FlowControl,
+    quick_exhaust::QuickExhaust,
     valve::Proportional53,
     load::Load,
     load::Spring,

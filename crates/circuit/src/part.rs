@@ -3,6 +3,7 @@
 pub(crate) mod axis;
 mod carriage;
 pub(crate) mod check_valve;
+mod cup;
 pub(crate) mod cylinder;
 mod end_stops;
 mod face;
@@ -22,6 +23,7 @@ use std::collections::BTreeMap;
 pub use axis::Axis;
 pub use carriage::Carriage;
 pub use check_valve::CheckValve;
+pub use cup::Cup;
 pub use cylinder::{Cylinder, OtherCylinder};
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
@@ -567,4 +569,5 @@ parts! {
         springs: Spring,
         links: Link,
         check_valves: CheckValve,
+        cups: Cup,
 }

@@ -191,6 +191,69 @@ fn meter_out_sets_the_speed_that_the_needle_lets_out() {
     assert!(speed("in").0 != v);
 }
 
+/// Sonic conductance of two paths in series, from the mass flow that leaves 7 bar through them into the ambient air.
+fn in_series(first: &Value, second: &Value) -> f64 {
+    let supply = json!({ "name": "supply", "kind": "reservoir", "numbers": { "pressure": 7e5 } });
+    let joints = json!([["supply.1", "first.1"], ["first.2", "second.1"], ["second.2", "ambient"]]);
+    let network = network(&json!([supply, first, second]), &joints).expect("assembles");
+    let start = [("first.2.pressure_pa", 3e5), ("first.2.temperature_k", ROOM)];
+    let (columns, ledger) = run(&network, &[], (1.0, 10.0), &start);
+    assert!(ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6, "{ledger:?}");
+    let flow = columns["supply.mass_flow_kg_s"][9];
+    assert!((flow / columns["second.mass_flow_kg_s"][9] - 1.0).abs() < 1e-6);
+    flow / (7e5 * 1.185)
+}
+
+#[test]
+fn a_tube_in_series_with_a_valve_follows_the_series_rule() {
+    let path =
+        |name: &str, kind: &str, numbers: Value| json!({ "name": name, "kind": kind, "numbers": numbers });
+    let tube = |name: &str| path(name, "tube", json!({ "length": 1.0, "diameter": 4e-3 }));
+    let valve =
+        |name: &str| path(name, "fitting", json!({ "conductance": 2e-8, "critical_pressure_ratio": 0.3 }));
+    let wide = path("second", "fitting", json!({ "conductance": 1e-5, "critical_pressure_ratio": 0.5 }));
+    // 4 mm and 1 m: 1.196 dm3/(s bar) alone, behind a valve of 2 dm3/(s bar) 1.067, before it 1.131.
+    for (first, second, expected) in [
+        (tube("first"), wide, 1.196e-8),
+        (valve("first"), tube("second"), 1.067e-8),
+        (tube("first"), valve("second"), 1.131e-8),
+    ] {
+        let found = in_series(&first, &second);
+        assert!((found / expected - 1.0).abs() < 6e-3, "{found:e}, {expected:e}");
+    }
+}
+
+#[test]
+fn a_quick_exhaust_vents_by_its_own_port_and_never_from_the_supply() {
+    let vent = |kind: &str, numbers: Value, joints: Value| {
+        let tank = json!({ "name": "tank", "kind": "tank", "numbers": { "volume": 1e-3 } });
+        let network = network(&json!([tank, { "name": "path", "kind": kind, "numbers": numbers }]), &joints);
+        let start = [("tank.pressure_pa", 7e5), ("tank.temperature_k", ROOM)];
+        run(&network.expect("assembles"), &[], (0.05, 1000.0), &start)
+    };
+    let (b, wide) = (json!(0.3), json!(3e-8));
+    let quick = json!({ "conductance": 1e-8, "exhaust_conductance": wide, "critical_pressure_ratio": b });
+    let fitting = json!({ "conductance": wide, "critical_pressure_ratio": b });
+    let (open, ledger) = vent("quick-exhaust", quick, json!([["tank.1", "path.2"], ["path.1", "ambient"]]));
+    let (plain, _) = vent("fitting", fitting, json!([["tank.1", "path.1"], ["path.2", "ambient"]]));
+    for (quick, plain) in open["tank.pressure_pa"].iter().zip(&plain["tank.pressure_pa"]) {
+        assert!((quick / plain - 1.0).abs() < 1e-6, "{quick} {plain}");
+    }
+    assert!(open["tank.pressure_pa"][50] < 6e5 && ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6);
+
+    let numbers = json!({ "conductance": 1e-8, "exhaust_conductance": 3e-8 });
+    let components = json!([
+        { "name": "supply", "kind": "reservoir", "numbers": { "pressure": 7e5 } },
+        { "name": "quick", "kind": "quick-exhaust", "numbers": numbers },
+        { "name": "tank", "kind": "tank", "numbers": { "volume": 1e-4 } },
+    ]);
+    let network = network(&components, &json!([["supply.1", "quick.1"], ["quick.2", "tank.1"]]));
+    let start = [("tank.pressure_pa", 1e5), ("tank.temperature_k", ROOM)];
+    let (columns, _) = run(&network.expect("assembles"), &[], (1.0, 100.0), &start);
+    assert!(columns["quick.exhaust_flow_kg_s"].iter().all(|flow| *flow == 0.0));
+    assert!(columns["tank.pressure_pa"][100] > 6.8e5);
+}
+
 #[test]
 fn what_cannot_be_joined_is_said() {
     let supply =

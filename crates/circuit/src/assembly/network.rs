@@ -215,6 +215,7 @@ where
 
     fn gas(&mut self, joint: &Joint) -> Result<GasId, Error> {
         let (mut held, mut volume, mut own_name, mut ports) = (Vec::new(), None, None, 0.0);
+        let mut room = None::<P>;
         if joint.ambient {
             held.push((AMBIENT.to_string(), None));
         }
@@ -236,6 +237,7 @@ where
                     }
                     volume = Some((law, dead_volume, wall, heat_transfer, wall_temperature));
                 }
+                Brings::Room { volume } => room = Some(room.map_or(volume, |room| room + volume)),
                 _ => {}
             }
         }
@@ -259,6 +261,7 @@ where
                 let alone =
                     (ChamberLaw::EnergyBalance, P::c(joint_volume(ports)), zero, zero, self.build.ambient[1]);
                 let (law, dead_volume, wall, heat, wall_temperature) = volume.unwrap_or(alone);
+                let dead_volume = room.map_or(dead_volume, |room| dead_volume + room);
                 let node = self.build.circuit.volume(law, dead_volume, wall, heat, wall_temperature);
                 let name = own_name.unwrap_or_else(|| self.name(joint.ports[0]));
                 let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));

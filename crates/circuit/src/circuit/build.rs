@@ -99,6 +99,19 @@ impl<R: Lane> Circuit<R> {
         Path { kind: PartKind::CheckValve, index, backward: false }
     }
 
+    /// A flow path from the second node to the third that opens as the second rises above the first.
+    pub fn cup(
+        &mut self,
+        law: physics::flow::Iso6358<R>,
+        switching_pressure: R,
+        [pilot, from, to]: [GasId; 3],
+    ) -> Path {
+        let boundary = [from, to].map(|node| self.is_reservoir(node));
+        let part = Cup { law, switching_pressure, pilot: pilot.0, from: from.0, to: to.0, boundary };
+        self.parts.cups.push((Place::default(), part));
+        Path { kind: PartKind::Cup, index: self.parts.cups.len() - 1, backward: false }
+    }
+
     /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.
     pub fn axis(&mut self, mass: R, incline: R, external_force: R, friction: Option<Contact<R>>) -> AxisId {
         let node = self.next_axis();

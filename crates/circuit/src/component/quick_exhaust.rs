@@ -1,0 +1,51 @@
+use super::{Build, Component, Instance, Kind, Terminals, exhaust, gas, table};
+use crate::assembly::Quantity;
+use math::Lane;
+use physics::flow::LINEAR_ABOVE;
+
+/// A quick exhaust valve.
+pub struct QuickExhaust;
+
+impl Component for QuickExhaust {
+    const KIND: Kind = Kind {
+        key: "quick-exhaust",
+        title: "Quick exhaust valve",
+        text: "Gas goes from port 1 to port 2 through a check valve; where port 2 is above port 1, its cup opens port 2 to \
+               port 3 by the share s = smoothstep((p2 - p1)/dp) of the conductance C_23. Nothing goes from 1 to 3.",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), gas("2"), exhaust("3")],
+        parameters: table! {
+            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C from port 1 to port 2, for air";
+            exhaust_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_23 from port 2 to port 3, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, "Critical pressure ratio b of both paths";
+            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m of both paths";
+            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, "Cracking pressure from port 1 to port 2, a difference";
+            switching_pressure: "Pa", physics::above(0.0), default 1e4, "Difference dp from which on port 3 is fully open";
+        },
+        assumed: &[
+            ("critical_pressure_ratio", "of a valve of this kind"),
+            ("linear_above", "a modelling parameter"),
+            ("cracking_pressure", "a usual lip seal"),
+            ("switching_pressure", "a usual lip seal"),
+        ],
+        follows: &[],
+        choices: &[],
+        friction: false,
+        inputs: &[],
+        outputs: &[
+            ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
+            ("exhaust_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
+        ],
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(one), Some(two), Some(out)) = (at.gas(0), at.gas(1), at.gas(2)) else { return };
+        let inlet = own.path("conductance", build);
+        let inlet = build.check_valve(inlet, own.number("cracking_pressure"), one, two);
+        let law = own.path("exhaust_conductance", build);
+        let outlet = build.piloted(law, own.number("switching_pressure"), [one, two, out]);
+        build.column(own, 0, Quantity::Flow([Some(inlet), None]));
+        build.column(own, 1, Quantity::Flow([Some(outlet), None]));
+    }
+}

@@ -1,0 +1,39 @@
+use super::{Build, Component, Instance, Kind, Terminals, exhaust, gas, table};
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use math::Lane;
+use physics::flow::LINEAR_ABOVE;
+
+/// A silencer: a flow path into the ambient air.
+pub struct Silencer;
+
+impl Component for Silencer {
+    const KIND: Kind = Kind {
+        key: "silencer",
+        title: "Silencer",
+        text: "A flow path by ISO 6358 from port 1 into the ambient air; clogging takes a share of its conductance C away.",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), exhaust("2")],
+        parameters: table! {
+            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the clean silencer, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
+            clogging: "1", physics::Bounds { open_above: true, ..physics::within(0.0, 1.0) }, default 0.0, "Share of C that dirt takes away";
+            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m";
+            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+        },
+        assumed: &[("linear_above", "a modelling parameter")],
+        follows: &[],
+        choices: &[],
+        friction: false,
+        inputs: &[],
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow into the ambient air")],
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let left = own.number("conductance") * (P::one() - own.number("clogging"));
+        let law = own.path_of(left, build);
+        let edge = build.passage(law, from, to);
+        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+    }
+}
