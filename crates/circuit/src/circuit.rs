@@ -28,13 +28,15 @@ pub struct CarriageId(pub(crate) usize);
 pub struct Path {
     kind: PartKind,
     index: usize,
+    /// Which path of a part that has several.
+    path: usize,
     backward: bool,
 }
 
 impl Path {
     /// That of a restriction.
     pub fn of(opening: InputId) -> Self {
-        Path { kind: opening.kind, index: opening.index, backward: false }
+        Path { kind: opening.kind, index: opening.index, path: 0, backward: false }
     }
 
     #[must_use]
@@ -126,6 +128,7 @@ pub struct Circuit<P> {
     open: Vec<usize>,
     gas_nodes: usize,
     axis_nodes: usize,
+    signals: usize,
     /// The number of what its reservoirs hold: no other values have it, in any circuit.
     filled: u64,
 }
@@ -161,6 +164,7 @@ impl<R: Lane> Circuit<R> {
             },
             gas_nodes: each[0].gas_nodes,
             axis_nodes: each[0].axis_nodes,
+            signals: each[0].signals,
             filled: next_filling(),
         }
     }
@@ -298,6 +302,7 @@ impl<R: Lane> Circuit<R> {
     pub fn flow(&self, path: Path, net: &Net<R>) -> R {
         let flow = match path.kind {
             PartKind::CheckValve => self.parts.check_valves[path.index].1.flow(net),
+            PartKind::Regulating => self.parts.regulators[path.index].1.flow(path.path, net).0,
             PartKind::Cup => self.parts.cups[path.index].1.flow(net).0,
             _ => {
                 let part = &self.parts.restrictions[path.index].1;
@@ -309,13 +314,17 @@ impl<R: Lane> Circuit<R> {
 
     /// Mass flow out of a node through all paths, kg/s: that of a reservoir.
     pub fn flow_out_of(&self, node: GasId, net: &Net<R>) -> R {
-        let restrictions = self.parts.restrictions.iter().map(|(_, part)| (part.from, part.to));
-        let check_valves = self.parts.check_valves.iter().map(|(_, part)| (part.from, part.to));
-        let cups = self.parts.cups.iter().map(|(_, part)| (part.from, part.to));
-        let path = |kind| move |(index, ends)| (Path { kind, index, backward: false }, ends);
-        let all = restrictions.enumerate().map(path(PartKind::Restriction));
-        let all = all.chain(check_valves.enumerate().map(path(PartKind::CheckValve)));
-        let all = all.chain(cups.enumerate().map(path(PartKind::Cup)));
+        let parts = &self.parts;
+        let restrictions = parts.restrictions.iter().map(|(_, part)| (part.from, part.to));
+        let check_valves = parts.check_valves.iter().map(|(_, part)| (part.from, part.to));
+        let cups = parts.cups.iter().map(|(_, part)| (part.from, part.to));
+        let seat = |path: usize| parts.regulators.iter().map(move |(_, part)| part.ends(path).0);
+        let of = |kind, path| move |(index, ends)| (Path { kind, index, path, backward: false }, ends);
+        let all = restrictions.enumerate().map(of(PartKind::Restriction, 0));
+        let all = all.chain(check_valves.enumerate().map(of(PartKind::CheckValve, 0)));
+        let all = all.chain(cups.enumerate().map(of(PartKind::Cup, 0)));
+        let all =
+            all.chain((0..2).flat_map(|path| seat(path).enumerate().map(of(PartKind::Regulating, path))));
         all.fold(R::zero(), |sum, (path, (from, to))| match (from == node.0, to == node.0) {
             (true, false) => sum + self.flow(path, net),
             (false, true) => sum - self.flow(path, net),
@@ -455,7 +464,7 @@ impl<R: Lane> System<R> for Circuit<R> {
     type Work<S: Over<R>> = Net<S>;
 
     fn work<S: Over<R>>(&self) -> Net<S> {
-        let mut net = Net::new(self.gas_nodes, self.axis_nodes, S::from(self.common.gas.cp));
+        let mut net = Net::new(self.gas_nodes, self.axis_nodes, self.signals, S::from(self.common.gas.cp));
         self.renew(&mut net);
         net
     }

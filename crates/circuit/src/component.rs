@@ -7,6 +7,7 @@ mod fitting;
 mod flow_control;
 mod load;
 mod quick_exhaust;
+mod regulator;
 mod reservoir;
 mod silencer;
 mod tank;
@@ -233,6 +234,7 @@ impl Terminals<'_> {
 /// What an input acts on, known once the circuit is built.
 #[derive(Clone, Copy, Debug)]
 pub enum Acts {
+    On(InputId),
     /// The edges of a valve.
     Command([InputId; 4]),
     /// The external force on an axis.
@@ -377,6 +379,7 @@ components! {
     tube::Tube,
     check_valve::CheckValve,
     flow_control::FlowControl,
+    regulator::PressureRegulator,
     quick_exhaust::QuickExhaust,
     valve::Proportional53,
     load::Load,
@@ -423,7 +426,7 @@ mod tests {
                 let holds = match bring(&own, place, 293.15) {
                     Brings::Volume { .. } => Holds::Volume,
                     Brings::Reservoir { .. } => Holds::Pressure,
-                    Brings::Mass { .. } | Brings::Nothing => Holds::Nothing,
+                    Brings::Mass { .. } | Brings::Room { .. } | Brings::Nothing => Holds::Nothing,
                 };
                 assert_eq!(holds, port.holds, "{} {}", table.key, port.name);
             }

@@ -52,6 +52,8 @@ pub struct AxisNode<S> {
 pub struct Net<S> {
     pub gas: Vec<GasNode<S>>,
     pub axis: Vec<AxisNode<S>>,
+    /// Numbers that parts tell each other or themselves: written with the positions, read after the pressures.
+    pub signal: Vec<S>,
     /// Specific heat capacity at constant pressure, J/(kg K).
     pub cp: S,
     /// Room for rates that nobody reads, when only the nodes are observed.
@@ -61,10 +63,11 @@ pub struct Net<S> {
 }
 
 impl<S: Real> Net<S> {
-    pub(crate) fn new(gas: usize, axes: usize, cp: S) -> Self {
+    pub(crate) fn new(gas: usize, axes: usize, signals: usize, cp: S) -> Self {
         Net {
             gas: vec![GasNode::empty(); gas],
             axis: vec![AxisNode::at_rest(); axes],
+            signal: vec![S::zero(); signals],
             cp,
             rates: Vec::new(),
             filled: 0,

@@ -8,6 +8,7 @@ pub(crate) mod cylinder;
 mod end_stops;
 mod face;
 mod link;
+mod regulator;
 mod reservoir;
 mod restriction;
 mod spring;
@@ -28,6 +29,7 @@ pub use cylinder::{Cylinder, OtherCylinder};
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
 pub use link::Link;
+pub use regulator::{Regulating, Regulator};
 pub use reservoir::Reservoir;
 pub use restriction::Restriction;
 pub use spring::Spring;
@@ -570,4 +572,5 @@ parts! {
         links: Link,
         check_valves: CheckValve,
         cups: Cup,
+        regulators: Regulating,
 }

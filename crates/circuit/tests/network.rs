@@ -255,6 +255,45 @@ fn a_quick_exhaust_vents_by_its_own_port_and_never_from_the_supply() {
 }
 
 #[test]
+fn a_regulator_droops_with_its_flow_and_relieves_what_is_too_much() {
+    let regulator = |relieving: &str| {
+        json!({ "name": "reg", "kind": "regulator", "choices": { "relieving": relieving }, "numbers": {
+            "set_pressure": 5e5, "conductance": 2e-8, "full_opening_drop": 5e4, "relief_offset": 2e4 } })
+    };
+    let supply = json!({ "name": "mains", "kind": "reservoir", "numbers": { "pressure": 1.2e6 } });
+    let tank = json!({ "name": "tank", "kind": "tank", "numbers": {
+        "volume": 1e-3, "wall_area": 1.0, "heat_transfer": 50.0 } });
+    let needle = json!({ "name": "needle", "kind": "fitting", "numbers": {
+        "conductance": 4e-9, "critical_pressure_ratio": 0.3 } });
+    let joints = json!([["mains.1", "reg.1"], ["reg.2", "tank.1", "needle.1"], ["needle.2", "ambient"]]);
+    let drawn = network(&json!([supply, regulator("yes"), tank, needle]), &joints).expect("assembles");
+    let start = |p: f64| [("tank.pressure_pa", p), ("tank.temperature_k", ROOM)];
+    let (columns, ledger) = run(&drawn, &[], (10.0, 10.0), &start(5e5));
+    assert!(ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6 && ledger[2].abs() < 1e-6, "{ledger:?}");
+    // Choked seat, choked needle: C_n p2 = C p1 (p_set - p2)/dp, and so p2.
+    let droop = 4e-9 * 5e5 / (2e-8 * 1.2e6 / 5e4 + 4e-9);
+    let behind = columns["tank.pressure_pa"][100];
+    assert!((behind - (5e5 - droop)).abs() < 0.02 * droop, "{behind}, {droop}");
+    let out = columns["mains.mass_flow_kg_s"][100];
+    assert!(
+        (out / columns["needle.mass_flow_kg_s"][100] - 1.0).abs() < 1e-4
+            && columns["reg.relief_flow_kg_s"][100] == 0.0
+    );
+
+    let joints = json!([["mains.1", "reg.1"], ["reg.2", "tank.1"]]);
+    let last = |relieving: &str, plan: &[(&str, f64, f64)]| {
+        let alone = network(&json!([supply, regulator(relieving), tank]), &joints).expect("assembles");
+        let (columns, ledger) = run(&alone, plan, (60.0, 1.0), &start(7e5));
+        assert!(ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6, "{ledger:?}");
+        columns["tank.pressure_pa"][60]
+    };
+    assert!((last("yes", &[]) - 5.2e5).abs() < 1e3 && (last("no", &[]) - 7e5).abs() < 1.0);
+    // Set higher while it runs, it fills up to there; what the lag of the seat lets in on top stays.
+    let risen = last("no", &[("reg.set_pressure_pa", 1.0, 8e5)]);
+    assert!((8e5..8.2e5).contains(&risen), "{risen}");
+}
+
+#[test]
 fn what_cannot_be_joined_is_said() {
     let supply =
         |name: &str, p: f64| json!({ "name": name, "kind": "reservoir", "numbers": { "pressure": p } });

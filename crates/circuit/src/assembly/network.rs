@@ -378,6 +378,7 @@ impl<P: Lane> Wired<P> {
         let settable = |(name, meaning, acts): (String, &'static str, Acts)| {
             let of = |id: InputId| Settable::of(&circuit, id, &name, meaning);
             match acts {
+                Acts::On(id) => of(id),
                 Acts::Command(edges) => Settable { name, ..Settable::command(edges) },
                 Acts::Force(axis) => of(circuit.external_force(axis)),
                 Acts::Pressure(node) => of(circuit.boundary(node)[0]),

@@ -26,6 +26,7 @@ impl<R: Lane> Circuit<R> {
             open: Vec::new(),
             gas_nodes: 0,
             axis_nodes: 0,
+            signals: 0,
             filled: next_filling(),
         }
     }
@@ -96,7 +97,7 @@ impl<R: Lane> Circuit<R> {
         let part = CheckValve { law, cracking_pressure, from: from.0, to: to.0, boundary };
         self.parts.check_valves.push((Place::default(), part));
         let index = self.parts.check_valves.len() - 1;
-        Path { kind: PartKind::CheckValve, index, backward: false }
+        Path { kind: PartKind::CheckValve, index, path: 0, backward: false }
     }
 
     /// A flow path from the second node to the third that opens as the second rises above the first.
@@ -109,7 +110,17 @@ impl<R: Lane> Circuit<R> {
         let boundary = [from, to].map(|node| self.is_reservoir(node));
         let part = Cup { law, switching_pressure, pilot: pilot.0, from: from.0, to: to.0, boundary };
         self.parts.cups.push((Place::default(), part));
-        Path { kind: PartKind::Cup, index: self.parts.cups.len() - 1, backward: false }
+        Path { kind: PartKind::Cup, index: self.parts.cups.len() - 1, path: 0, backward: false }
+    }
+
+    /// A pressure regulator between three gas nodes: the input that is its set pressure, and its two paths.
+    pub fn regulator(&mut self, part: Regulating<R>, nodes: [GasId; 3]) -> (InputId, [Path; 2]) {
+        let (boundary, signal) = (nodes.map(|node| self.is_reservoir(node)), self.signals);
+        let own = Regulator { signal, nodes: nodes.map(|node| node.0), boundary, ..part.own };
+        self.parts.regulators.push((Place::default(), Regulating { own, ..part }));
+        self.signals += 1;
+        let (kind, index) = (PartKind::Regulating, self.parts.regulators.len() - 1);
+        (InputId { kind, index, input: 0 }, [0, 1].map(|path| Path { kind, index, path, backward: false }))
     }
 
     /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.

@@ -31,6 +31,7 @@ impl Component for QuickExhaust {
         ],
         follows: &[],
         choices: &[],
+        open: false,
         friction: false,
         inputs: &[],
         outputs: &[

@@ -24,6 +24,7 @@ impl Component for Silencer {
         assumed: &[("linear_above", "a modelling parameter")],
         follows: &[],
         choices: &[],
+        open: true,
         friction: false,
         inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow into the ambient air")],

@@ -30,6 +30,7 @@ impl Component for Tube {
             ("critical_pressure_ratio", "conductance and diameter, by an empirical formula (assumed)"),
         ],
         choices: &[],
+        open: true,
         friction: false,
         inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],

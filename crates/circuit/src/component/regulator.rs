@@ -1,0 +1,78 @@
+use super::{Acts, Build, Choice, Component, Instance, Kind, Terminals, exhaust, gas, table};
+use crate::assembly::Quantity;
+use crate::part::{Regulating, Regulator};
+use math::Lane;
+use physics::flow::LINEAR_ABOVE;
+
+/// A pressure regulator.
+pub struct PressureRegulator;
+
+impl Component for PressureRegulator {
+    const KIND: Kind = Kind {
+        key: "regulator",
+        title: "Pressure regulator",
+        text: "A seat from port 1 to port 2 that opens by the share y of its conductance, tau y' = clip((p_set - p2)/dp_full) - y, \
+               and, where it relieves, a path from port 2 to port 3 that opens by clip((p2 - p_set - dp_on)/dp_relief).",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), gas("2"), exhaust("3")],
+        parameters: table! {
+            set_pressure: "Pa", physics::above(0.0), "Set pressure p_set";
+            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open seat, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, "Critical pressure ratio b of both paths";
+            full_opening_drop: "Pa", physics::above(0.0), default 6e4, "Drop dp_full below p_set at which the seat is fully open, a difference";
+            time_constant: "s", physics::above(0.0), default 0.03, "Time constant tau of the seat";
+            relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, "Sonic conductance of the open relief, for air";
+            relief_offset: "Pa", physics::at_least(0.0), default 2e4, "Rise dp_on above p_set from which on it relieves, a difference";
+            relief_rise: "Pa", physics::above(0.0), default 2e4, "Further rise dp_relief at which the relief is fully open, a difference";
+            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m of both paths";
+            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+        },
+        assumed: &[
+            ("critical_pressure_ratio", "of a seat of this kind"),
+            ("full_opening_drop", "of a small regulator"),
+            ("time_constant", "of a small regulator"),
+            ("relief_conductance", "of a small regulator"),
+            ("relief_offset", "of a small regulator"),
+            ("relief_rise", "of a small regulator"),
+            ("linear_above", "a modelling parameter"),
+        ],
+        follows: &[],
+        choices: &[Choice {
+            name: "relieving",
+            options: &["yes", "no"],
+            meaning: "Whether it vents a pressure behind it that is too high",
+        }],
+        open: false,
+        friction: false,
+        inputs: &[("set_pressure_pa", "Pa", "set pressure, absolute")],
+        outputs: &[
+            ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
+            ("relief_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
+        ],
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(one), Some(two), Some(out)) = (at.gas(0), at.gas(1), at.gas(2)) else { return };
+        let never = P::c(f64::INFINITY);
+        let part = Regulating {
+            own: Regulator {
+                set_pressure: own.number("set_pressure"),
+                full_opening_drop: own.number("full_opening_drop"),
+                time_constant: own.number("time_constant"),
+                relief_offset: if own.choices[0] == 0 { own.number("relief_offset") } else { never },
+                relief_rise: own.number("relief_rise"),
+                signal: 0,
+                nodes: [0; 3],
+                boundary: [false; 3],
+            },
+            seat: own.path("conductance", build),
+            relief: own.path("relief_conductance", build),
+        };
+        build.paths.push((part.seat.conductance, one, two));
+        let (input, paths) = build.circuit.regulator(part, [one, two, out]);
+        build.input(own, 0, Acts::On(input));
+        for (output, path) in paths.into_iter().enumerate() {
+            build.column(own, output, Quantity::Flow([Some(path), None]));
+        }
+    }
+}
