@@ -10,7 +10,7 @@ pub struct Fitting;
 impl Component for Fitting {
     const KIND: Kind = Kind {
         key: "fitting",
-        title: "Fitting, orifice, silencer",
+        title: "Fitting, orifice",
         text: "A flow path by ISO 6358: m_dot = C p1 rho0 sqrt(T0/T1) phi(p2/p1), in both directions.",
         sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2")],

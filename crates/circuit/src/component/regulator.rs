@@ -16,7 +16,7 @@ impl Component for PressureRegulator {
         sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2"), exhaust("3")],
         parameters: table! {
-            set_pressure: "Pa", physics::above(0.0), "Set pressure p_set";
+            set_pressure: "Pa abs", physics::above(0.0), "Set pressure p_set";
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open seat, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, "Critical pressure ratio b of both paths";
             full_opening_drop: "Pa", physics::above(0.0), default 6e4, "Drop dp_full below p_set at which the seat is fully open, a difference";
