@@ -102,6 +102,18 @@ def test_meter_out_holds_the_speed_by_what_leaves():
     assert speed("conductance", "1.0 dm3/(s bar)") < 1.1 * usual
 
 
+def test_the_example_with_lines_empties_fast_through_the_quick_exhaust():
+    circuit = pn.Circuit.load(EXAMPLE.with_name("one_cylinder_with_lines.toml"))
+    command = "0 s: 1, 0.6 s: -1"
+    run = circuit.simulate(command, "1.2 s", ledger=True)
+    assert run["cylinder.position"][600] > 0.2
+    assert abs(run.attrs["ledger"]["energy_error"]) < 1e-4
+    assert run["silencer_a.mass_flow"].max() > 0 < run["silencer_b.mass_flow"].max()
+    assert (run["quick.exhaust_flow"][100:590] == 0).all()
+    slow = circuit.replace({"components.quick.exhaust_conductance": "0.3 dm3/(s bar)"}).simulate(command, "1.2 s")
+    assert run["cylinder.position"][680] < slow["cylinder.position"][680] - 0.02
+
+
 def test_a_session_gives_the_bits_of_the_run():
     circuit = pn.Circuit.load(EXAMPLE)
     run = circuit.simulate({"valve_l": "0 s: 1, 0.1 s: -0.5"}, "0.2 s")
