@@ -192,7 +192,7 @@ class Session:
 class Port(TypedDict):
     name: str
     kind: Literal["gas", "axis"]
-    holds: Literal["", "volume", "pressure"]
+    holds: Literal["", "volume", "pressure", "set"]
     exhaust: bool
     optional: bool
 

@@ -349,3 +349,12 @@ def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
     assert wiring.core() == [["tank.1", "one.1"], ["one.2", "ambient"], ["one.3", "ambient"]]
     assert run(["components", "toy/filter"]) == 0
     assert "0.0 (assumed: new)" in capsys.readouterr().out
+
+
+def test_what_lies_behind_a_regulator_starts_at_its_set_pressure():
+    """Also where the tank is behind a hose; the mains is not reached through the regulator."""
+    circuit = pn.Circuit.load(EXAMPLE.with_name("one_cylinder_with_lines.toml")).replace({"initial": {}})
+    start = circuit.core_initial()
+    assert start["tank.pressure_pa"] == start["regulator.2.pressure_pa"] == 701325.0
+    assert "tank starts at 7.01325 bar abs, as regulator has it" in circuit.assumed()
+    assert start["valve.4.pressure_pa"] == 101325.0

@@ -134,6 +134,7 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
                 Holds::Nothing => "",
                 Holds::Volume => "volume",
                 Holds::Pressure => "pressure",
+                Holds::Set => "set",
             };
             out.set_item("holds", holds)?;
             out.set_item("exhaust", port.exhaust)?;

@@ -165,7 +165,9 @@ fn volumes(each: &[Instance<f64>], joints: &[Joint]) -> Vec<(String, f64)> {
     let port = |&(component, port): &PortId| &each[component].kind().ports[port];
     let bare = |joint: &&Joint| {
         !joint.ambient
-            && joint.ports.iter().all(|id| port(id).kind == PortKind::Gas && port(id).holds == Holds::Nothing)
+            && joint.ports.iter().all(|id| {
+                port(id).kind == PortKind::Gas && matches!(port(id).holds, Holds::Nothing | Holds::Set)
+            })
     };
     let named = |joint: &Joint| {
         let first = joint.ports.first()?;

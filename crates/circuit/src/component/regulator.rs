@@ -1,4 +1,4 @@
-use super::{Acts, Build, Choice, Component, Instance, Kind, Terminals, exhaust, gas, table};
+use super::{Acts, Build, Choice, Component, Holds, Instance, Kind, Port, Terminals, exhaust, gas, table};
 use crate::assembly::Quantity;
 use crate::part::{Regulating, Regulator};
 use math::Lane;
@@ -14,7 +14,7 @@ impl Component for PressureRegulator {
         text: "A seat from port 1 to port 2 that opens by the share y of its conductance, tau y' = clip((p_set - p2)/dp_full) - y, \
                and, where it relieves, a path from port 2 to port 3 that opens by clip((p2 - p_set - dp_on)/dp_relief).",
         sources: &["iso6358-2013"],
-        ports: &[gas("1"), gas("2"), exhaust("3")],
+        ports: &[gas("1"), Port { holds: Holds::Set, ..gas("2") }, exhaust("3")],
         parameters: table! {
             set_pressure: "Pa abs", physics::above(0.0), "Set pressure p_set";
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open seat, for air";
