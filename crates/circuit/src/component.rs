@@ -123,6 +123,25 @@ pub struct Kind {
     pub outputs: &'static [Variable],
 }
 
+impl Kind {
+    /// What most kinds have none of.
+    const PLAIN: Kind = Kind {
+        key: "",
+        title: "",
+        text: "",
+        sources: &[],
+        ports: &[],
+        parameters: &[],
+        assumed: &[],
+        follows: &[],
+        choices: &[],
+        open: false,
+        friction: false,
+        inputs: &[],
+        outputs: &[],
+    };
+}
+
 /// One component of a circuit, its numbers in the order of its kind's parameters.
 #[derive(Clone, Debug)]
 pub struct Instance<P> {

@@ -29,7 +29,7 @@ fn run(
 ) -> (BTreeMap<String, Vec<f64>>, [f64; 3]) {
     let plans: Vec<_> = plan.iter().map(|&(name, t, u)| (name.to_string(), vec![t], vec![u])).collect();
     let start = start.iter().map(|&(name, value)| (name.to_string(), value)).collect();
-    let options = Options { rtol: 1e-8, ..Options::default() };
+    let options = Options { rtol: 1e-9, ..Options::default() };
     let run = network.simulate(&plans, sampling, &start, options, &mut |_| false).expect("runs");
     let balance = run.balance.expect("a ledger");
     let names = network.assembly().columns().iter().cloned();
@@ -79,7 +79,7 @@ fn a_drive_of_components_has_the_bits_of_the_drive() {
         let drive: specification::Drive = serde_json::from_value(drive).expect("a drive");
         let drive = Drive::assemble(&drive, true).expect("assembles");
         let sampling = (1.0, 1000.0);
-        let options = Options { rtol: 1e-8, ..Options::default() };
+        let options = Options { rtol: 1e-9, ..Options::default() };
         let alone = drive
             .simulate(&[0.0, 0.4], &[0.6, -0.6], sampling, &at_rest(0.05, 3e5), options, &mut |_| false)
             .expect("runs");
@@ -339,5 +339,110 @@ fn what_cannot_be_joined_is_said() {
     for (components, joints, expected) in cases {
         let message = network(&components, &joints).err().map(|error| error.to_string()).unwrap_or_default();
         assert!(message.contains(expected), "{expected}: {message}");
+    }
+}
+
+/// A component of a kind with its defaults, and of what has none something usual.
+fn usual(kind: &circuit::ComponentKind) -> Value {
+    let numbers = kind.parameters.iter().filter(|own| own.default.is_none());
+    let needed = numbers.filter(|own| !kind.follows.iter().any(|(key, _)| *key == own.key));
+    let value = |key: &str, unit: &str| match (key, unit) {
+        ("rod_diameter", _) => 0.01,
+        ("length", _) => 1.0,
+        ("diameter", _) => 4e-3,
+        ("critical_pressure_ratio", _) => 0.35,
+        (_, "m3/(s Pa)") => 1e-8,
+        (_, "Pa abs") => 5e5,
+        (_, "m3") => 1e-5,
+        (_, "m") => 0.05,
+        (_, "kg") => 1.0,
+        (_, "N/m") => 500.0,
+        _ => panic!("{key}: a usual value in {unit}"),
+    };
+    let mut numbers: BTreeMap<_, _> = needed.map(|own| (own.key, value(own.key, own.unit))).collect();
+    if kind.friction && kind.key != "cylinder/rodless" {
+        numbers.insert("rod_diameter", 0.01);
+    }
+    let friction = if kind.friction { case_a()["friction"].clone() } else { Value::Null };
+    json!({ "name": "own", "kind": kind.key, "numbers": numbers, "friction": friction })
+}
+
+/// Every kind of component between volumes: what a new one has to keep is asked here, and nowhere by its name.
+#[test]
+fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
+    for kind in circuit::KINDS {
+        let (mut components, mut joints) = (vec![usual(kind)], Vec::new());
+        let mut pressures = Vec::new();
+        for (i, port) in kind.ports.iter().enumerate() {
+            let (own, tank, path) = (format!("own.{}", port.name), format!("tank_{i}"), format!("path_{i}"));
+            if port.kind == circuit::PortKind::Axis && !kind.friction {
+                let mut mover = cylinder(&case_a()["friction"]);
+                mover["name"] = json!("mover");
+                components.push(mover);
+                joints.push(json!(["mover.rod", own]));
+                joints.push(json!(["mover.a"]));
+                joints.push(json!(["mover.b"]));
+            }
+            if port.kind == circuit::PortKind::Axis {
+                continue;
+            }
+            components.push(
+                json!({ "name": tank, "kind": "tank", "numbers": { "volume": 1e-4 * (i + 1) as f64 } }),
+            );
+            components.push(json!({ "name": path, "kind": "fitting",
+                "numbers": { "conductance": 3e-8, "critical_pressure_ratio": 0.4 } }));
+            joints.push(json!([own, format!("{path}.1")]));
+            joints.push(json!([format!("{path}.2"), format!("{tank}.1")]));
+            pressures.push((format!("{tank}.pressure_pa"), 7e5 - 2e5 * i as f64 / kind.ports.len() as f64));
+        }
+        let network =
+            network(&json!(components), &json!(joints)).unwrap_or_else(|e| panic!("{}: {e}", kind.key));
+        let start = |driven: bool| -> Vec<(String, f64)> {
+            let each = network.start_names().into_iter().map(|name| {
+                let given = pressures.iter().find(|(own, _)| own == name).filter(|_| driven).map(|(_, p)| *p);
+                let usual = match name.rsplit('.').next() {
+                    Some("pressure_pa") => 101_300.0,
+                    Some("temperature_k") => ROOM,
+                    Some("position_m") => 0.02,
+                    _ => 0.0,
+                };
+                (name.to_string(), given.unwrap_or(usual))
+            });
+            each.collect()
+        };
+        let inputs = &network.assembly().variables.inputs;
+        let commands: Vec<_> = inputs
+            .iter()
+            .filter(|own| own.name == "own.command")
+            .map(|own| (&*own.name, 0.02, 0.5))
+            .collect();
+        let named = start(true);
+        let named: Vec<_> = named.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        let (columns, ledger) = run(&network, &commands, (0.3, 1000.0), &named);
+        assert!(columns.values().flatten().all(|value| value.is_finite()), "{}", kind.key);
+        assert!(
+            ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6 && ledger[2].abs() < 1e-5,
+            "{}: {ledger:?}",
+            kind.key
+        );
+        // What only acts at an end, or at a pressure that does not come about here.
+        let seldom = ["end_stop_force_n", "exhaust_flow_kg_s", "relief_flow_kg_s"];
+        for (output, ..) in kind.outputs.iter().filter(|(output, ..)| !seldom.contains(output)) {
+            let column = &columns[&format!("own.{output}")];
+            assert!(column.iter().any(|value| *value != column[0]), "{}: {output} never changes", kind.key);
+        }
+        // Ambient pressure and temperature everywhere, valves open: nothing moves, but what a spring or a supply drives.
+        if ["spring", "reservoir"].contains(&kind.key) {
+            continue;
+        }
+        let named = start(false);
+        let named: Vec<_> = named.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        let (columns, _) = run(&network, &commands, (10.0, 1.0), &named);
+        for (name, column) in
+            columns.iter().filter(|(name, _)| name.ends_with("pressure_pa") || name.ends_with("position_m"))
+        {
+            let moved = column.iter().map(|value| (value / column[0] - 1.0).abs()).fold(0.0, f64::max);
+            assert!(moved < 1e-9, "{}: {name} moves by {moved:e}", kind.key);
+        }
     }
 }

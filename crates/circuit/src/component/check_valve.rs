@@ -22,12 +22,8 @@ impl Component for CheckValve {
             cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, "Cracking pressure p_c, a difference";
         },
         assumed: &[("linear_above", "a modelling parameter"), ("cracking_pressure", "a usual spring")],
-        follows: &[],
-        choices: &[],
-        open: false,
-        friction: false,
-        inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        ..Kind::PLAIN
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

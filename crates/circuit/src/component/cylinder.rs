@@ -50,7 +50,6 @@ const KIND: Kind = Kind {
         options: &["energy-balance", "as-printed"],
         meaning: "Balance of the chambers; as-printed breaks it and is for reproducing the source paper only",
     }],
-    open: false,
     friction: true,
     inputs: &[("load_force_n", "N", "external force in +x")],
     outputs: &[
@@ -66,6 +65,7 @@ const KIND: Kind = Kind {
         ("b.temperature_k", "K", "temperature in chamber b"),
         ("b.mass_flow_kg_s", "kg/s", "mass flow into chamber b"),
     ],
+    ..Kind::PLAIN
 };
 
 /// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both

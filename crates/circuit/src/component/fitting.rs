@@ -21,12 +21,9 @@ impl Component for Fitting {
             linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
         },
         assumed: &[("linear_above", "a modelling parameter")],
-        follows: &[],
-        choices: &[],
         open: true,
-        friction: false,
-        inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        ..Kind::PLAIN
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

@@ -30,16 +30,14 @@ impl Component for FlowControl {
             ("linear_above", "a modelling parameter"),
             ("cracking_pressure", "a usual spring"),
         ],
-        follows: &[],
         choices: &[Choice {
             name: "throttles",
             options: &["out", "in", "both"],
             meaning: "What it throttles: gas out of the cylinder, gas into it, or both",
         }],
         open: true,
-        friction: false,
-        inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        ..Kind::PLAIN
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

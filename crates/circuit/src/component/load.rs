@@ -9,19 +9,12 @@ impl Component for Load {
         key: "load",
         title: "Load",
         text: "A mass M on the rod of a cylinder, and a constant force F in +x.",
-        sources: &[],
         ports: &[axis("1", false)],
         parameters: table! {
             mass: "kg", physics::at_least(0.0), default 0.0, "Mass M";
             force: "N", physics::any(), default 0.0, "External force F in +x";
         },
-        assumed: &[],
-        follows: &[],
-        choices: &[],
-        open: false,
-        friction: false,
-        inputs: &[],
-        outputs: &[],
+        ..Kind::PLAIN
     };
 
     fn bring<P: Lane>(own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
@@ -39,19 +32,12 @@ impl Component for Spring {
         key: "spring",
         title: "Spring",
         text: "F = -k (x - x0) on the mass that it is joined to.",
-        sources: &[],
         ports: &[axis("1", false)],
         parameters: table! {
             stiffness: "N/m", physics::above(0.0), "Stiffness k";
             rest_position: "m", physics::any(), "Position x0 without force";
         },
-        assumed: &[],
-        follows: &[],
-        choices: &[],
-        open: false,
-        friction: false,
-        inputs: &[],
-        outputs: &[],
+        ..Kind::PLAIN
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

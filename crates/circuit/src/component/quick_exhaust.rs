@@ -29,15 +29,11 @@ impl Component for QuickExhaust {
             ("cracking_pressure", "a usual lip seal"),
             ("switching_pressure", "a usual lip seal"),
         ],
-        follows: &[],
-        choices: &[],
-        open: false,
-        friction: false,
-        inputs: &[],
         outputs: &[
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
             ("exhaust_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
         ],
+        ..Kind::PLAIN
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

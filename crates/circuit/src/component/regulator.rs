@@ -36,19 +36,17 @@ impl Component for PressureRegulator {
             ("relief_rise", "of a small regulator"),
             ("linear_above", "a modelling parameter"),
         ],
-        follows: &[],
         choices: &[Choice {
             name: "relieving",
             options: &["yes", "no"],
             meaning: "Whether it vents a pressure behind it that is too high",
         }],
-        open: false,
-        friction: false,
         inputs: &[("set_pressure_pa", "Pa", "set pressure, absolute")],
         outputs: &[
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
             ("relief_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
         ],
+        ..Kind::PLAIN
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

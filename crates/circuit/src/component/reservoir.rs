@@ -10,19 +10,15 @@ impl Component for Reservoir {
         key: "reservoir",
         title: "Reservoir",
         text: "Gas of constant pressure and temperature, as much as is asked for: a mains, an open room.",
-        sources: &[],
         ports: &[Port { holds: Holds::Pressure, ..gas("1") }],
         parameters: table! {
             pressure: "Pa abs", physics::above(0.0), "Pressure";
             temperature: "K", physics::above(0.0), "Temperature";
         },
-        assumed: &[],
         follows: &[("temperature", "the ambient temperature")],
-        choices: &[],
-        open: false,
-        friction: false,
         inputs: &[("pressure_pa", "Pa", "absolute pressure"), ("temperature_k", "K", "temperature")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of the reservoir")],
+        ..Kind::PLAIN
     };
 
     fn bring<P: Lane>(own: &Instance<P>, _port: usize, ambient_temperature: P) -> Brings<P> {

@@ -19,17 +19,13 @@ impl Component for Tank {
             heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 0.0, "Heat-transfer coefficient alpha of the wall";
             wall_temperature: "K", physics::above(0.0), "Temperature T_w of the wall";
         },
-        assumed: &[],
         follows: &[("wall_temperature", "the ambient temperature")],
-        choices: &[],
-        open: false,
-        friction: false,
-        inputs: &[],
         outputs: &[
             ("pressure_pa", "Pa", "absolute pressure"),
             ("temperature_k", "K", "temperature"),
             ("mass_flow_kg_s", "kg/s", "net mass flow into the tank"),
         ],
+        ..Kind::PLAIN
     };
 
     fn bring<P: Lane>(own: &Instance<P>, _port: usize, ambient_temperature: P) -> Brings<P> {

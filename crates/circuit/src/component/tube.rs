@@ -29,11 +29,9 @@ impl Component for Tube {
             ("conductance", "length and diameter, by an empirical formula (assumed)"),
             ("critical_pressure_ratio", "conductance and diameter, by an empirical formula (assumed)"),
         ],
-        choices: &[],
         open: true,
-        friction: false,
-        inputs: &[],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        ..Kind::PLAIN
     };
 
     fn bring<P: Lane>(own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {

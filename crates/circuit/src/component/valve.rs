@@ -22,16 +22,13 @@ impl Component for Proportional53 {
             linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
         },
         assumed: &[("linear_above", "a modelling parameter")],
-        follows: &[],
-        choices: &[],
-        open: false,
-        friction: false,
         inputs: &[("command", "1", "valve command")],
         outputs: &[
             ("command", "1", "valve command"),
             ("mass_flow_4_kg_s", "kg/s", "mass flow out of port 4"),
             ("mass_flow_2_kg_s", "kg/s", "mass flow out of port 2"),
         ],
+        ..Kind::PLAIN
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
