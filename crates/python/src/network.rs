@@ -44,7 +44,7 @@ impl PyCircuit {
         self.network.start_names()
     }
 
-    /// Joints without a volume of their own: the first port of each, and the volume of its ports, m3.
+    /// Joints of gas whose volume is no component's: the first port of each, and what its ports bring, m3.
     #[getter]
     fn joint_volumes(&self) -> Vec<(String, f64)> {
         self.network.joint_volumes().to_vec()

@@ -293,7 +293,7 @@ class Circuit(Described):
         """Return what was assumed because the description says nothing and no source backs it."""
         own = [f"{name}.{line}" for name, one in self.components.items() for line in one.assumed()]
         joints = compiled(self.core_json()).joint_volumes
-        own += [f"the joint of {name} has {1e6 * volume:.3g} cm3, from its ports" for name, volume in joints]
+        own += [f"the joint of {name} has {1e6 * volume:.3g} cm3, from what is joined there" for name, volume in joints]
         return own + self._starts()[1]
 
     @property

@@ -7,7 +7,7 @@ use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Holds, Instance, KINDS, Node, Piston, PortKind, Terminals, bring, check, compose,
+    Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Terminals, bring, check, compose,
     joint_volume,
 };
 use crate::impacts::Impact;
@@ -160,23 +160,6 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Vec<J
     Ok(joints)
 }
 
-/// Joints of gas without a volume of their own: the first port of each, and the volume of its ports, m3.
-fn volumes(each: &[Instance<f64>], joints: &[Joint]) -> Vec<(String, f64)> {
-    let port = |&(component, port): &PortId| &each[component].kind().ports[port];
-    let bare = |joint: &&Joint| {
-        !joint.ambient
-            && joint.ports.iter().all(|id| {
-                port(id).kind == PortKind::Gas && matches!(port(id).holds, Holds::Nothing | Holds::Set)
-            })
-    };
-    let named = |joint: &Joint| {
-        let first = joint.ports.first()?;
-        let ports = joint.ports.iter().map(|id| port(id).volume).sum();
-        Some((format!("{}.{}", each[first.0].name, port(first).name), joint_volume(ports)))
-    };
-    joints.iter().filter(bare).filter_map(named).collect()
-}
-
 /// The equations of components and joints, from numbers with or without derivatives.
 struct Wiring<'a, P> {
     each: &'a [Instance<P>],
@@ -185,6 +168,7 @@ struct Wiring<'a, P> {
     nodes: Vec<Vec<Node>>,
     around: Option<GasId>,
     starts: Vec<(Starting, Vec<String>)>,
+    joint_volumes: Vec<(String, P)>,
 }
 
 impl<P: Lane> Wiring<'_, P>
@@ -265,7 +249,11 @@ where
                 let (law, dead_volume, wall, heat, wall_temperature) = volume.unwrap_or(alone);
                 let dead_volume = room.map_or(dead_volume, |room| dead_volume + room);
                 let node = self.build.circuit.volume(law, dead_volume, wall, heat, wall_temperature);
-                let name = own_name.unwrap_or_else(|| self.name(joint.ports[0]));
+                let name = own_name.unwrap_or_else(|| {
+                    let name = self.name(joint.ports[0]);
+                    self.joint_volumes.push((name.clone(), dead_volume));
+                    name
+                });
                 let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));
                 self.starts.push((Starting::Gas(node), names.to_vec()));
                 Ok(node)
@@ -321,6 +309,8 @@ pub(super) struct Wired<P> {
     pub inputs: Vec<(String, &'static str, Acts)>,
     columns: Vec<(String, Quantity)>,
     starts: Vec<(Starting, Vec<String>)>,
+    /// Joints of gas whose volume is no component's: the first port, and what its ports bring, m3.
+    joint_volumes: Vec<(String, P)>,
 }
 
 /// Joins components, from numbers with or without derivatives.
@@ -350,11 +340,12 @@ where
         columns: vec![("time_s".into(), Quantity::Time)],
     };
     let nodes = each.iter().map(|own| vec![Node::Shut; own.kind().ports.len()]).collect();
-    let mut wiring = Wiring { each, build, nodes, around: None, starts: Vec::new() };
+    let mut wiring =
+        Wiring { each, build, nodes, around: None, starts: Vec::new(), joint_volumes: Vec::new() };
     for joint in joints {
         wiring.join(joint)?;
     }
-    let Wiring { mut build, nodes, starts, .. } = wiring;
+    let Wiring { mut build, nodes, starts, joint_volumes, .. } = wiring;
     // The ends of a cylinder follow from what is joined to it.
     let mut order: Vec<usize> = (0..each.len()).collect();
     order.sort_by_key(|&i| each[i].kind().friction);
@@ -370,7 +361,7 @@ where
     for id in open {
         circuit.set_input(id, 0, P::one());
     }
-    Ok(Wired { circuit, nodes, pistons, inputs, columns, starts })
+    Ok(Wired { circuit, nodes, pistons, inputs, columns, starts, joint_volumes })
 }
 
 impl<P: Lane> Wired<P> {
@@ -420,7 +411,9 @@ impl Network {
         if ledger && let Some(own) = each.iter().find(|own| printed(own)) {
             return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
         }
-        let (assembly, pistons) = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger)?.named();
+        let mut wired = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger)?;
+        let joint_volumes = std::mem::take(&mut wired.joint_volumes);
+        let (assembly, pistons) = wired.named();
         let gauge = assembly.highest_pressure() - ambient[0];
         let (mut warnings, mut citations) = (Vec::new(), Vec::new());
         for (own, spec) in each.iter().zip(&spec.components) {
@@ -448,7 +441,6 @@ impl Network {
                 true
             }
         });
-        let joint_volumes = volumes(&each, &joints);
         Ok(Network { assembly, pistons, warnings, citations, joint_volumes })
     }
 
@@ -461,7 +453,7 @@ impl Network {
         &self.warnings
     }
 
-    /// Joints without a volume of their own: the first port of each, and the volume of its ports, m3.
+    /// Joints of gas whose volume is no component's: the first port of each, and what its ports bring, m3.
     pub fn joint_volumes(&self) -> &[(String, f64)] {
         &self.joint_volumes
     }
