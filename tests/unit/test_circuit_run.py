@@ -149,3 +149,19 @@ def test_what_was_assumed_goes_with_the_run():
     assert "fc_la.cracking_pressure = 0.1 bar, a usual spring" in run.attrs["assumed"]
     assert "left.wall_temperature follows the ambient temperature" in run.attrs["assumed"]
     assert "iso6358-2013" in run.attrs["citations"]
+
+
+def test_commands_take_every_form_that_a_drive_takes(tmp_path):
+    circuit = pn.Circuit.load(EXAMPLE).replace({"components.valve_l.command": "0 V .. 10 V"})
+    file = tmp_path / "moves.csv"
+    file.write_text("time_s,command\n0,0.5\n0.01,-0.5\n")
+    expected = np.where(np.arange(21) < 10, 0.5, -0.5)
+    for command in (
+        "valve_l: 0 s: 7.5 V, 10 ms: 2.5 V",
+        f"valve_l: {file}",
+        {"valve_l": [(0.0, 0.5), (0.01, -0.5)]},
+        {"valve_l.command": lambda t: 0.5 if t < 0.01 else -0.5},
+    ):
+        run = circuit.simulate(command, "20 ms")
+        np.testing.assert_array_equal(run["valve_l.command"][:20], expected[:20])
+        assert not run["valve_r.command"].any()
