@@ -1,5 +1,7 @@
 """Sphinx configuration."""
 
+from importlib import import_module
+
 project = "pneudrive"
 author = "the pneudrive developers"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinxcontrib.bibtex"]
@@ -15,3 +17,9 @@ nb_execution_raise_on_error = True
 autodoc_typehints = "description"
 # Words of a docstring's types ("shape (n,)") are no references, though attributes of that name exist.
 suppress_warnings = ["ref.python"]
+
+# Names that a package imports when they are asked for have to be there before autodoc looks at it.
+for package in ("pneudrive.describe", "pneudrive.characterise", "pneudrive.rig"):
+    module = import_module(package)
+    for name in module.__all__:
+        getattr(module, name)
