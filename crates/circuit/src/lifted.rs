@@ -5,13 +5,22 @@ use math::Lane;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// A table of a description, and its derivatives in some directions as tables of the same shape: in each of
-/// them the number that is free is one, all others are zero.
+/// A description, and which of its numbers are free: a table of the same shape holds the index of each number, so that
+/// a derivative is a comparison, and nothing is read twice.
 #[derive(Clone, Debug)]
+pub(crate) struct Seeds<T> {
+    pub value: T,
+    index: T,
+    /// The index of the number of each direction.
+    free: Vec<f64>,
+}
+
+/// A table of a description whose numbers carry derivatives in some directions.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Lifted<'a, T> {
     pub value: &'a T,
-    /// One for each direction of differentiation.
-    tangents: Vec<&'a T>,
+    index: Option<&'a T>,
+    free: &'a [f64],
     /// The direction that the first derivative of a number is.
     first: usize,
 }
@@ -19,44 +28,43 @@ pub(crate) struct Lifted<'a, T> {
 impl<'a, T> Lifted<'a, T> {
     /// The numbers as they are.
     pub fn plain(value: &'a T) -> Self {
-        Lifted { value, tangents: Vec::new(), first: 0 }
+        Lifted { value, index: None, free: &[], first: 0 }
     }
 
     /// Numbers with the derivatives in as many directions as they hold, from the direction `first` on.
-    pub fn new(value: &'a T, tangents: &'a [T], first: usize) -> Self {
-        Lifted { value, tangents: tangents.iter().collect(), first }
+    pub fn new(seeds: &'a Seeds<T>, first: usize) -> Self {
+        Lifted { value: &seeds.value, index: Some(&seeds.index), free: &seeds.free, first }
     }
 
     /// A table of this table.
     pub fn table<U>(&self, f: impl Fn(&'a T) -> &'a U) -> Lifted<'a, U> {
-        Lifted {
-            value: f(self.value),
-            tangents: self.tangents.iter().map(|tangent| f(tangent)).collect(),
-            first: self.first,
-        }
+        Lifted { value: f(self.value), index: self.index.map(f), free: self.free, first: self.first }
     }
 
     /// A table that may be absent.
     pub fn optional<U>(&self, f: impl Fn(&'a T) -> Option<&'a U>) -> Option<Lifted<'a, U>> {
         f(self.value)?;
-        Some(self.table(|table| f(table).expect("tangents have the shape of the value")))
+        Some(self.table(|table| f(table).expect("indices have the shape of the value")))
     }
 
-    /// The table and its derivatives.
+    /// The table, and the one of its shape that holds a number wherever one is free.
     pub fn tables(&self) -> impl Iterator<Item = &'a T> {
-        std::iter::once(self.value).chain(self.tangents.iter().copied())
+        std::iter::once(self.value).chain(self.index)
     }
 
-    /// One number of the table.
+    /// One number of the table; `f` picks it and leaves it as it is.
     pub fn number<P: Lane>(&self, f: impl Fn(&T) -> f64) -> P {
         self.number_or(0.0, |table| Some(f(table)))
     }
 
     /// One number, with the value that it has where it is absent.
     pub fn number_or<P: Lane>(&self, default: f64, f: impl Fn(&T) -> Option<f64>) -> P {
+        let index = self.index.and_then(&f);
         P::from_parts(|part| match part {
             0 => f(self.value).unwrap_or(default),
-            _ => self.tangents.get(self.first + part - 1).and_then(|tangent| f(tangent)).unwrap_or(0.0),
+            _ => {
+                f64::from(u8::from(index.is_some() && self.free.get(self.first + part - 1) == index.as_ref()))
+            }
         })
     }
 
@@ -67,43 +75,45 @@ impl<'a, T> Lifted<'a, T> {
 
     /// Whether any direction, of this pass or another, changes this number.
     pub fn is_free(&self, f: impl Fn(&T) -> f64) -> bool {
-        self.tangents.iter().any(|tangent| f(tangent) != 0.0)
+        self.index.is_some_and(|index| self.free.contains(&f(index)))
     }
 }
 
-/// A table, and what it becomes when one of its numbers is one and all others are zero, for each of `names`:
-/// paths of the core's JSON below `root`, such as "friction.parameters.coulomb".
-pub(crate) fn tangents<T: DeserializeOwned>(
+/// A table with its numbers called `names` free: paths of the core's JSON below `root`, such as
+/// "friction.parameters.coulomb".
+pub(crate) fn seeds<T: DeserializeOwned>(
     json: &str,
     root: &str,
     names: &[String],
-) -> Result<(T, Vec<T>), Error> {
+) -> Result<Seeds<T>, Error> {
     let unfit = |error| Error::Specification(format!("the description does not fit the core: {error}"));
     let mut table: Value = serde_json::from_str(json).map_err(unfit)?;
     let paths: Vec<String> = names.iter().map(|name| below(root, name)).collect::<Result<_, _>>()?;
     for path in &paths {
         add_absent(&mut table, path);
     }
-    let mut zero = table.clone();
-    clear(&mut zero);
-    let one = |(path, name): (&String, &String)| {
+    let mut index = table.clone();
+    for (path, name) in paths.iter().zip(names) {
         if path.starts_with("gas.") {
             // A component is measured with air: another gas is another law of flow.
             return Err(Error::Specification(format!("the gas cannot be free, but \"{name}\" is asked for")));
         }
-        let mut tangent = zero.clone();
         // A parameter that is not given has its default, and is a number all the same.
-        let free = path
+        let may_be_absent = path
             .rsplit_once('.')
             .is_some_and(|(parent, _)| parent.ends_with("parameters") || parent.ends_with("pressure"));
-        match place(&mut tangent, path, free) {
-            Some(number) if number.is_number() || (free && number.is_null()) => *number = 1.0.into(),
+        match place(&mut index, path, may_be_absent) {
+            Some(number) if number.is_number() || (may_be_absent && number.is_null()) => {
+                *number = 0.0.into();
+            }
             _ => return Err(unknown(&table, root, name)),
         }
-        serde_json::from_value(tangent).map_err(unfit)
-    };
-    let each = paths.iter().zip(names).map(one).collect::<Result<_, _>>()?;
-    Ok((serde_json::from_value(table.clone()).map_err(unfit)?, each))
+    }
+    number(&mut index, &mut 0.0);
+    let free = paths.iter().map(|path| place(&mut index, path, false).and_then(|number| number.as_f64()));
+    let free = free.map(|index| index.expect("numbered")).collect();
+    let value = serde_json::from_value(table).map_err(unfit)?;
+    Ok(Seeds { value, index: serde_json::from_value(index).map_err(unfit)?, free })
 }
 
 /// What a description leaves out where it is zero, and may be free all the same.
@@ -151,12 +161,15 @@ fn place<'v>(table: &'v mut Value, path: &str, add: bool) -> Option<&'v mut Valu
     Some(at)
 }
 
-/// Sets every number to zero.
-fn clear(value: &mut Value) {
+/// Gives every number the next index, from one on.
+fn number(value: &mut Value, last: &mut f64) {
     match value {
-        Value::Number(_) => *value = 0.0.into(),
-        Value::Array(list) => list.iter_mut().for_each(clear),
-        Value::Object(map) => map.values_mut().for_each(clear),
+        Value::Number(_) => {
+            *last += 1.0;
+            *value = (*last).into();
+        }
+        Value::Array(list) => list.iter_mut().for_each(|value| number(value, last)),
+        Value::Object(map) => map.values_mut().for_each(|value| number(value, last)),
         _ => {}
     }
 }

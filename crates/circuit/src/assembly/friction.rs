@@ -2,7 +2,7 @@
 
 use super::DIRECTIONS;
 use super::own_law::{check_levels, own_law};
-use crate::lifted::{Lifted, tangents};
+use crate::lifted::{Lifted, seeds};
 use crate::run::Error;
 use crate::specification::{self, Growth, StribeckShape};
 use math::{Dual, Lane};
@@ -53,18 +53,18 @@ pub fn steady_sensitivity(
     names: &[String],
     places: &[At<f64>],
 ) -> Result<(Vec<f64>, Vec<f64>), Error> {
-    let (mut spec, free) = tangents::<specification::Friction>(json, "friction", names)?;
-    spec.parameters = parameters.clone();
+    let mut seeds = seeds::<specification::Friction>(json, "friction", names)?;
+    seeds.value.parameters = parameters.clone();
     let mut derivatives = vec![0.0; places.len() * names.len()];
     for first in (0..names.len()).step_by(DIRECTIONS) {
-        let friction = contact::<Dual<f64, DIRECTIONS>>(&Lifted::new(&spec, &free, first))?;
+        let friction = contact::<Dual<f64, DIRECTIONS>>(&Lifted::new(&seeds, first))?;
         let last = names.len().min(first + DIRECTIONS);
         for (row, at) in derivatives.chunks_exact_mut(names.len()).zip(places) {
             let force = friction.steady(&at.map(Dual::from));
             row[first..last].copy_from_slice(&force.eps[..last - first]);
         }
     }
-    let friction = friction_law(&spec)?;
+    let friction = friction_law(&seeds.value)?;
     Ok((places.iter().map(|at| friction.steady(at)).collect(), derivatives))
 }
 

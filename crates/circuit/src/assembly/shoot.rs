@@ -4,7 +4,7 @@ use super::drive::{Drive, Wired, later};
 use super::session::Session;
 use super::variables::{Assembly, Starting};
 use crate::circuit::Circuit;
-use crate::lifted::{Lifted, tangents};
+use crate::lifted::{Lifted, seeds};
 use crate::net::Net;
 use crate::run::{Error, Look, budget};
 use crate::specification;
@@ -104,8 +104,8 @@ impl Drive {
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
         let lift = || {
-            let (spec, free) = tangents::<specification::Drive>(json, "", &asked.parameters)?;
-            Ok(move |first| Ok(Wired::lifted(&Lifted::new(&spec, &free, first), false)?.assembly))
+            let seeds = seeds::<specification::Drive>(json, "", &asked.parameters)?;
+            Ok(move |first| Ok(Wired::lifted(&Lifted::new(&seeds, first), false)?.assembly))
         };
         shoot(self.assembly(), lift, asked, interrupted)
     }

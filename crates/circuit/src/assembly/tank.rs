@@ -2,7 +2,7 @@ use super::leak::leak;
 use super::shoot::{Shooting, Shot, shoot};
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::circuit::Circuit;
-use crate::lifted::{Lifted, tangents};
+use crate::lifted::{Lifted, seeds};
 use crate::part::ChamberLaw;
 use crate::run::Error;
 use crate::specification;
@@ -89,8 +89,8 @@ impl Tank {
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
         let lift = || {
-            let (spec, free) = tangents::<specification::Tank>(json, "", &asked.parameters)?;
-            Ok(move |first| Ok(wire(&Lifted::new(&spec, &free, first))))
+            let seeds = seeds::<specification::Tank>(json, "", &asked.parameters)?;
+            Ok(move |first| Ok(wire(&Lifted::new(&seeds, first))))
         };
         shoot(&self.assembly, lift, asked, interrupted)
     }
