@@ -279,6 +279,11 @@ impl<R: Lane> Circuit<R> {
         each.min_by(|a, b| near(a).total_cmp(&near(b)))
     }
 
+    /// How many signals there are: each is a state of its part.
+    pub(crate) fn signals(&self) -> usize {
+        self.signals
+    }
+
     /// How many states there are beside the accounts.
     pub fn n_states(&self) -> usize {
         self.topology.n_states

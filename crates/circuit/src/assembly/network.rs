@@ -352,7 +352,9 @@ where
     for i in order {
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
     }
-    let states: usize = starts.iter().map(|(_, names)| names.len()).sum();
+    // Those that a start names, and one of each regulator.
+    let named: usize = starts.iter().map(|(_, names)| names.len()).sum();
+    let states = named + build.circuit.signals();
     if states > Deps::CAPACITY {
         return refuse(format!("the circuit has {states} states: at most {}", Deps::CAPACITY));
     }
