@@ -81,7 +81,14 @@ fn a_drive_of_components_has_the_bits_of_the_drive() {
         let sampling = (1.0, 1000.0);
         let options = Options { rtol: 1e-9, ..Options::default() };
         let alone = drive
-            .simulate(&[0.0, 0.4], &[0.6, -0.6], sampling, &at_rest(0.05, 3e5), options, &mut |_| false)
+            .simulate(
+                &[0.0, 0.4, 1.0],
+                &[0.6, -0.6, 0.3],
+                sampling,
+                &at_rest(0.05, 3e5),
+                options,
+                &mut |_| false,
+            )
             .expect("runs");
         let start = [
             ("cylinder.position_m", 0.05),
@@ -91,7 +98,7 @@ fn a_drive_of_components_has_the_bits_of_the_drive() {
             ("cylinder.b.pressure_pa", 3e5),
             ("cylinder.b.temperature_k", ROOM),
         ];
-        let plan = [("valve.command", 0.0, 0.6), ("valve.command", 0.4, -0.6)];
+        let plan = [("valve.command", 0.0, 0.6), ("valve.command", 0.4, -0.6), ("valve.command", 1.0, 0.3)];
         let (columns, _) = run(&network, &plan, sampling, &start);
         let same = [
             ("position_m", "cylinder.position_m"),
