@@ -23,6 +23,7 @@ use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::friction::Contact;
 use physics::{IdealGas, Parameter};
+use std::ops::Deref;
 
 /// What may be joined to a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,6 +98,24 @@ pub struct Choice {
     pub meaning: &'static str,
 }
 
+/// A parameter of a component.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    pub parameter: Parameter,
+    /// What its default is assumed of; empty where it is none, or stands in a source of the component.
+    pub assumed: &'static str,
+    /// What it follows from where it is left out; empty where it does not.
+    pub follows: &'static str,
+}
+
+impl Deref for Row {
+    type Target = Parameter;
+
+    fn deref(&self) -> &Parameter {
+        &self.parameter
+    }
+}
+
 /// A variable of a component: name, unit, meaning.
 pub type Variable = (&'static str, &'static str, &'static str);
 
@@ -110,10 +129,7 @@ pub struct Kind {
     /// Keys in references.bib.
     pub sources: &'static [&'static str],
     pub ports: &'static [Port],
-    pub parameters: &'static [Parameter],
-    /// Parameters whose default is assumed, or follows from something else: key and what of.
-    pub assumed: &'static [(&'static str, &'static str)],
-    pub follows: &'static [(&'static str, &'static str)],
+    pub parameters: &'static [Row],
     pub choices: &'static [Choice],
     /// Gas can always pass between its ports.
     pub open: bool,
@@ -132,8 +148,6 @@ impl Kind {
         sources: &[],
         ports: &[],
         parameters: &[],
-        assumed: &[],
-        follows: &[],
         choices: &[],
         open: false,
         friction: false,
@@ -416,21 +430,42 @@ pub(crate) fn joint_volume(ports: f64) -> f64 {
     ports.max(LEAST_VOLUME)
 }
 
-/// Parameters of a component, in the words of a table.
+/// Parameters of a component, in the words of a table; a row that several kinds have stands there by its name.
 macro_rules! table {
-    ($($key:ident: $unit:literal, $bounds:expr $(, default $default:expr)?, $meaning:literal;)*) => {
-        &[$(physics::Parameter {
-            key: stringify!($key),
-            unit: $unit,
-            bounds: $bounds,
-            default: $crate::component::table!(@default $($default)?),
-            meaning: $meaning,
-        }),*]
+    ($($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
+        $(, assumed $assumed:literal)? $(, follows $follows:literal)?, $meaning:literal)?;)*) => {
+        &[$($crate::component::table!(
+            @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], $meaning)?
+        )),*]
     };
-    (@default) => { None };
-    (@default $default:expr) => { Some($default) };
+    (@row $shared:ident) => { $shared };
+    (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
+        [$($follows:literal)?], $meaning:literal) => {
+        $crate::component::Row {
+            parameter: physics::Parameter {
+                key: stringify!($key),
+                unit: $unit,
+                bounds: $bounds,
+                default: $crate::component::table!(@or None $(Some($default))?),
+                meaning: $meaning,
+            },
+            assumed: $crate::component::table!(@or "" $($assumed)?),
+            follows: $crate::component::table!(@or "" $($follows)?),
+        }
+    };
+    (@or $other:tt) => { $other };
+    (@or $other:tt $own:expr) => { $own };
 }
 use table;
+
+/// Rows that flow paths by ISO 6358 share.
+const SUBSONIC_INDEX: Row = table! {
+    subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m";
+}[0];
+const LINEAR_ABOVE: Row = table! {
+    linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",
+        "Pressure ratio above which the flow is linear; of a check valve its share of the closing ratio";
+}[0];
 
 #[cfg(test)]
 mod tests {

@@ -351,8 +351,7 @@ fn what_cannot_be_joined_is_said() {
 
 /// A component of a kind with its defaults, and of what has none something usual.
 fn usual(kind: &circuit::ComponentKind) -> Value {
-    let numbers = kind.parameters.iter().filter(|own| own.default.is_none());
-    let needed = numbers.filter(|own| !kind.follows.iter().any(|(key, _)| *key == own.key));
+    let needed = kind.parameters.iter().filter(|own| own.default.is_none() && own.follows.is_empty());
     let value = |key: &str, unit: &str| match (key, unit) {
         ("rod_diameter", _) => 0.01,
         ("length", _) => 1.0,

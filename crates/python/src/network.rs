@@ -141,9 +141,6 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
             out.set_item("optional", port.optional)?;
             PyResult::Ok(out)
         });
-        let note = |notes: &[(&'static str, &'static str)], key: &str| {
-            notes.iter().find(|(own, _)| *own == key).map_or("", |(_, note)| note)
-        };
         let parameters = kind.parameters.iter().map(|own| {
             let out =
                 table(&[("key", any(own.key)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])?;
@@ -153,8 +150,8 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
             out.set_item("open", own.bounds.open)?;
             out.set_item("open_above", own.bounds.open_above)?;
             out.set_item("default", own.default)?;
-            out.set_item("assumed", note(kind.assumed, own.key))?;
-            out.set_item("follows", note(kind.follows, own.key))?;
+            out.set_item("assumed", own.assumed)?;
+            out.set_item("follows", own.follows)?;
             PyResult::Ok(out)
         });
         let choices = kind.choices.iter().map(|own| {

@@ -7,7 +7,7 @@ use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Terminals, bring, check, compose,
+    Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Row, Terminals, bring, check, compose,
     joint_volume,
 };
 use crate::impacts::Impact;
@@ -64,15 +64,14 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));
         return refuse(format!("{name}: a {} has no parameter \"{key}\"; it has {keys}", table.key));
     }
-    let number = |parameter: &physics::Parameter| {
+    let number = |parameter: &Row| {
         let value = spec.numbers.get(parameter.key).copied().or(parameter.default);
-        let follows = table.follows.iter().any(|(key, _)| *key == parameter.key);
         match value {
             Some(value) if !value.is_finite() || !parameter.bounds.contain(value) => refuse(format!(
                 "{name}.{} = {value} {} is out of bounds: it must be {}",
                 parameter.key, parameter.unit, parameter.bounds
             )),
-            None if !follows => refuse(format!("{name}.{} is missing", parameter.key)),
+            None if parameter.follows.is_empty() => refuse(format!("{name}.{} is missing", parameter.key)),
             value => Ok(value),
         }
     };

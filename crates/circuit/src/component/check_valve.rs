@@ -1,7 +1,6 @@
-use super::{Build, Component, Instance, Kind, Terminals, gas, table};
+use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, gas, table};
 use crate::assembly::Quantity;
 use math::Lane;
-use physics::flow::LINEAR_ABOVE;
 
 /// A spring-loaded check valve.
 pub struct CheckValve;
@@ -17,11 +16,11 @@ impl Component for CheckValve {
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
-            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m";
-            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Ratio r/r_c above which the flow is linear";
-            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, "Cracking pressure p_c, a difference";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "a usual spring",
+                "Cracking pressure p_c, a difference";
         },
-        assumed: &[("linear_above", "a modelling parameter"), ("cracking_pressure", "a usual spring")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
         ..Kind::PLAIN
     };

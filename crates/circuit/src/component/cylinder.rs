@@ -1,5 +1,6 @@
 use super::{
-    Acts, Brings, Build, Choice, Component, Instance, Kind, Piston, Port, Terminals, axis, chamber, table,
+    Acts, Brings, Build, Choice, Component, Instance, Kind, Piston, Port, Row, Terminals, axis, chamber,
+    table,
 };
 use crate::assembly::Quantity;
 use crate::assembly::end_stop::{Driven, ends};
@@ -8,13 +9,12 @@ use crate::circuit::PistonSide;
 use crate::part::ChamberLaw;
 use crate::run::Error;
 use math::{Lane, Real};
-use physics::Parameter;
 use std::f64::consts::PI;
 
 /// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
 const PORTS: &[Port] = &[chamber("a"), chamber("b"), axis("rod", true)];
 
-const PARAMETERS: &[Parameter] = table! {
+const PARAMETERS: &[Row] = table! {
     bore: "m", physics::above(0.0), "Bore D";
     rod_diameter: "m", physics::at_least(0.0), default 0.0, "Diameter of the rod d";
     stroke: "m", physics::above(0.0), "Stroke";
@@ -22,12 +22,16 @@ const PARAMETERS: &[Parameter] = table! {
     dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
     moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
     incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
-    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, "Heat-transfer coefficient to the wall";
-    wall_temperature: "K", physics::above(0.0), "Temperature of the wall";
+    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
+        "Heat-transfer coefficient to the wall";
+    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
     leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
-    end_stop_stiffness: "N/m", physics::above(0.0), "Stiffness of the end stops";
-    end_stop_damping: "N s/m", physics::at_least(0.0), "Damping of the end stops";
-    end_stop_damping_depth: "m", physics::above(0.0), "Depth from which the damper acts fully";
+    end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
+        "Stiffness of the end stops";
+    end_stop_damping: "N s/m", physics::at_least(0.0), follows "the stiffness of the end stop",
+        "Damping of the end stops";
+    end_stop_damping_depth: "m", physics::above(0.0), follows "the dead volumes",
+        "Depth from which the damper acts fully";
 };
 
 const KIND: Kind = Kind {
@@ -38,13 +42,6 @@ const KIND: Kind = Kind {
     sources: &["bejan2016"],
     ports: PORTS,
     parameters: PARAMETERS,
-    assumed: &[("heat_transfer", "of air in a cylinder of this size")],
-    follows: &[
-        ("wall_temperature", "the ambient temperature"),
-        ("end_stop_stiffness", "the circuit, so that a sensible run never reaches a cover"),
-        ("end_stop_damping", "the stiffness of the end stop"),
-        ("end_stop_damping_depth", "the dead volumes"),
-    ],
     choices: &[Choice {
         name: "chamber_law",
         options: &["energy-balance", "as-printed"],

@@ -1,8 +1,7 @@
-use super::{Build, Component, Instance, Kind, Terminals, gas, table};
+use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, gas, table};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
-use physics::flow::LINEAR_ABOVE;
 
 /// A restriction that is always open.
 pub struct Fitting;
@@ -17,10 +16,9 @@ impl Component for Fitting {
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
-            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m";
-            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
         },
-        assumed: &[("linear_above", "a modelling parameter")],
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
         ..Kind::PLAIN

@@ -1,8 +1,7 @@
-use super::{Build, Choice, Component, Instance, Kind, Terminals, gas, table};
+use super::{Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, gas, table};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
-use physics::flow::LINEAR_ABOVE;
 
 /// A one-way flow control: a needle beside a check valve.
 pub struct FlowControl;
@@ -20,16 +19,13 @@ impl Component for FlowControl {
         parameters: table! {
             needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle as it is set, for air";
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the check valve, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, "Critical pressure ratio b of both paths";
-            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m of both paths";
-            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
-            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, "Cracking pressure of the check valve, a difference";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a fitting of this kind",
+                "Critical pressure ratio b of both paths";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "a usual spring",
+                "Cracking pressure of the check valve, a difference";
         },
-        assumed: &[
-            ("critical_pressure_ratio", "of a fitting of this kind"),
-            ("linear_above", "a modelling parameter"),
-            ("cracking_pressure", "a usual spring"),
-        ],
         choices: &[Choice {
             name: "throttles",
             options: &["out", "in", "both"],

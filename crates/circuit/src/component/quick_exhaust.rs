@@ -1,7 +1,6 @@
-use super::{Build, Component, Instance, Kind, Terminals, exhaust, gas, table};
+use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, exhaust, gas, table};
 use crate::assembly::Quantity;
 use math::Lane;
-use physics::flow::LINEAR_ABOVE;
 
 /// A quick exhaust valve.
 pub struct QuickExhaust;
@@ -17,18 +16,15 @@ impl Component for QuickExhaust {
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C from port 1 to port 2, for air";
             exhaust_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_23 from port 2 to port 3, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, "Critical pressure ratio b of both paths";
-            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m of both paths";
-            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
-            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, "Cracking pressure from port 1 to port 2, a difference";
-            switching_pressure: "Pa", physics::above(0.0), default 1e4, "Difference dp from which on port 3 is fully open";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a valve of this kind",
+                "Critical pressure ratio b of both paths";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "a usual lip seal",
+                "Cracking pressure from port 1 to port 2, a difference";
+            switching_pressure: "Pa", physics::above(0.0), default 1e4, assumed "a usual lip seal",
+                "Difference dp from which on port 3 is fully open";
         },
-        assumed: &[
-            ("critical_pressure_ratio", "of a valve of this kind"),
-            ("linear_above", "a modelling parameter"),
-            ("cracking_pressure", "a usual lip seal"),
-            ("switching_pressure", "a usual lip seal"),
-        ],
         outputs: &[
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
             ("exhaust_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),

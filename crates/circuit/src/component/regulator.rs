@@ -1,8 +1,10 @@
-use super::{Acts, Build, Choice, Component, Holds, Instance, Kind, Port, Terminals, exhaust, gas, table};
+use super::{
+    Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, SUBSONIC_INDEX, Terminals,
+    exhaust, gas, table,
+};
 use crate::assembly::Quantity;
 use crate::part::{Regulating, Regulator};
 use math::Lane;
-use physics::flow::LINEAR_ABOVE;
 
 /// A pressure regulator.
 pub struct PressureRegulator;
@@ -18,24 +20,21 @@ impl Component for PressureRegulator {
         parameters: table! {
             set_pressure: "Pa abs", physics::above(0.0), "Set pressure p_set";
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open seat, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, "Critical pressure ratio b of both paths";
-            full_opening_drop: "Pa", physics::above(0.0), default 6e4, "Drop dp_full below p_set at which the seat is fully open, a difference";
-            time_constant: "s", physics::above(0.0), default 0.03, "Time constant tau of the seat";
-            relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, "Sonic conductance of the open relief, for air";
-            relief_offset: "Pa", physics::at_least(0.0), default 2e4, "Rise dp_on above p_set from which on it relieves, a difference";
-            relief_rise: "Pa", physics::above(0.0), default 2e4, "Further rise dp_relief at which the relief is fully open, a difference";
-            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m of both paths";
-            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a seat of this kind",
+                "Critical pressure ratio b of both paths";
+            full_opening_drop: "Pa", physics::above(0.0), default 6e4, assumed "of a small regulator",
+                "Drop dp_full below p_set at which the seat is fully open, a difference";
+            time_constant: "s", physics::above(0.0), default 0.03, assumed "of a small regulator",
+                "Time constant tau of the seat";
+            relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, assumed "of a small regulator",
+                "Sonic conductance of the open relief, for air";
+            relief_offset: "Pa", physics::at_least(0.0), default 2e4, assumed "of a small regulator",
+                "Rise dp_on above p_set from which on it relieves, a difference";
+            relief_rise: "Pa", physics::above(0.0), default 2e4, assumed "of a small regulator",
+                "Further rise dp_relief at which the relief is fully open, a difference";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
         },
-        assumed: &[
-            ("critical_pressure_ratio", "of a seat of this kind"),
-            ("full_opening_drop", "of a small regulator"),
-            ("time_constant", "of a small regulator"),
-            ("relief_conductance", "of a small regulator"),
-            ("relief_offset", "of a small regulator"),
-            ("relief_rise", "of a small regulator"),
-            ("linear_above", "a modelling parameter"),
-        ],
         choices: &[Choice {
             name: "relieving",
             options: &["yes", "no"],

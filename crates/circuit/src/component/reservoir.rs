@@ -13,9 +13,8 @@ impl Component for Reservoir {
         ports: &[Port { holds: Holds::Pressure, ..gas("1") }],
         parameters: table! {
             pressure: "Pa abs", physics::above(0.0), "Pressure";
-            temperature: "K", physics::above(0.0), "Temperature";
+            temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature";
         },
-        follows: &[("temperature", "the ambient temperature")],
         inputs: &[("pressure_pa", "Pa", "absolute pressure"), ("temperature_k", "K", "temperature")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of the reservoir")],
         ..Kind::PLAIN

@@ -1,8 +1,7 @@
-use super::{Build, Component, Instance, Kind, Terminals, exhaust, gas, table};
+use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, exhaust, gas, table};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
-use physics::flow::LINEAR_ABOVE;
 
 /// A silencer: a flow path into the ambient air.
 pub struct Silencer;
@@ -18,10 +17,9 @@ impl Component for Silencer {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the clean silencer, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
             clogging: "1", physics::Bounds { open_above: true, ..physics::within(0.0, 1.0) }, default 0.0, "Share of C that dirt takes away";
-            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m";
-            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
         },
-        assumed: &[("linear_above", "a modelling parameter")],
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow into the ambient air")],
         ..Kind::PLAIN

@@ -1,8 +1,8 @@
-use super::{Brings, Build, Component, Instance, Kind, Port, Terminals, gas, table};
+use super::{Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Terminals, gas, table};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
-use physics::flow::{Iso6358, LINEAR_ABOVE};
+use physics::flow::Iso6358;
 use std::f64::consts::PI;
 
 /// A tube without waves: a flow path, and half of its volume at each end.
@@ -20,15 +20,12 @@ impl Component for Tube {
         parameters: table! {
             length: "m", physics::above(0.0), "Length L";
             diameter: "m", physics::above(0.0), "Inner diameter d";
-            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C, where it was measured";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b, where it was measured";
-            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+            conductance: "m3/(s Pa)", physics::above(0.0), follows "length and diameter, by an empirical formula (assumed)",
+                "Sonic conductance C, where it was measured";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "conductance and diameter, by an empirical formula (assumed)",
+                "Critical pressure ratio b, where it was measured";
+            LINEAR_ABOVE;
         },
-        assumed: &[("linear_above", "a modelling parameter")],
-        follows: &[
-            ("conductance", "length and diameter, by an empirical formula (assumed)"),
-            ("critical_pressure_ratio", "conductance and diameter, by an empirical formula (assumed)"),
-        ],
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
         ..Kind::PLAIN

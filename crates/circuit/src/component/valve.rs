@@ -1,8 +1,9 @@
-use super::{Acts, Build, Component, Instance, Kind, Terminals, exhaust, gas, table};
+use super::{
+    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, exhaust, gas, table,
+};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
-use physics::flow::LINEAR_ABOVE;
 
 /// A 5/3 proportional valve without dynamics.
 pub struct Proportional53;
@@ -18,10 +19,9 @@ impl Component for Proportional53 {
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of each edge at full opening, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
-            subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m";
-            linear_above: "1", physics::between(0.0, 1.0), default LINEAR_ABOVE, "Pressure ratio above which the flow is linear";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
         },
-        assumed: &[("linear_above", "a modelling parameter")],
         inputs: &[("command", "1", "valve command")],
         outputs: &[
             ("command", "1", "valve command"),
