@@ -39,6 +39,11 @@ impl Path {
         Path { kind: opening.kind, index: opening.index, path: 0, backward: false }
     }
 
+    /// One of those of a part.
+    pub(crate) fn along(part: PartId, path: usize) -> Self {
+        Path { kind: part.kind, index: part.index, path, backward: false }
+    }
+
     #[must_use]
     pub fn backward(self) -> Self {
         Path { backward: !self.backward, ..self }
@@ -305,35 +310,18 @@ impl<R: Lane> Circuit<R> {
 
     /// Mass flow through a path at the nodes, kg/s.
     pub fn flow(&self, path: Path, net: &Net<R>) -> R {
-        let flow = match path.kind {
-            PartKind::CheckValve => self.parts.check_valves[path.index].1.flow(net),
-            PartKind::Regulating => self.parts.regulators[path.index].1.flow(path.path, net).0,
-            PartKind::Cup => self.parts.cups[path.index].1.flow(net).0,
-            _ => {
-                let part = &self.parts.restrictions[path.index].1;
-                part.flow(&net.gas[part.from], &net.gas[part.to]).0
-            }
-        };
+        let flow = self.parts.flow((path.kind, path.index, path.path), net);
         if path.backward { -flow } else { flow }
     }
 
     /// Mass flow out of a node through all paths, kg/s: that of a reservoir.
     pub fn flow_out_of(&self, node: GasId, net: &Net<R>) -> R {
-        let parts = &self.parts;
-        let restrictions = parts.restrictions.iter().map(|(_, part)| (part.from, part.to));
-        let check_valves = parts.check_valves.iter().map(|(_, part)| (part.from, part.to));
-        let cups = parts.cups.iter().map(|(_, part)| (part.from, part.to));
-        let seat = |path: usize| parts.regulators.iter().map(move |(_, part)| part.ends(path).0);
-        let of = |kind, path| move |(index, ends)| (Path { kind, index, path, backward: false }, ends);
-        let all = restrictions.enumerate().map(of(PartKind::Restriction, 0));
-        let all = all.chain(check_valves.enumerate().map(of(PartKind::CheckValve, 0)));
-        let all = all.chain(cups.enumerate().map(of(PartKind::Cup, 0)));
-        let all =
-            all.chain((0..2).flat_map(|path| seat(path).enumerate().map(of(PartKind::Regulating, path))));
-        all.fold(R::zero(), |sum, (path, (from, to))| match (from == node.0, to == node.0) {
-            (true, false) => sum + self.flow(path, net),
-            (false, true) => sum - self.flow(path, net),
-            _ => sum,
+        self.parts.paths().fold(R::zero(), |sum, (kind, index, path, ends)| {
+            match (ends.from == node, ends.to == node) {
+                (true, false) => sum + self.parts.flow((kind, index, path), net),
+                (false, true) => sum - self.parts.flow((kind, index, path), net),
+                _ => sum,
+            }
         })
     }
 

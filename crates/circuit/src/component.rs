@@ -17,7 +17,7 @@ mod valve;
 use crate::assembly::Quantity;
 use crate::assembly::end_stop::Ends;
 use crate::circuit::{AxisId, Circuit, GasId, Path};
-use crate::part::{ChamberLaw, InputId};
+use crate::part::{ChamberLaw, CheckValve, InputId, Kept, PartId};
 use crate::run::Error;
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
@@ -327,17 +327,17 @@ impl<P: Lane> Build<P> {
         self.circuit.restriction(law, from, to)
     }
 
-    /// A path that opens by itself.
-    fn check_valve(&mut self, law: Iso6358<P>, cracking_pressure: P, from: GasId, to: GasId) -> Path {
-        self.paths.push((law.conductance, from, to));
-        self.circuit.check_valve(law, cracking_pressure, from, to)
+    /// A part with flow paths, each of the conductance given.
+    fn flow_part<T: Kept<P>>(&mut self, part: T, conductances: &[P]) -> PartId {
+        let paths = part.paths().iter().zip(conductances);
+        self.paths.extend(paths.map(|(path, conductance)| (*conductance, path.from, path.to)));
+        self.circuit.add(part)
     }
 
-    /// A path from the second node to the third that opens as the second rises above the first, fully from a pressure
-    /// difference, Pa, on.
-    fn piloted(&mut self, law: Iso6358<P>, switching_pressure: P, nodes: [GasId; 3]) -> Path {
-        self.paths.push((law.conductance, nodes[1], nodes[2]));
-        self.circuit.cup(law, switching_pressure, nodes)
+    /// A path that opens by itself.
+    fn check_valve(&mut self, law: Iso6358<P>, cracking_pressure: P, from: GasId, to: GasId) -> Path {
+        let (conductance, path) = (law.conductance, self.circuit.between(from, to));
+        Path::along(self.flow_part(CheckValve { law, cracking_pressure, path }, &[conductance]), 0)
     }
 
     /// The largest sonic conductance through which gas leaves a node.

@@ -8,6 +8,7 @@ pub(crate) mod cylinder;
 mod end_stops;
 mod face;
 mod link;
+mod path;
 mod regulator;
 mod reservoir;
 mod restriction;
@@ -29,7 +30,8 @@ pub use cylinder::{Cylinder, OtherCylinder};
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
 pub use link::Link;
-pub use regulator::{Regulating, Regulator};
+pub use path::Between;
+pub use regulator::Regulator;
 pub use reservoir::Reservoir;
 pub use restriction::Restriction;
 pub use spring::Spring;
@@ -58,6 +60,19 @@ pub struct InputId {
     pub(crate) kind: PartKind,
     pub(crate) index: usize,
     pub(crate) input: usize,
+}
+
+/// A part of a circuit: its kind, and which of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartId {
+    pub(crate) kind: PartKind,
+    pub(crate) index: usize,
+}
+
+impl PartId {
+    pub(crate) fn input(self, input: usize) -> InputId {
+        InputId { kind: self.kind, index: self.index, input }
+    }
 }
 
 /// An event of a circuit: the kind of part, which of them, and which of its events.
@@ -184,8 +199,23 @@ pub trait Part<P: Real> {
     fn shape<S: Over<P>>(&self, _net: &mut Net<S>) {}
     #[inline(always)]
     fn potential<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
+    /// Its flow paths. What passes them is exchanged and booked for the part.
     #[inline(always)]
-    fn exchange<S: Over<P>>(&self, _net: &mut Net<S>, _common: &Common<P>) {}
+    fn paths(&self) -> &[Between] {
+        &[]
+    }
+    /// Mass flow along one of them, kg/s, and where it goes backward.
+    #[inline(always)]
+    fn flow<S: Over<P>>(&self, path: usize, _net: &Net<S>) -> (S, S::Mask) {
+        unreachable!("there is no flow path {path}")
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        for (path, ends) in self.paths().iter().enumerate() {
+            path::post(net, *ends, self.flow(path, net));
+        }
+    }
     #[inline(always)]
     fn rate<S: Over<P>>(&self, _y: Own<S>, _dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {}
 
@@ -195,21 +225,18 @@ pub trait Part<P: Real> {
     }
     /// The part's accounts.
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        Vec::new()
+        self.paths().iter().flat_map(|_| path::CHANNELS).collect()
     }
     /// Whether its accounts stand still as it is now.
     fn rests(&self) -> bool {
         false
     }
     /// Rates of the accounts, where `dy` are those of the states.
-    fn account<S: Over<P>>(
-        &self,
-        _y: Own<S>,
-        _dy: Own<S>,
-        _net: &Net<S>,
-        _common: &Common<P>,
-        _out: &mut [S],
-    ) {
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let own = out.chunks_exact_mut(path::CHANNELS.len());
+        for ((path, ends), own) in self.paths().iter().enumerate().zip(own) {
+            path::throttling(net, *ends, self.flow(path, net), common, own);
+        }
     }
     /// Sets the part's states to what its nodes are given. Called with the volumes of `net` unknown, then with those
     /// that the positions leave.
@@ -269,6 +296,16 @@ pub trait Part<P: Real> {
     fn standing<S: Over<P>>(&self, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
 }
 
+/// A part that a circuit keeps with those of its kind.
+pub(crate) trait Kept<P>: Part<P> + Sized
+where
+    P: Real,
+{
+    const KIND: PartKind;
+
+    fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)>;
+}
+
 /// Where a part's states and accounts lie.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Place {
@@ -300,39 +337,46 @@ macro_rules! parts {
         parts!(@storage $($usual: $usual_part,)* $($other: $other_part),*);
 
         impl<P: Real> Parts<P> {
-            parts!(@phase place, place_others, [$($usual),*], [$($other),*],
+            parts!(@phase place, place_others, [$($usual),*], [$($other: $other_part),*],
                 (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
                 |at, part| part.place(Own { y, place: *at }, net, common));
-            parts!(@phase shape, shape_others, [$($usual),*], [$($other),*],
+            parts!(@phase shape, shape_others, [$($usual),*], [$($other: $other_part),*],
                 (net: &mut Net<S>), (net),
                 |_at, part| part.shape(net));
-            parts!(@phase potential, potential_others, [$($usual),*], [$($other),*],
+            parts!(@phase potential, potential_others, [$($usual),*], [$($other: $other_part),*],
                 (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
                 |at, part| part.potential(Own { y, place: *at }, net, common));
-            parts!(@phase exchange, exchange_others, [$($usual),*], [$($other),*],
+            parts!(@phase exchange, exchange_others, [$($usual),*], [$($other: $other_part),*],
                 (net: &mut Net<S>, common: &Common<P>), (net, common),
                 |_at, part| part.exchange(net, common));
-            parts!(@phase rate, rate_others, [$($usual),*], [$($other),*],
+            parts!(@phase rate, rate_others, [$($usual),*], [$($other: $other_part),*],
                 (y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>), (y, dy, net, common),
                 |at, part| part.rate(Own { y, place: *at }, OwnMut { y: &mut *dy, place: *at }, net, common));
         }
     };
-    (@phase $name:ident, $others:ident, [$($usual:ident),*], [$($other:ident),*],
+    (@phase $name:ident, $others:ident, [$($usual:ident),*], [$($other:ident: $other_part:ident),*],
         ($($argument:ident: $type:ty),*), $values:tt, |$at:ident, $part:ident| $call:expr) => {
         #[inline(always)]
         pub fn $name<S: Over<P>>(&self, $($argument: $type),*) {
             $(for ($at, $part) in &self.$usual {
                 $call;
             })*
-            if self.has_others {
+            if !self.present.is_empty() {
                 self.$others $values;
             }
         }
         #[inline(never)]
         fn $others<S: Over<P>>(&self, $($argument: $type),*) {
-            $(for ($at, $part) in &self.$other {
-                $call;
-            })*
+            for kind in &self.present {
+                match kind {
+                    $(PartKind::$other_part => {
+                        for ($at, $part) in &self.$other {
+                            $call;
+                        }
+                    })*
+                    _ => {}
+                }
+            }
         }
     };
     (@storage $($field:ident: $part:ident),* $(,)?) => {
@@ -346,22 +390,48 @@ macro_rules! parts {
         #[derive(Clone, Debug)]
         pub(crate) struct Parts<P> {
             $(pub $field: Vec<(Place, $part<P>)>,)*
-            /// There are parts beside the usual ones.
-            has_others: bool,
+            /// The kinds beside the usual ones that there are parts of.
+            present: Vec<PartKind>,
         }
 
         impl<P> Default for Parts<P> {
             fn default() -> Self {
-                Parts { $($field: Vec::new(),)* has_others: true }
+                Parts { $($field: Vec::new(),)* present: Vec::new() }
             }
         }
 
+        $(impl<P: Real> Kept<P> for $part<P> {
+            const KIND: PartKind = PartKind::$part;
+
+            fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)> {
+                &mut parts.$field
+            }
+        })*
+
         impl<P: Real> Parts<P> {
+            /// Every flow path: the kind of its part, which of them, which path of that, and its ends.
+            pub fn paths(&self) -> impl Iterator<Item = (PartKind, usize, usize, Between)> {
+                let mut all = Vec::new();
+                $(for (index, (_, part)) in self.$field.iter().enumerate() {
+                    let each = Part::<P>::paths(part).iter().enumerate();
+                    all.extend(each.map(|(path, ends)| (PartKind::$part, index, path, *ends)));
+                })*
+                all.into_iter()
+            }
+
+            /// Mass flow along one of them, kg/s.
+            pub fn flow<S: Over<P>>(&self, (kind, index, path): (PartKind, usize, usize), net: &Net<S>) -> S {
+                match kind {
+                    $(PartKind::$part => self.$field[index].1.flow(path, net).0,)*
+                }
+            }
+
             /// Gives every part its place; the states' names and scales in that order, then the accounts.
             pub fn lay_out(&mut self) -> (Vec<(String, State)>, Vec<Channel>) {
-                let all = 0 $(+ self.$field.len())*;
-                self.has_others =
-                    all > self.cylinders.len() + self.reservoirs.len() + self.restrictions.len();
+                let usual = [PartKind::Cylinder, PartKind::Reservoir, PartKind::Restriction];
+                let all = [$((PartKind::$part, self.$field.len())),*];
+                let others = all.into_iter().filter(|(kind, count)| *count > 0 && !usual.contains(kind));
+                self.present = others.map(|(kind, _)| kind).collect();
                 let (mut states, mut channels) = (Vec::new(), Vec::new());
                 let (mut named, mut counted) = (Names::default(), Names::default());
                 $(for (place, part) in &mut self.$field {
@@ -427,7 +497,7 @@ macro_rules! parts {
             }
 
             pub fn obstacles(&self, y: &[P], net: &mut Net<P>, common: &Common<P>, mut out: &mut [P]) {
-                if self.has_others {
+                if !self.present.is_empty() {
                     self.place_others(y, net, common);
                 }
                 $(for (at, part) in &self.$field {
@@ -505,7 +575,7 @@ macro_rules! parts {
                 Parts { $($field: (0..each[0].$field.len()).map(|i| {
                     let own: Vec<&$part<f64>> = each.iter().map(|parts| &parts.$field[i].1).collect();
                     (each[0].$field[i].0, $part::gather(&own))
-                }).collect(),)* has_others: each[0].has_others }
+                }).collect(),)* present: each[0].present.clone() }
             }
         }
 
@@ -572,5 +642,5 @@ parts! {
         links: Link,
         check_valves: CheckValve,
         cups: Cup,
-        regulators: Regulating,
+        regulators: Regulator,
 }

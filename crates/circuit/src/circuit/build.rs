@@ -1,6 +1,6 @@
 //! A circuit from its parts: adding them, joining them, and the state that they start from.
 
-use super::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide, Topology, next_filling};
+use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, Topology, next_filling};
 use crate::part::*;
 use math::{Deps, Lane, Over};
 use ode::{Structure, System};
@@ -70,57 +70,28 @@ impl<R: Lane> Circuit<R> {
         self.parts.reservoirs.iter().any(|(_, part)| part.node == id.0)
     }
 
+    /// A flow path from one gas node to another.
+    pub fn between(&self, from: GasId, to: GasId) -> Between {
+        Between { from, to, boundary: [self.is_reservoir(from), self.is_reservoir(to)] }
+    }
+
+    /// A number that parts tell each other or themselves: its place among the signals.
+    pub(crate) fn signal(&mut self) -> usize {
+        self.signals += 1;
+        self.signals - 1
+    }
+
+    /// A part whose nodes are there.
+    pub(crate) fn add<T: Kept<R>>(&mut self, part: T) -> PartId {
+        let kept = T::kept(&mut self.parts);
+        kept.push((Place::default(), part));
+        PartId { kind: T::KIND, index: kept.len() - 1 }
+    }
+
     /// A restriction between two gas nodes, closed at first: its opening, 0 closed, 1 full.
     pub fn restriction(&mut self, law: physics::flow::Iso6358<R>, from: GasId, to: GasId) -> InputId {
-        let part = Restriction {
-            law,
-            opening: R::zero(),
-            closed: false,
-            from: from.0,
-            to: to.0,
-            from_boundary: self.is_reservoir(from),
-            to_boundary: self.is_reservoir(to),
-        };
-        self.parts.restrictions.push((Place::default(), part));
-        InputId { kind: PartKind::Restriction, index: self.parts.restrictions.len() - 1, input: 0 }
-    }
-
-    /// A flow path that opens by itself from one gas node to another, from a pressure difference, Pa, on.
-    pub fn check_valve(
-        &mut self,
-        law: physics::flow::Iso6358<R>,
-        cracking_pressure: R,
-        from: GasId,
-        to: GasId,
-    ) -> Path {
-        let boundary = [from, to].map(|node| self.is_reservoir(node));
-        let part = CheckValve { law, cracking_pressure, from: from.0, to: to.0, boundary };
-        self.parts.check_valves.push((Place::default(), part));
-        let index = self.parts.check_valves.len() - 1;
-        Path { kind: PartKind::CheckValve, index, path: 0, backward: false }
-    }
-
-    /// A flow path from the second node to the third that opens as the second rises above the first.
-    pub fn cup(
-        &mut self,
-        law: physics::flow::Iso6358<R>,
-        switching_pressure: R,
-        [pilot, from, to]: [GasId; 3],
-    ) -> Path {
-        let boundary = [from, to].map(|node| self.is_reservoir(node));
-        let part = Cup { law, switching_pressure, pilot: pilot.0, from: from.0, to: to.0, boundary };
-        self.parts.cups.push((Place::default(), part));
-        Path { kind: PartKind::Cup, index: self.parts.cups.len() - 1, path: 0, backward: false }
-    }
-
-    /// A pressure regulator between three gas nodes: the input that is its set pressure, and its two paths.
-    pub fn regulator(&mut self, part: Regulating<R>, nodes: [GasId; 3]) -> (InputId, [Path; 2]) {
-        let (boundary, signal) = (nodes.map(|node| self.is_reservoir(node)), self.signals);
-        let own = Regulator { signal, nodes: nodes.map(|node| node.0), boundary, ..part.own };
-        self.parts.regulators.push((Place::default(), Regulating { own, ..part }));
-        self.signals += 1;
-        let (kind, index) = (PartKind::Regulating, self.parts.regulators.len() - 1);
-        (InputId { kind, index, input: 0 }, [0, 1].map(|path| Path { kind, index, path, backward: false }))
+        let path = self.between(from, to);
+        self.add(Restriction { law, opening: R::zero(), closed: false, path }).input(0)
     }
 
     /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.

@@ -1,5 +1,7 @@
 use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, exhaust, gas, table};
 use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::part::Cup;
 use math::Lane;
 
 /// A quick exhaust valve.
@@ -37,7 +39,9 @@ impl Component for QuickExhaust {
         let inlet = own.path("conductance", build);
         let inlet = build.check_valve(inlet, own.number("cracking_pressure"), one, two);
         let law = own.path("exhaust_conductance", build);
-        let outlet = build.piloted(law, own.number("switching_pressure"), [one, two, out]);
+        let (conductance, path) = (law.conductance, build.circuit.between(two, out));
+        let cup = Cup { law, switching_pressure: own.number("switching_pressure"), pilot: one, path };
+        let outlet = Path::along(build.flow_part(cup, &[conductance]), 0);
         build.column(own, 0, Quantity::Flow([Some(inlet), None]));
         build.column(own, 1, Quantity::Flow([Some(outlet), None]));
     }

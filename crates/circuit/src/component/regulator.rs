@@ -3,7 +3,8 @@ use super::{
     exhaust, gas, table,
 };
 use crate::assembly::Quantity;
-use crate::part::{Regulating, Regulator};
+use crate::circuit::Path;
+use crate::part::Regulator;
 use math::Lane;
 
 /// A pressure regulator.
@@ -50,23 +51,22 @@ impl Component for PressureRegulator {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(one), Some(two), Some(out)) = (at.gas(0), at.gas(1), at.gas(2)) else { return };
-        let never = P::c(f64::INFINITY);
-        let part = Regulating {
-            own: Regulator {
-                set_pressure: own.number("set_pressure"),
-                full_opening_drop: own.number("full_opening_drop"),
-                time_constant: own.number("time_constant"),
-                relief_offset: if own.choices[0] == 0 { own.number("relief_offset") } else { never },
-                relief_rise: own.number("relief_rise"),
-                signal: 0,
-                nodes: [0; 3],
-                boundary: [false; 3],
-            },
+        let relieves = own.choices[0] == 0;
+        let part = Regulator {
+            set_pressure: own.number("set_pressure"),
+            full_opening_drop: own.number("full_opening_drop"),
+            time_constant: own.number("time_constant"),
+            relief_offset: if relieves { own.number("relief_offset") } else { P::c(f64::INFINITY) },
+            relief_rise: own.number("relief_rise"),
             seat: own.path("conductance", build),
             relief: own.path("relief_conductance", build),
+            signal: build.circuit.signal(),
+            paths: [build.circuit.between(one, two), build.circuit.between(two, out)],
         };
-        build.paths.push((part.seat.conductance, one, two));
-        let (input, paths) = build.circuit.regulator(part, [one, two, out]);
+        // Through the relief gas leaves what it protects: no cylinder's end stops follow from it.
+        let conductance = part.seat.conductance;
+        let part = build.flow_part(part, &[conductance]);
+        let (input, paths) = (part.input(0), [0, 1].map(|path| Path::along(part, path)));
         build.input(own, 0, Acts::On(input));
         for (output, path) in paths.into_iter().enumerate() {
             build.column(own, output, Quantity::Flow([Some(path), None]));
