@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Spring as Spring
     from pneudrive.describe import Supply as Supply
     from pneudrive.describe import Valve as Valve
+    from pneudrive.describe.catalogue import catalogue_folders as catalogue_folders
     from pneudrive.describe.tank import Tank as Tank
     from pneudrive.errors import PneudriveError as PneudriveError
     from pneudrive.identify import fit_any_law as fit_any_law
@@ -62,6 +63,7 @@ _HOME = {
     ),
     **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
+    "catalogue_folders": "pneudrive.describe.catalogue",
     "save": "pneudrive.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.characteristics"),
     "compare": "pneudrive.characteristics.compare.comparison",

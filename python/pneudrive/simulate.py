@@ -227,7 +227,7 @@ def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -
         "statistics": result["statistics"],
         "warnings": [*drive.notes, *result["warnings"]],
         "impacts": result["impacts"],
-        "citations": result["citations"],
+        "citations": list(dict.fromkeys([*result["citations"], *getattr(drive, "cited", ())])),
         "assumed": drive.assumed(),
         "labels": dict(drive.labels),
         **({"identified": drive.to_dict()["provenance"]} if getattr(drive, "provenance", None) else {}),

@@ -1,12 +1,32 @@
 """Every drive of the catalogue simulates, and every value has a source that is in references.bib, or a reason."""
 
+from __future__ import annotations
+
+import math
+
 import pytest
 
 import pneudrive as pn
+from pneudrive import _core, units
+from pneudrive.cli.main import run
 from pneudrive.describe import catalogue
+from pneudrive.describe.components import component, component_class
+from pneudrive.describe.geometry import piston_areas
+from pneudrive.errors import DescriptionError, PneudriveWarning
 from pneudrive.references import bibtex
 
-DRIVES = [name for name, e in catalogue.entries().items() if e.kind == "drive"]
+DRIVES = [name for name, e in catalogue.entries().items() if e.is_drive]
+PARTS = [e for e in catalogue.entries().values() if not e.is_drive]
+
+#: What the parts leave open, so that each can be read as a component.
+REST = {
+    "stroke": "100 mm",
+    "dead_volume": {"a": "5 cm3", "b": "5 cm3"},
+    "moving_mass": "1 kg",
+    "friction": {"law": "coulomb", "coulomb": "10 N"},
+    "length": "1 m",
+    "conductance": "1 dm3/(s bar)",
+}
 
 # What a trajectory calls its drive: another hash means that runs of before are of another drive.
 HASHES = {
@@ -41,8 +61,225 @@ def test_every_value_has_a_source_or_a_reason():
         assert any(v.source for v in catalogue.all_values(catalogue.entry(name)))
 
 
-def test_a_value_without_source_or_reason_is_refused(tmp_path):
-    path = tmp_path / "part.toml"
-    path.write_text('kind = "valve"\ntitle = "x"\n\n[values]\nconductance = { value = "2 dm3/(s bar)" }\n')
-    with pytest.raises(pn.errors.DescriptionError, match=r"conductance has neither a source nor a reason.*part.toml:5"):
-        catalogue._read(path)
+def si(value):
+    """Return the SI number of a printed figure."""
+    number, unit = value.split(" ", 1)
+    known = {"N": "N", "mm2": "m^2", "cm2": "m^2", "l": "m^3", "l/min ANR": "m^3/s ANR"}
+    return units.parse(f"{number} {unit}", known[unit])
+
+
+def made(part):
+    table = catalogue.part_table(f"catalogue:{part.name}")
+    own = {key: given for key, given in REST.items() if any(key in one for one in part.open)}
+    return component(component_class(part.kind).over(table, own))
+
+
+def test_each_part_is_a_component_once_what_it_leaves_open_is_given():
+    assert len(PARTS) >= 46
+    for part in PARTS:
+        one = made(part)
+        assert one.kind == part.kind
+        assert len(list(one.sources())) + len(list(one.assumed())) >= len(part.values) - 1
+
+
+def test_printed_figures_come_out_of_the_model():
+    """Nominal flow from C and b, force from the bore, C from the effective area, areas, air of a cycle."""
+    checked = 0
+    for part in PARTS:
+        printed = {v.key: v.value for v in part.printed}
+        one = made(part)
+        numbers = one.numbers(1.013e5)
+        if "nominal_flow" in printed:
+            flow = numbers["conductance"] * 7e5 * _core.flow_ratio(6 / 7, numbers["critical_pressure_ratio"], 0.5)
+            assert flow * 6e4 == pytest.approx(si(printed["nominal_flow"]) * 6e4, abs=0.5), part.name
+            checked += 1
+        if "theoretical_force_6bar" in printed:
+            force = 6e5 * math.pi / 4 * numbers["bore"] ** 2
+            assert force == pytest.approx(si(printed["theoretical_force_6bar"]), rel=6e-3), part.name  # OSP-P16: 0.5 %
+            checked += 1
+        if "effective_area" in printed:  # C in dm3/(s bar) is S in mm2 over 5, as printed with three digits
+            area = si(printed["effective_area"]) * 1e6
+            assert numbers["conductance"] * 1e8 == pytest.approx(area / 5.0, rel=4e-3), part.name
+            checked += 1
+        if "area_b" in printed:
+            areas = piston_areas("single-rod", numbers["bore"], numbers["rod_diameter"])
+            assert areas == pytest.approx([si(printed["area_a"]), si(printed["area_b"])], rel=6e-4)
+            air = 7.0 * 0.05 * sum(areas)
+            assert air == pytest.approx(si(printed["air_per_cycle_50mm_6bar"]), rel=2e-3)  # printed with pi = 3.14
+            checked += 1
+    assert checked == 4 + 8 + 8 + 1
+
+
+PART = """title = "Cylinder of ours"
+
+[values]
+kind = { value = "cylinder/rodless", source = "sheet" }
+bore = { value = "20 mm", source = "sheet" }
+stroke = { value = "80 mm", assumed = "ordered so" }
+dead_volume = { value = { a = "4 cm3", b = "5 cm3" }, assumed = "measured with water once" }
+friction.coulomb = { value = "9 N", source = "sheet", note = "printed as 0.9 kgf" }
+
+[sources.sheet]
+title = "Our sheet"
+address = "drawer 3"
+date = "2026-11-02"
+"""
+CIRCUIT = """schema = 1
+connections = ["mains -> valve.1", "valve.4 -> left.a", "valve.2 -> left.b"]
+[components.mains]
+kind = "reservoir"
+pressure = "7 bar abs"
+[components.valve]
+use = "catalogue:smc-sy3000"
+nominal_flow = "200 l/min ANR"
+[components.left]
+use = "catalogue:ours"
+moving_mass = "1 kg"
+stroke = "90 mm"
+friction = { law = "coulomb" }
+"""
+
+
+@pytest.fixture
+def shelf(tmp_path):
+    folder = tmp_path / "shelf"
+    folder.mkdir()
+    (folder / "ours.toml").write_text(PART)
+    (tmp_path / "circuit.toml").write_text(CIRCUIT)
+    return folder
+
+
+def test_a_component_uses_a_part_and_own_keys_override(shelf, tmp_path, capsys):
+    file, out = str(tmp_path / "circuit.toml"), tmp_path / "run.parquet"
+    asked = ["simulate", file, "--command", "1", "--duration", "0.1 s", "--out", str(out)]
+    assert run([*asked, "--catalogue", str(shelf)]) == 0
+    capsys.readouterr()
+    assert run(asked) == 2  # the folder counts for the command that names it
+    assert "the catalogue has no part 'ours'.   " + f"{file}:10" in capsys.readouterr().err
+    with pn.catalogue_folders(shelf):
+        circuit = pn.Circuit.load(file)
+    left = circuit.components["left"]
+    assert (left.bore_m, left.stroke_m, left.dead_volume_b_m3, left.friction.coulomb) == (0.02, 0.09, 5e-6, 9.0)
+    assert circuit.components["valve"].plain() == {
+        "kind": "valve/proportional-5/3",
+        "critical_pressure_ratio": 0.28,
+        "nominal_flow": "200 l/min ANR",
+    }
+    sheet = "Our sheet, drawer 3, 2026-11-02"
+    assert set(circuit.sources()) == {
+        "valve.critical_pressure_ratio = 0.28 [smc-eus11-83]",
+        f"left.bore = 20 mm [{sheet}]",
+        f"left.friction.coulomb = 9 N [{sheet}]",
+    }
+    assert "left.dead_volume_b = 5 cm3, measured with water once" in circuit.assumed()
+    assert not any("stroke" in line for line in circuit.assumed())  # it is the user's own
+    ran = circuit.simulate(1.0, "0.01 s", sample_rate="100 Hz")
+    assert "smc-eus11-83" in ran.attrs["citations"]
+    # What is written needs no catalogue, and keeps what is known of the values.
+    again = pn.Circuit.load(circuit.to_toml())
+    assert again.core_json() == circuit.core_json()
+    assert (again.sources(), again.assumed()) == (circuit.sources(), circuit.assumed())
+    assert circuit.replace({"components.left.bore": "21 mm"}).sources()[-1].startswith("left.friction.coulomb")
+
+
+def test_a_part_of_ones_own_takes_the_place_of_another(shelf):
+    (shelf / "smc-sy3000.toml").write_text(
+        'title = "x"\n[values]\nkind = { value = "fitting", assumed = "x" }\n'
+        'conductance = { value = "1 dm3/(s bar)", assumed = "x" }\n'
+    )
+    with pn.catalogue_folders(shelf), pytest.warns(PneudriveWarning, match="smc-sy3000 of .* takes the place of"):
+        assert catalogue.entry("smc-sy3000").kind == "fitting"
+    assert catalogue.entry("smc-sy3000").kind == "valve/proportional-5/3"
+
+
+SHELF_FAULTS = {
+    "no source": (
+        (', source = "sheet" }\nstroke', " }\nstroke"),
+        "bore has neither a source nor a reason",
+        ":5",
+        "Write",
+    ),
+    "both": (
+        ('assumed = "ordered so"', 'assumed = "x", source = "sheet"'),
+        "stroke has both a source and",
+        ":6",
+        "Write",
+    ),
+    "source": (
+        ('"20 mm", source = "sheet"', '"20 mm", source = "shet"'),
+        'source "shet" is not known',
+        ":5",
+        "[sources.shet]",
+    ),
+    "key": (("title", "tilte"), "tilte is not a known key", ":1", "Did you mean 'title'?"),
+    "unknown kind": (("cylinder/rodless", "cylinder/rodles"), "kind = 'cylinder/rodles' is not known", ":4", "rodless"),
+    "no key of the kind": (("bore =", "bor ="), "ours: bor is not a known key", ":5", "Did you mean 'bore'?"),
+    "unit": (('"20 mm"', '"20 bar"'), 'ours: bore: unit "bar" is a pressure', ":5", ""),
+    "inside a table": (('"5 cm3"', '"5 cm2"'), 'ours: dead_volume_b: unit "cm2" is an area', ":7", ""),
+    "bounds": (('"9 N"', '"-9 N"'), "ours: friction.coulomb", ":8", ""),
+    "no kind": (
+        ('kind = { value = "cylinder/rodless", source = "sheet" }\n', ""),
+        "ours: kind is missing",
+        "ours.toml",
+        "",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", SHELF_FAULTS)
+def test_a_fault_of_a_part_is_told_with_its_line(shelf, tmp_path, fault):
+    (old, new), what, line, remedy = SHELF_FAULTS[fault]
+    assert old in PART
+    (shelf / "ours.toml").write_text(PART.replace(old, new, 1))
+    with pn.catalogue_folders(shelf), pytest.raises(DescriptionError) as caught:
+        pn.Circuit.load(tmp_path / "circuit.toml")
+    assert what in caught.value.what
+    assert caught.value.where.endswith(line)
+    assert str(shelf) in caught.value.where
+    assert remedy in (caught.value.remedy or "")
+
+
+USE_FAULTS = {
+    "unknown": (("catalogue:smc-sy3000", "catalogue:smc-sy300"), "has no part 'smc-sy300'", 7, "smc-sy3000"),
+    "a drive": (("catalogue:smc-sy3000", "catalogue:reference"), "has no part 'reference'", 7, "Known"),
+    "no catalogue": (("catalogue:smc-sy3000", "smc-sy3000"), "is no part of the catalogue", 7, "catalogue:NAME"),
+    "kind": (
+        ('moving_mass = "1 kg"', 'kind = "tank"'),
+        "kind = 'tank', and catalogue:ours is a cylinder/rodless",
+        11,
+        "out",
+    ),
+    "left open": (('moving_mass = "1 kg"\n', ""), "left.moving_mass is missing", 9, "a mass"),
+    "own key": (('stroke = "90 mm"', 'strok = "90 mm"'), "left.strok is not a known key", 12, "stroke"),
+    "own source": (('"90 mm"', '{ value = "90 mm" }'), "stroke has neither a source", 12, "Write"),
+}
+
+
+@pytest.mark.parametrize("fault", USE_FAULTS)
+def test_a_fault_of_a_use_is_told_with_its_line(shelf, tmp_path, fault):
+    (old, new), what, line, remedy = USE_FAULTS[fault]
+    assert old in CIRCUIT
+    file = tmp_path / "circuit.toml"
+    file.write_text(CIRCUIT.replace(old, new, 1))
+    with pn.catalogue_folders(shelf), pytest.raises(DescriptionError) as caught:
+        pn.Circuit.load(file)
+    assert len(caught.value.each()) == 1, str(caught.value)
+    assert what in caught.value.what
+    assert caught.value.where == f"{file}:{line}"
+    assert remedy in (caught.value.remedy or "")
+
+
+def test_the_catalogue_lists_parts_and_what_they_leave_open(shelf, capsys):
+    assert run(["catalogue", "--catalogue", str(shelf)]) == 0
+    listed = capsys.readouterr().out
+    assert all(f"\n  {name} " in listed for name in catalogue.entries())
+    assert "cylinder/rodless: Cylinder of ours (3 of 5 values with a source)" in listed
+    for part in PARTS:
+        assert run(["catalogue", part.name]) == 0
+    capsys.readouterr()
+    assert run(["catalogue", "ours", "--catalogue", str(shelf)]) == 0
+    shown = capsys.readouterr().out
+    assert "[Our sheet, drawer 3, 2026-11-02] printed as 0.9 kgf" in shown
+    assert "Left open, to be given where it is used: moving_mass, the rest of friction." in shown
+    assert run(["catalogue", "--catalogue", str(shelf / "no")]) == 2
+    assert "there is no folder" in capsys.readouterr().err

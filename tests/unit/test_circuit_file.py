@@ -308,6 +308,9 @@ def test_the_schema_takes_the_example():
     schema = circuit_schema()
     tables = tomllib.loads(TEXT)
     jsonschema.validate(tables, schema)
+    tables["components"]["inlet"] = {"use": "catalogue:smc-kqgh06-01s", "conductance": "1 dm3/(s bar)"}
+    tables["components"]["tank"]["volume"] = {"value": "0.5 l", "source": "name plate"}
+    jsonschema.validate(tables, schema)
     tables["components"]["tank"]["volum"] = "1 l"
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(tables, schema)

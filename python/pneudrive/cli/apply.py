@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from pneudrive.cli.options import CatalogueFolders
+
 
 def apply(
     fit: Annotated[
@@ -23,6 +25,7 @@ def apply(
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Drive file to write; default: standard output.")] = None,
+    catalogue: CatalogueFolders = None,
 ) -> None:
     """Put the determined values of a fit into a drive, each with its interval and its recordings."""
     from pneudrive.describe import Drive, toml

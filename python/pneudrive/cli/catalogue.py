@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pneudrive.cli.options import CatalogueFolders
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
-    from pneudrive.describe.catalogue import Entry, Value
+    from pneudrive.describe.catalogue import Entry
 
 
 def catalogue(
     name: Annotated[str | None, typer.Argument(help="Part or drive to show.", metavar="NAME")] = None,
+    catalogue: CatalogueFolders = None,
     out: Annotated[Path | None, typer.Option(help="Write the drive NAME as a file to start from: .toml.")] = None,
 ) -> None:
     """List parts and drives; with a name, each of its values with its source, or why it is assumed."""
@@ -33,8 +35,8 @@ def _write(name: str | None, out: Path) -> None:
     from pneudrive.describe.catalogue import PREFIX, entries
     from pneudrive.trajectory import check_target, whole
 
-    if name is None or (name in entries() and entries()[name].kind != "drive"):
-        drives = ", ".join(one.name for one in entries().values() if one.kind == "drive")
+    if name is None or (name in entries() and not entries()[name].is_drive):
+        drives = ", ".join(one.name for one in entries().values() if one.is_drive)
         what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
         raise CommandError(what, remedy=f"Drives: {drives}.")
     target = check_target(out, (".toml",))
@@ -49,51 +51,47 @@ def _list(found: list[Entry]) -> None:
 
     width = max(len(e.name) for e in found)
     for heading, chosen in (
-        ("Drives (pneudrive simulate catalogue:NAME ...)", [e for e in found if e.kind == "drive"]),
-        ("Parts", [e for e in found if e.kind != "drive"]),
+        ("Drives (pneudrive simulate catalogue:NAME ...)", [e for e in found if e.is_drive]),
+        ('Parts (use = "catalogue:NAME" in a component of a circuit)', [e for e in found if not e.is_drive]),
     ):
         typer.echo(heading)
-        for e in chosen:
-            values = all_values(e) if e.kind == "drive" else list(e.values)
+        for e in sorted(chosen, key=lambda one: one.kind):
+            values = all_values(e) if e.is_drive else list(e.values)
             sourced = sum(v.source is not None for v in values)
-            typer.echo(f"  {e.name:<{width}}  {e.title} ({sourced} of {len(values)} values with a source)")
+            kind = "" if e.is_drive else f"{e.kind}: "
+            typer.echo(f"  {e.name:<{width}}  {kind}{e.title} ({sourced} of {len(values)} values with a source)")
         typer.echo("")
     typer.echo("pneudrive catalogue NAME shows every value with its source.")
 
 
 def _show(e: Entry) -> None:
-    from pneudrive.describe.catalogue import all_values
+    from pneudrive.describe.catalogue import all_values, check, entry
 
     typer.echo(f"{e.name}: {e.title}")
     notes = [e.note]
-    if e.kind == "drive":
-        from pneudrive.describe.catalogue import entry
-
+    if e.is_drive:
         for table, part in e.parts.items():
             typer.echo(f"  {table}: {part}")
             notes.append(entry(part).note)
+    else:
+        check(e)
     typer.echo("")
-    values = all_values(e) if e.kind == "drive" else list(e.values)
-    key_width = max(len(v.key) for v in values)
-    shown = {v.key: _plain(v.value) for v in values}
-    value_width = max(len(s) for s in shown.values())
-    for v in values:
-        typer.echo(f"  {v.key:<{key_width}}  {shown[v.key]:<{value_width}}  {_origin(v)}")
+    values = all_values(e) if e.is_drive else list(e.values)
+    lines = [(v.key, _plain(v.value), v.said) for v in values]
+    lines += [(f"printed.{v.key}", _plain(v.value), v.said) for v in e.printed]
+    widths = [max(len(line[column]) for line in lines) for column in (0, 1)]
+    for key, value, said in lines:
+        typer.echo(f"  {key:<{widths[0]}}  {value:<{widths[1]}}  {said}")
+    if not e.is_drive and e.open:
+        typer.echo(f"\nLeft open, to be given where it is used: {', '.join(e.open)}.")
     for note in filter(None, notes):
         typer.echo(f"\n{note}")
-    keys = sorted({v.source for v in values if v.source is not None})
-    if keys:
-        from pneudrive.references import bibtex
+    from pneudrive.references import bibtex
+    from pneudrive.references import entries as references
 
-        typer.echo("")
-        for key in keys:
-            typer.echo(bibtex(key) + "\n")
-
-
-def _origin(v: Value) -> str:
-    if v.source is None:
-        return f"assumed: {v.assumed}"
-    return f"[{v.source}]" + (f" {v.note}" if v.note else "")
+    keys = {v.source for v in (*values, *e.printed) if v.source is not None}
+    for key in sorted(keys & references().keys()):
+        typer.echo("\n" + bibtex(key))
 
 
 def _plain(value: object) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import sensor_option
+from pneudrive.cli.options import CatalogueFolders, sensor_option
 
 if TYPE_CHECKING:
     from pneudrive.identify.dynamic import Progress
@@ -45,6 +45,7 @@ def identify(
     profile: Annotated[bool, typer.Option(help="Intervals by profile likelihood, too.")] = False,
     layout: Annotated[Path | None, typer.Option(help="How foreign files are read.")] = None,
     out: Annotated[Path | None, typer.Option(help="File for the fit (TOML).", metavar="FIT.toml")] = None,
+    catalogue: CatalogueFolders = None,
 ) -> None:
     """Identify numbers of a drive from recordings by output error, with intervals and what cannot be determined.
 

@@ -1,14 +1,38 @@
-"""Options that are read as quantities."""
+"""Options that several commands share, and options that are read as quantities."""
 
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from pneudrive.errors import CommandError, DescriptionError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+
+def _open_catalogue(context: typer.Context, paths: list[Path] | None) -> list[Path] | None:
+    """Take the folders as long as the command runs."""
+    if paths:
+        from pneudrive.describe.catalogue import catalogue_folders
+
+        context.with_resource(catalogue_folders(*paths))
+    return paths
+
+
+#: Folders of the user's own parts and drives; a command that reads descriptions has this option and needs no more.
+CatalogueFolders = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--catalogue",
+        help="Folder of your own parts and drives, beside the catalogue; may be given several times.",
+        metavar="DIR",
+        callback=_open_catalogue,
+    ),
+]
 
 
 @contextmanager

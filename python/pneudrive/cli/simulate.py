@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pneudrive.cli.options import CatalogueFolders
 from pneudrive.errors import CommandError
 
 MOST_IMPACTS = 5  # shown; the file holds all of them
@@ -38,6 +39,7 @@ def simulate(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png, .svg, .pdf or .html.")] = None,
+    catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate a drive or a circuit and write its trajectory."""
     from pneudrive.cli.progress import on_terminal

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import option, sensor_option
+from pneudrive.cli.options import CatalogueFolders, option, sensor_option
 from pneudrive.cli.output import console, writable_folder
 from pneudrive.cli.progress import on_terminal
 
@@ -45,6 +45,7 @@ def validate(
     ] = None,
     window: Annotated[str, typer.Option(help="Length of the runs that start from measured states.")] = "0.5 s",
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("validation"),
+    catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate what was recorded and compare: report.html, validation.toml; and why the model is off.
 

@@ -1,47 +1,35 @@
 """The catalogue of parts and drives: every value with its source, or marked as assumed.
 
-A part is a TOML file under ``parts/``, a drive one under ``drives/``; each of their values is a table with ``value``
-and either ``source`` (a key of references.bib) or ``assumed`` (the reason). A drive names its parts and adds what they
-leave open.
+A file holds a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and either
+``source`` (a key of references.bib, or of ``[sources]`` in the same file) or ``assumed`` (the reason). The values of a
+part are keys of its kind of component; those of a drive are keys of the drive file. A drive names its parts and adds
+what they leave open. What a component is, is found when a part is looked at: drives do without.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe import toml
-from pneudrive.errors import DescriptionError, nearest
+from pneudrive.describe import sourced, toml
+from pneudrive.describe.base import wrong
+from pneudrive.describe.sourced import Value
+from pneudrive.errors import DescriptionError, Problems, nearest, together, warn
+from pneudrive.references import entries as references
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
 
 PREFIX = "catalogue:"
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "catalogue"
+DRIVE = "drive"
+_KEYS = ("name", "kind", "title", "note", "parts", "values", "printed")
 
-
-@dataclass(frozen=True)
-class Value:
-    """One value of the catalogue.
-
-    Parameters
-    ----------
-    key : str
-        Dotted key of the drive file, or of its table for a part.
-    value : object
-        As it stands in a drive file.
-    source : str or None
-        Key of references.bib.
-    assumed : str or None
-        Why it is assumed, where it has no source.
-    note : str
-        How the value comes from the source, where it is not printed there as it is.
-    """
-
-    key: str
-    value: Any
-    source: str | None
-    assumed: str | None
-    note: str = ""
+_own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's own catalogue", default=())
 
 
 @dataclass(frozen=True)
@@ -49,14 +37,64 @@ class Entry:
     """A part or a drive of the catalogue."""
 
     name: str
-    kind: str  # "drive", or the table of the drive file that the part fills
+    kind: str  # "drive", or the kind of component that the part is
     title: str
     values: tuple[Value, ...]
     parts: dict[str, str]  # table -> part, for a drive
-    note: str = ""
+    note: str
+    printed: tuple[Value, ...]  # what the source prints and the model does not take
+    path: Path
+    key: str  # where it stands in its file
+
+    @property
+    def is_drive(self) -> bool:
+        """Whether it is a whole drive."""
+        return self.kind == DRIVE
+
+    @property
+    def open(self) -> list[str]:
+        """Keys that whoever uses the part has to give."""
+        from pneudrive.describe.components import component_class, component_kinds, is_needed
+
+        entry = component_kinds()[self.kind]
+        kind = component_class(self.kind)
+        given = kind.flat({value.key: value.value for value in self.values})
+        known = {key for own in given for key in (own, *kind.same_size(own))}
+        needed = [one["key"] for one in entry["parameters"] if is_needed(one) and one["key"] not in known]
+        has_friction = any(value.key.startswith("friction.") for value in self.values)
+        return needed + (["the rest of friction" if has_friction else "friction"] if entry["friction"] else [])
 
 
-@lru_cache(maxsize=1)
+@contextmanager
+def catalogue_folders(*paths: str | Path) -> Iterator[None]:
+    """Take parts and drives from folders of one's own too, as long as the context lasts.
+
+    Parameters
+    ----------
+    *paths : path-like
+        Folders of TOML files. A later one goes before an earlier one, and all before what is built in.
+
+    Raises
+    ------
+    DescriptionError
+        There is no such folder.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> with pn.catalogue_folders("my_parts"):  # doctest: +SKIP
+    ...     circuit = pn.Circuit.load("circuit.toml")
+    """
+    for path in map(Path, paths):
+        if not path.is_dir():
+            raise DescriptionError(f"there is no folder {path}", remedy="A catalogue is a folder of TOML files.")
+    before = _own.set((*_own.get(), *map(Path, paths)))
+    try:
+        yield
+    finally:
+        _own.reset(before)
+
+
 def entries() -> dict[str, Entry]:
     """Return all parts and drives by name.
 
@@ -64,11 +102,28 @@ def entries() -> dict[str, Entry]:
     ------
     DescriptionError
         An entry is not valid: a value without source and without reason, for instance.
+
+    Warns
+    -----
+    PneudriveWarning
+        A part or drive of the user has the name of another one, and takes its place.
     """
-    found = {}
-    for path in [*sorted((FOLDER / "drives").glob("*.toml")), *sorted((FOLDER / "parts").glob("*.toml"))]:
-        found[path.stem] = _read(path)
+    found = dict(_built_in())
+    for folder in _own.get():
+        for path in sorted(folder.rglob("*.toml")):
+            for own in _read(path):
+                before = found.get(own.name)
+                if before is not None:
+                    whose = "the built-in catalogue" if before.path.is_relative_to(FOLDER) else str(before.path)
+                    warn(f"{own.name} of {path} takes the place of {own.name} of {whose}")
+                found[own.name] = own
     return found
+
+
+@lru_cache(maxsize=1)
+def _built_in() -> dict[str, Entry]:
+    paths = [*sorted((FOLDER / "drives").glob("*.toml")), *sorted((FOLDER / "parts").glob("*.toml"))]
+    return {one.name: one for path in paths for one in _read(path)}
 
 
 def entry(name: str) -> Entry:
@@ -91,7 +146,9 @@ def all_values(drive: Entry) -> list[Value]:
     out = {}
     for table, name in drive.parts.items():
         for v in entry(name).values:
-            out[f"{table}.{v.key}"] = Value(f"{table}.{v.key}", v.value, v.source, v.assumed, v.note)
+            key = v.key if v.key.startswith("friction.") else f"{table}.{v.key}"
+            value = v.value.partition("/")[2] if v.key == "kind" else v.value
+            out[key] = replace(v, key=key, value=value)
     out |= {v.key: v for v in drive.values}
     return list(out.values())
 
@@ -99,38 +156,156 @@ def all_values(drive: Entry) -> list[Value]:
 def drive_tables(reference: str) -> dict[str, Any]:
     """Return the tables of a drive file for ``catalogue:NAME``."""
     name = reference.removeprefix(PREFIX)
-    drives = [known for known, e in entries().items() if e.kind == "drive"]
+    drives = [known for known, e in entries().items() if e.is_drive]
     if name not in drives:
-        error = DescriptionError(f"the catalogue has no drive '{name}'", remedy=nearest(name, drives))
-        error.key = "drive"
-        raise error
+        raise wrong("drive", f"the catalogue has no drive '{name}'", remedy=nearest(name, drives))
     found = entry(name)
-    tables: dict[str, Any] = {"schema": 1, "name": found.title}
-    for v in all_values(found):
-        *path, last = v.key.split(".")
+    return {"schema": 1, "name": found.title} | _nested((v.key, v.value) for v in all_values(found))
+
+
+def part_table(reference: object) -> dict[str, Any]:
+    """Return the table of a component for ``catalogue:NAME``, each value with where it comes from.
+
+    Raises
+    ------
+    DescriptionError
+        There is no such part, or something in it is wrong.
+    """
+    if not isinstance(reference, str) or not reference.startswith(PREFIX):
+        raise wrong("use", f"use = {reference!r} is no part of the catalogue", remedy=f'Write use = "{PREFIX}NAME".')
+    name = reference.removeprefix(PREFIX)
+    parts = {known: e for known, e in entries().items() if not e.is_drive}
+    if name not in parts:
+        raise wrong("use", f"the catalogue has no part '{name}'", remedy=nearest(name, parts))
+    check(parts[name])
+    given = [(v.key, {"value": v.value} | v.origin) for v in parts[name].values if v.key != "kind"]
+    return {"kind": parts[name].kind} | _nested(given)
+
+
+def check(part: Entry) -> None:
+    """Hold a part against its kind of component, as a component of a circuit is held: keys, units, bounds.
+
+    Raises
+    ------
+    DescriptionError
+        With file and line of the part.
+    """
+    from pneudrive.describe.components import component_class, component_kinds
+
+    kinds = component_kinds()
+    problems = Problems()
+    if part.kind not in kinds:
+        problems.add(wrong("kind", f"kind = {part.kind!r} is not known", remedy=nearest(part.kind, kinds)))
+    else:
+        try:
+            component_class(part.kind).model_validate(
+                {"kind": part.kind} | _nested((v.key, v.value) for v in part.values if v.key != "kind")
+            )
+        except DescriptionError as error:
+            for one in error.each():
+                one.others = ()
+                if " is missing" not in one.what:  # whoever uses the part gives it
+                    problems.add(one)
+    if problems.found:
+        raise _located(list(problems.found.values()), part)
+
+
+def _located(errors: list[Any], part: Entry) -> DescriptionError:
+    """Give errors of the values of a part the file and the line where they stand."""
+    text = toml.read(part.path)[1]
+    lines = toml.line_numbers(text)
+    for error in errors:
+        whole = f"{part.key}values.{error.key or ''}"
+        while whole and whole not in lines:  # dead_volume_a stands in dead_volume
+            whole = whole[: max(whole.rfind("."), whole.rfind("_"), 0)]
+        error.key = whole or part.key.rstrip(".")
+        error.what = f"{part.name}: {error.what}"
+    return toml.located(together(errors), part.path, text)
+
+
+def _nested(values: Any) -> dict[str, Any]:  # noqa: ANN401 - pairs of any kind of value
+    tables: dict[str, Any] = {}
+    for dotted, value in values:
+        *path, last = dotted.split(".")
         at = tables
-        for part in path:
-            at = at.setdefault(part, {})
-        at[last] = v.value
+        for table in path:
+            at = at.setdefault(table, {})
+        at[last] = value
     return tables
 
 
-def _read(path: Path) -> Entry:
+def _read(path: Path) -> list[Entry]:
+    """Read a file of the catalogue."""
+    return list(_read_at(path, path.stat().st_mtime_ns))
+
+
+@lru_cache(maxsize=512)
+def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
     tables, text = toml.read(path)
-    values = []
-    for key, given in tables.get("values", {}).items():
-        sourced = isinstance(given, dict) and "value" in given and ("source" in given) != ("assumed" in given)
-        if not sourced:
-            line = toml.line_of(text, f"values.{key}")
-            raise DescriptionError(
-                f"{key} has neither a source nor a reason", where=f"{path}:{line}", rule="value, and source or assumed"
-            )
-        values.append(Value(key, given["value"], given.get("source"), given.get("assumed"), given.get("note", "")))
-    return Entry(
-        name=path.stem,
-        kind=tables["kind"],
-        title=tables["title"],
-        values=tuple(values),
-        parts=dict(tables.get("parts", {})),
-        note=tables.get("note", ""),
-    )
+    sources = tables.pop("sources", {})
+    parts = tables.pop("part", None)
+    problems = Problems()
+    if parts is None:
+        found = [problems.take(_entry, {"name": path.stem} | tables, "", sources, path)]
+    elif tables or not isinstance(parts, list):
+        key = next(iter(tables), "part")
+        problems.add(wrong(key, f"{key} stands beside [[part]]", rule="a file holds one entry, or [[part]] alone"))
+        found = []
+    else:
+        found = [problems.take(_entry, one, f"part.{number}.", sources, path) for number, one in enumerate(parts)]
+    try:
+        problems.tell()
+    except DescriptionError as error:
+        raise toml.located(error, path, text) from None
+    return tuple(found)
+
+
+def _entry(table: Mapping[str, Any], at: str, sources: Mapping[str, Any], path: Path) -> Entry:
+    for key in table:
+        if key not in _KEYS:
+            raise wrong(f"{at}{key}", f"{key} is not a known key", remedy=nearest(key, _KEYS))
+    for key in ("name", "title"):
+        if not isinstance(table.get(key), str):
+            raise wrong(f"{at}{key}", f"{key} is missing", rule="an entry of a catalogue has a name and a title")
+    values, printed = (_values(table.get(name, {}), at, name, sources) for name in ("values", "printed"))
+    kind = table.get("kind") or next((value.value for value in values if value.key == "kind"), None)
+    if not isinstance(kind, str):
+        rule = f'kind = "{DRIVE}", or a kind of component under [values]'
+        raise wrong(f"{at}kind", f"{table['name']}: kind is missing", rule=rule)
+    parts, note = dict(table.get("parts", {})), table.get("note", "")
+    return Entry(table["name"], kind, table["title"], values, parts, note, printed, path, at)
+
+
+def _values(table: Any, at: str, name: str, sources: Mapping[str, Any]) -> tuple[Value, ...]:  # noqa: ANN401
+    problems = Problems()
+    found = []
+    for key, given in _leaves(table, ""):
+        with problems.caught():
+            try:
+                value = sourced.read(key, given)
+            except DescriptionError as error:
+                error.key = f"{at}{name}.{key}"
+                raise
+            found.append(replace(value, source=_source(value.source, sources, f"{at}{name}.{key}")))
+    problems.tell()
+    return tuple(found)
+
+
+def _leaves(table: Any, before: str) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+    for key, given in table.items():
+        if isinstance(given, dict) and given and not {"value", "source", "assumed"} & set(given):
+            yield from _leaves(given, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", given
+
+
+def _source(key: str | None, sources: Mapping[str, Any], where: str) -> str | None:
+    """Return a key of references.bib as it is, and one of the file's own sources in words."""
+    if key is None or key in references():
+        return key
+    own = sources.get(key)
+    if not isinstance(own, dict) or not {"title", "address", "date"} <= set(own):
+        rule = "a key of references.bib, or of [sources] in this file with title, address and date"
+        remedy = f'Add [sources.{toml.key_text(key)}] with title = "...", address = "...", date = "...".'
+        raise wrong(where, f'source "{key}" is not known', rule=rule, remedy=remedy)
+    return f"{own['title']}, {own['address']}, {own['date']}"

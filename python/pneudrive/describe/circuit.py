@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pneudrive.describe import toml
+from pneudrive.describe import catalogue, toml
 from pneudrive.describe.base import Described, inline, wrong
-from pneudrive.describe.components import COMMAND, Component, component, component_kinds, within
+from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.law import read_law_file
 from pneudrive.describe.parts import Ambient, Gas
 from pneudrive.describe.starts import Starts
 from pneudrive.errors import DescriptionError, Problems, together, warn
+from pneudrive.references import entries as references
 from pneudrive.show import Card
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from pneudrive.session import Session
     from pneudrive.watch import Flag
 
+_TOLD = object()  # in place of a table that was refused
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
 
@@ -77,7 +79,7 @@ class Circuit(Described):
             return handler(data)
         problems = Problems()
         data = _without_tables_of_a_drive(data, problems)
-        tables, keys, templates = _copied(data.get("components"), problems)
+        tables, keys, templates = _copied(_used(data.get("components"), problems), problems)
         read = {name: _component(keys[name], table, problems) for name, table in tables.items()}
         components = {name: one for name, one in read.items() if one is not None}
         parts = {name: _part(table, keys[name], read[name]) for name, table in tables.items()}
@@ -289,8 +291,18 @@ class Circuit(Described):
         simulate = import_module("pneudrive.simulate").simulate
         return simulate(self, commands, duration, **options, progress=progress, cancel=cancel)
 
+    def sources(self) -> list[str]:
+        """Return values that say where they come from, ``NAME.key = value [source]``."""
+        return [f"{name}.{line} [{source}]" for name, one in self.components.items() for line, source in one.sources()]
+
+    @property
+    def cited(self) -> list[str]:
+        """Keys of references.bib that its values name as their source."""
+        keys = {source for one in self.components.values() for _, source in one.sources()}
+        return sorted(keys & references().keys())
+
     def assumed(self) -> list[str]:
-        """Return what was assumed because the description says nothing and no source backs it."""
+        """Return what was assumed because no source backs it."""
         own = [f"{name}.{line}" for name, one in self.components.items() for line in one.assumed()]
         joints = compiled(self.core_json()).joint_volumes
         own += [f"the joint of {name} has {1e6 * volume:.3g} cm3, from what is joined there" for name, volume in joints]
@@ -307,7 +319,7 @@ class Circuit(Described):
 
     def _card(self) -> Card:
         """Show a line for each component, and how they are joined."""
-        rows = [(name, inline(one.to_dict())) for name, one in self.components.items()]
+        rows = [(name, inline(one.plain())) for name, one in self.components.items()]
         return Card(self.name, rows=rows, notes=[*self.connections, f"assumed: {', '.join(self.assumed())}"])
 
     def to_toml(self) -> str:
@@ -367,6 +379,28 @@ def _without_tables_of_a_drive(data: dict[str, Any], problems: Problems) -> dict
     return {key: value for key, value in data.items() if key not in found}
 
 
+def _used(given: object, problems: Problems) -> object:
+    """Return the components' tables, those that use a part of the catalogue with its values under their own."""
+    if not isinstance(given, dict):
+        return given
+    out = dict(given)
+    for name, table in given.items():
+        if isinstance(table, dict) and "use" in table:
+            own = {key: value for key, value in table.items() if key not in ("use", "copies")}
+            copies = {"copies": table["copies"]} if "copies" in table else {}
+            try:
+                part = catalogue.part_table(table["use"])
+                kind = own.setdefault("kind", part["kind"])
+                if kind != part["kind"]:
+                    what = f"kind = {kind!r}, and {table['use']} is a {part['kind']}"
+                    raise wrong("kind", what, remedy="Leave kind out.")
+                out[name] = component_class(kind).over(part, own) | copies
+            except DescriptionError as error:
+                problems.add(error if error.where else within(error, name, table))
+                out[name] = _TOLD
+    return out
+
+
 def _copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str, str], dict[str, list[str]]]:
     """Return each component's table and where it stands, by name; and the tables that stand for copies."""
     tables: dict[str, Any] = {}
@@ -405,6 +439,8 @@ def _component(key: str, table: object, problems: Problems) -> Component | None:
     if isinstance(table, Component):
         return table
     name = key.split(".")[1]
+    if table is _TOLD:
+        return None
     if not isinstance(table, dict):
         problems.add(wrong(key, f"components.{name} = {table!r} is not a table"))
         return None

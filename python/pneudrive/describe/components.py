@@ -7,11 +7,11 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, PrivateAttr, create_model, model_validator
 
 from pneudrive import units
-from pneudrive.describe import valve_flow
-from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
+from pneudrive.describe import sourced, valve_flow
+from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, inline, wrong
 from pneudrive.describe.friction import Friction
 from pneudrive.describe.parameters import parameter_quantity
 from pneudrive.describe.parts import FlowCoefficient
@@ -64,19 +64,52 @@ class Component(Described):
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
     kind: str
 
-    @model_validator(mode="before")
+    _origins: dict[str, sourced.Value] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="wrap")
     @classmethod
-    def _flat(cls, data: Any) -> Any:  # noqa: ANN401
-        """Take ``end_stop = { stiffness = ... }`` for ``end_stop_stiffness = ...``."""
+    def _with_origins(cls, data: Any, handler: Any) -> Any:  # noqa: ANN401
+        """Take the values, and keep beside them where they come from."""
         if not isinstance(data, dict):
-            return data
+            return handler(data)
+        plain, origins = sourced.parted(cls.flat(data))
+        made = handler(plain)
+        made._origins = origins
+        return made
+
+    @classmethod
+    def flat(cls, table: Mapping[str, Any]) -> dict[str, Any]:
+        """Take ``end_stop = { stiffness = ... }`` for ``end_stop_stiffness = ...``, with what is said of it."""
         out: dict[str, Any] = {}
-        for key, value in data.items():
+        for key, given in table.items():
+            origin = given if sourced.has_origin(given) else None
+            value = given if origin is None else origin["value"]
             inner = isinstance(value, dict) and key not in cls.keys()  # noqa: SIM118 - a method of ours
             if inner and any(name.startswith(f"{key}_") for name in cls.fields):
-                out |= {f"{key}_{sub}": one for sub, one in value.items()}
+                each = value if origin is None else {sub: origin | {"value": one} for sub, one in value.items()}
+                out |= {f"{key}_{sub}": one for sub, one in each.items()}
             else:
-                out[key] = value
+                out[key] = given
+        return out
+
+    @classmethod
+    def over(cls, base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+        """Put keys of a user over those of a part, each with what is said of it.
+
+        Another size of a flow path, or another law of friction, takes the place of the part's.
+        """
+        out, own = cls.flat(base), cls.flat(own)
+        for key, given in own.items():
+            for other in cls.same_size(key):
+                out.pop(other, None)
+            old = out.get(key)
+            is_one = sourced.has_origin(given) or sourced.has_origin(old)
+            if isinstance(given, dict) and isinstance(old, dict) and not is_one:
+                law = sourced.parted(old)[0].get("law")
+                is_same = law is None or given.get("law", law) == law
+                out[key] = (old if is_same else {}) | given
+            else:
+                out[key] = given
         return out
 
     @model_validator(mode="after")
@@ -109,9 +142,10 @@ class Component(Described):
                 out[key] = value
         return out
 
-    def same_size(self, key: str) -> list[str]:
+    @classmethod
+    def same_size(cls, key: str) -> list[str]:
         """Return the other keys in which the size of a flow path may be given, where a key is one."""
-        groups = (flow_keys(self.entry, parameter["key"]) for parameter in self.entry["parameters"])
+        groups = (flow_keys(cls.entry, parameter["key"]) for parameter in cls.entry["parameters"])
         return [other for keys in groups if key in keys for other in keys if other != key]
 
     def pressures(self) -> list[units.Pressure]:
@@ -128,8 +162,25 @@ class Component(Described):
             "friction": None if friction is None else friction.core(),
         }
 
+    def to_dict(self) -> dict[str, Any]:
+        """Write the table, values with where they come from where that is known."""
+        return sourced.put_back(self.plain(), self._origins)
+
+    def plain(self) -> dict[str, Any]:
+        """Write the table with its values alone."""
+        return super().to_dict()
+
+    def sources(self) -> Iterator[tuple[str, str]]:
+        """Give ``key = value`` and the source of each value that has one."""
+        for key, value in self._origins.items():
+            if value.source is not None:
+                yield f"{key} = {inline(value.value)}", value.source
+
     def assumed(self) -> Iterator[str]:
-        """Give what was assumed because the table says nothing and no source backs it, as ``key = value``."""
+        """Give what was assumed because no source backs it, as ``key = value``."""
+        for key, value in self._origins.items():
+            if value.assumed is not None:
+                yield f"{key} = {inline(value.value)}, {value.assumed}"
         for parameter in self.entry["parameters"]:
             field = self.fields[parameter["key"]]
             if parameter["assumed"] and field not in self.model_fields_set:

@@ -8,6 +8,8 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.components import component_class, component_kinds
 from pneudrive.describe.drive import Drive
 
+_COPIES = {"type": "array", "items": {"type": "string"}, "minItems": 1}
+
 
 def drive_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a drive file.
@@ -38,14 +40,33 @@ def circuit_schema() -> dict[str, Any]:
     for kind in component_kinds():
         one = component_class(kind).model_json_schema(by_alias=True)
         definitions |= one.pop("$defs", {})
-        one["properties"]["copies"] = {"type": "array", "items": {"type": "string"}, "minItems": 1}
-        alternatives.append(_with_tables(one))
+        whole = _with_tables(one)
+        whole["properties"] = {key: _with_origin(form) for key, form in whole["properties"].items()} | {
+            "copies": _COPIES
+        }
+        alternatives.append(whole)
+    use = {"type": "string", "pattern": "^catalogue:.+$", "description": "Part of the catalogue; other keys override"}
+    alternatives.append({"type": "object", "properties": {"use": use, "copies": _COPIES}, "required": ["use"]})
     schema["properties"]["components"] = {
         "type": "object",
         "additionalProperties": {"oneOf": alternatives},
         "minProperties": 1,
     }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _with_origin(form: dict[str, Any]) -> dict[str, Any]:
+    """Let a value stand with where it comes from; a choice and a table are described as they are."""
+    if "x-unit" not in form and form.get("type") != "number" and "anyOf" not in form:
+        return form
+    said = {key: {"type": "string"} for key in ("source", "assumed", "note")}
+    table = {
+        "type": "object",
+        "properties": {"value": form} | said,
+        "required": ["value"],
+        "additionalProperties": False,
+    }
+    return {"anyOf": [form, table]}
 
 
 def _with_tables(component: dict[str, Any]) -> dict[str, Any]:

@@ -100,6 +100,8 @@ def located(error: DescriptionError, path: str | Path, text: str) -> Description
 
 
 def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int, DescriptionError]:
+    if error.where:  # in another file
+        return 0, error
     line = line_of(text, error.key) if error.key else None
     value = _line(text, line) if line and error.value is None else error.value
     where = f"{path}:{line}" if line else str(path)
@@ -118,7 +120,7 @@ def line_of(text: str, key: str) -> int | None:
     >>> line_of('[cylinder]\nbore = "25 mm"', "cylinder.bore")
     2
     """
-    lines = _lines(text)
+    lines = line_numbers(text)
     while key:
         if key in lines:
             return lines[key]
@@ -126,7 +128,7 @@ def line_of(text: str, key: str) -> int | None:
     return None
 
 
-def _lines(text: str) -> dict[str, int]:
+def line_numbers(text: str) -> dict[str, int]:
     """Return the line of each key, of each table, and of each text in a list."""
     lines: dict[str, int] = {}
     counts: dict[str, int] = {}

@@ -1,0 +1,119 @@
+"""A value that says where it comes from: ``{ value = "25 mm", source = "..." }``, or ``assumed`` and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.base import wrong
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from typing_extensions import TypeIs
+
+_KEYS = ("value", "source", "assumed", "note")
+
+
+@dataclass(frozen=True)
+class Value:
+    """One value and where it comes from.
+
+    Parameters
+    ----------
+    key : str
+        Dotted key of the table that it is of.
+    value : object
+        As it stands in a description.
+    source : str or None
+        Key of references.bib, or the source in words.
+    assumed : str or None
+        Why it is assumed, where it has no source.
+    note : str
+        How the value comes from the source, where it is not printed there as it is.
+    """
+
+    key: str
+    value: Any
+    source: str | None
+    assumed: str | None
+    note: str = ""
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """What is said of the value, as a table."""
+        said = {"source": self.source, "assumed": self.assumed, "note": self.note}
+        return {key: text for key, text in said.items() if text}
+
+    @property
+    def said(self) -> str:
+        """What is said of the value, in words."""
+        if self.source is None:
+            return f"assumed: {self.assumed}"
+        return f"[{self.source}]" + (f" {self.note}" if self.note else "")
+
+
+def has_origin(given: Any) -> TypeIs[dict[str, Any]]:  # noqa: ANN401
+    """Whether a table is a value that says where it comes from."""
+    return isinstance(given, dict) and "value" in given and set(given) <= set(_KEYS)
+
+
+def read(key: str, given: object) -> Value:
+    """Read ``{ value, source | assumed, note }``.
+
+    Raises
+    ------
+    DescriptionError
+        It has neither a source nor a reason, or both.
+    """
+    table = given if isinstance(given, dict) else {}
+    origins = [word for word in ("source", "assumed") if word in table]
+    if not has_origin(given) or len(origins) != 1 or not all(isinstance(table.get(w, ""), str) for w in _KEYS[1:]):
+        how = "both a source and a reason" if len(origins) == 2 else "neither a source nor a reason"
+        remedy = 'Write { value = ..., source = "..." } or { value = ..., assumed = "why" }.'
+        raise wrong(key, f"{key} has {how}", rule="value, and source or assumed; note where it helps", remedy=remedy)
+    return Value(key, table["value"], table.get("source"), table.get("assumed"), table.get("note", ""))
+
+
+def parted(table: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Value]]:
+    """Return a table with plain values, and those of its values that say where they come from by dotted key.
+
+    Raises
+    ------
+    DescriptionError
+        A value has both a source and a reason, or neither.
+
+    Examples
+    --------
+    >>> plain, origins = parted({"friction": {"coulomb": {"value": "9 N", "assumed": "a guess"}}, "bore": "25 mm"})
+    >>> plain, origins["friction.coulomb"].assumed
+    ({'friction': {'coulomb': '9 N'}, 'bore': '25 mm'}, 'a guess')
+    """
+    found = {value.key: value for value in _walk(table, "")}
+    return _plain(table), found
+
+
+def _walk(table: Mapping[str, Any], before: str) -> Iterator[Value]:
+    for key, given in table.items():
+        if has_origin(given):
+            yield read(f"{before}{key}", given)
+        elif isinstance(given, dict):
+            yield from _walk(given, f"{before}{key}.")
+
+
+def _plain(given: Any) -> Any:  # noqa: ANN401 - any kind of value
+    if has_origin(given):
+        return given["value"]
+    return {key: _plain(one) for key, one in given.items()} if isinstance(given, dict) else given
+
+
+def put_back(table: dict[str, Any], origins: Mapping[str, Value]) -> dict[str, Any]:
+    """Write values of a table with where they come from; those that the table has no more are left out."""
+    for dotted, value in origins.items():
+        *path, last = dotted.split(".")
+        at: Any = table
+        for key in path:
+            at = at.get(key) if isinstance(at, dict) else None
+        if isinstance(at, dict) and last in at:
+            at[last] = {"value": at[last]} | value.origin
+    return table
