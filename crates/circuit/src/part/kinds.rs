@@ -1,0 +1,314 @@
+//! The kinds of part: what a circuit does with each of its parts.
+
+use std::collections::BTreeMap;
+
+/// Names of parts for people: a cylinder is a cylinder, whatever its friction.
+#[derive(Default)]
+pub(super) struct Names(BTreeMap<&'static str, usize>);
+
+impl Names {
+    /// The next part of this kind: "Cylinder 0", "Cylinder 1", ...
+    pub(super) fn next(&mut self, kind: &'static str) -> String {
+        let kind = kind.trim_start_matches("Other");
+        let count = self.0.entry(kind).or_default();
+        *count += 1;
+        format!("{kind} {}", *count - 1)
+    }
+}
+
+/// Lists the kinds of part: their storage, and the loops that run through every part of a circuit.
+/// The kinds of an ordinary drive are `usual`; the loops over the others lie in functions of their own,
+/// so that a circuit without them does not pay for them with registers.
+macro_rules! parts {
+    (usual: $($usual:ident: $usual_part:ident),*; others: $($other:ident: $other_part:ident),* $(,)?) => {
+        parts!(@storage $($usual: $usual_part,)* $($other: $other_part),*);
+
+        impl<P: Real> Parts<P> {
+            parts!(@phase place, place_others, [$($usual),*], [$($other: $other_part),*],
+                (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
+                |at, part| part.place(Own { y, place: *at }, net, common));
+            parts!(@phase shape, shape_others, [$($usual),*], [$($other: $other_part),*],
+                (net: &mut Net<S>), (net),
+                |_at, part| part.shape(net));
+            parts!(@phase potential, potential_others, [$($usual),*], [$($other: $other_part),*],
+                (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
+                |at, part| part.potential(Own { y, place: *at }, net, common));
+            parts!(@phase exchange, exchange_others, [$($usual),*], [$($other: $other_part),*],
+                (net: &mut Net<S>, common: &Common<P>), (net, common),
+                |_at, part| part.exchange(net, common));
+            parts!(@phase rate, rate_others, [$($usual),*], [$($other: $other_part),*],
+                (y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>), (y, dy, net, common),
+                |at, part| part.rate(Own { y, place: *at }, OwnMut { y: &mut *dy, place: *at }, net, common));
+        }
+    };
+    (@phase $name:ident, $others:ident, [$($usual:ident),*], [$($other:ident: $other_part:ident),*],
+        ($($argument:ident: $type:ty),*), $values:tt, |$at:ident, $part:ident| $call:expr) => {
+        #[inline(always)]
+        pub fn $name<S: Over<P>>(&self, $($argument: $type),*) {
+            $(for ($at, $part) in &self.$usual {
+                $call;
+            })*
+            if !self.present.is_empty() {
+                self.$others $values;
+            }
+        }
+        #[inline(never)]
+        fn $others<S: Over<P>>(&self, $($argument: $type),*) {
+            for kind in &self.present {
+                match kind {
+                    $(PartKind::$other_part => {
+                        for ($at, $part) in &self.$other {
+                            $call;
+                        }
+                    })*
+                    _ => {}
+                }
+            }
+        }
+    };
+    (@storage $($field:ident: $part:ident),* $(,)?) => {
+        /// The kinds of part.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(crate) enum PartKind {
+            $($part,)*
+        }
+
+        /// The parts of a circuit by kind, each with the place of its states.
+        #[derive(Clone, Debug)]
+        pub(crate) struct Parts<P> {
+            $(pub $field: Vec<(Place, $part<P>)>,)*
+            /// The kinds beside the usual ones that there are parts of.
+            present: Vec<PartKind>,
+        }
+
+        impl<P> Default for Parts<P> {
+            fn default() -> Self {
+                Parts { $($field: Vec::new(),)* present: Vec::new() }
+            }
+        }
+
+        $(impl<P: Real> Kept<P> for $part<P> {
+            const KIND: PartKind = PartKind::$part;
+
+            fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)> {
+                &mut parts.$field
+            }
+        })*
+
+        impl<P: Real> Parts<P> {
+            /// Every flow path: the kind of its part, which of them, which path of that, and its ends.
+            pub fn paths(&self) -> impl Iterator<Item = (PartKind, usize, usize, Between)> {
+                let mut all = Vec::new();
+                $(for (index, (_, part)) in self.$field.iter().enumerate() {
+                    let each = Part::<P>::paths(part).iter().enumerate();
+                    all.extend(each.map(|(path, ends)| (PartKind::$part, index, path, *ends)));
+                })*
+                all.into_iter()
+            }
+
+            /// Mass flow along one of them, kg/s.
+            pub fn flow<S: Over<P>>(&self, (kind, index, path): (PartKind, usize, usize), net: &Net<S>) -> S {
+                match kind {
+                    $(PartKind::$part => self.$field[index].1.flow(path, net).0,)*
+                }
+            }
+
+            /// Gives every part its place; the states' names and scales in that order, then the accounts.
+            pub fn lay_out(&mut self) -> (Vec<(String, State)>, Vec<Channel>) {
+                let usual = [PartKind::Cylinder, PartKind::Reservoir, PartKind::Restriction];
+                let all = [$((PartKind::$part, self.$field.len())),*];
+                let others = all.into_iter().filter(|(kind, count)| *count > 0 && !usual.contains(kind));
+                self.present = others.map(|(kind, _)| kind).collect();
+                let (mut states, mut channels) = (Vec::new(), Vec::new());
+                let (mut named, mut counted) = (Names::default(), Names::default());
+                $(for (place, part) in &mut self.$field {
+                    let (own, part) = (part.states(), named.next(stringify!($part)));
+                    *place = Place { first: states.len(), count: own.len(), ..*place };
+                    states.extend(own.into_iter().map(|s| (format!("{part}: {}", s.name), s)));
+                })*
+                $(for (place, part) in &mut self.$field {
+                    let (own, part) = (part.channels(), counted.next(stringify!($part)));
+                    place.first_account = channels.len();
+                    place.accounts = own.len();
+                    channels.extend(own.into_iter().map(|(name, kind)| {
+                        Channel { name: format!("{part}: {name}"), kind }
+                    }));
+                })*
+                (states, channels)
+            }
+        }
+
+        impl<P: Real> Parts<P> {
+            /// Every input, with the name of its part: "Cylinder 0: external force".
+            pub fn inputs(&self) -> Vec<(InputId, String, &'static Input)> {
+                let (mut all, mut named) = (Vec::new(), Names::default());
+                $(for (index, (_, part)) in self.$field.iter().enumerate() {
+                    let owner = named.next(stringify!($part));
+                    all.extend(Part::<P>::inputs(part).iter().enumerate().map(|(input, what)| {
+                        let id = InputId { kind: PartKind::$part, index, input };
+                        (id, format!("{owner}: {}", what.name), what)
+                    }));
+                })*
+                all
+            }
+
+            /// What an input is.
+            pub fn what_input(&self, id: InputId) -> &'static Input {
+                match id.kind {
+                    $(PartKind::$part => &Part::<P>::inputs(&self.$field[id.index].1)[id.input],)*
+                }
+            }
+
+            pub fn input(&self, id: InputId) -> P {
+                match id.kind {
+                    $(PartKind::$part => self.$field[id.index].1.input(id.input),)*
+                }
+            }
+
+            pub fn input_mut(&mut self, id: InputId) -> &mut P {
+                match id.kind {
+                    $(PartKind::$part => self.$field[id.index].1.input_mut(id.input),)*
+                }
+            }
+        }
+
+        impl<P: Real> Parts<P> {
+            pub fn begin(&self, given: &Given<P>, y: &mut [P], net: &Net<P>, common: &Common<P>) {
+                $(for (at, part) in &self.$field {
+                    part.begin(given, OwnMut::of(y, *at), net, common);
+                })*
+            }
+
+            pub fn n_obstacles(&self) -> usize {
+                0 $(+ self.$field.iter().map(|(_, part)| Part::<P>::n_obstacles(part)).sum::<usize>())*
+            }
+
+            pub fn obstacles(&self, y: &[P], net: &mut Net<P>, common: &Common<P>, mut out: &mut [P]) {
+                if !self.present.is_empty() {
+                    self.place_others(y, net, common);
+                }
+                $(for (at, part) in &self.$field {
+                    let (own, others) = out.split_at_mut(Part::<P>::n_obstacles(part));
+                    part.obstacles(Own { y, place: *at }, net, own);
+                    out = others;
+                })*
+            }
+        }
+
+        impl<R: Lane> Parts<R> {
+            /// Every event.
+            pub fn events(&self) -> Vec<EventId> {
+                let mut all = Vec::new();
+                $(for (index, (_, part)) in self.$field.iter().enumerate() {
+                    let each = 0..Part::<R>::n_events(part);
+                    all.extend(each.map(|event| EventId { kind: PartKind::$part, index, event }));
+                })*
+                all
+            }
+
+            pub fn event(&self, id: EventId, y: &[R], net: &Net<R>) -> R {
+                match id.kind {
+                    $(PartKind::$part => {
+                        let (at, part) = &self.$field[id.index];
+                        part.event(id.event, Own { y, place: *at }, net)
+                    })*
+                }
+            }
+
+            pub fn mode_mut(&mut self, id: EventId) -> &mut R {
+                match id.kind {
+                    $(PartKind::$part => self.$field[id.index].1.mode_mut(id.event),)*
+                }
+            }
+
+            pub fn event_tolerance(&self, id: EventId) -> f64 {
+                match id.kind {
+                    $(PartKind::$part => Part::<R>::event_tolerance(&self.$field[id.index].1, id.event),)*
+                }
+            }
+
+            pub fn switch(&mut self, id: EventId, lane: usize, y: &mut [R], net: &Net<R>, at: (&Common<R>, usize)) {
+                let (common, n_states) = at;
+                let (y, accounts) = y.split_at_mut(n_states);
+                match id.kind {
+                    $(PartKind::$part => {
+                        let (at, part) = &mut self.$field[id.index];
+                        let own = if accounts.is_empty() { 0..0 } else { at.first_account..at.first_account + at.accounts };
+                        part.switch(id.event, lane, OwnMut::of(y, *at), net, common, &mut accounts[own]);
+                    })*
+                }
+            }
+
+            pub fn find_mode(&mut self, id: EventId, y: &mut [R], net: &Net<R>) {
+                match id.kind {
+                    $(PartKind::$part => {
+                        let (at, part) = &mut self.$field[id.index];
+                        part.find_mode(id.event, OwnMut::of(y, *at), net);
+                    })*
+                }
+            }
+
+            pub fn settle(&self, id: EventId, y: &mut [R]) {
+                match id.kind {
+                    $(PartKind::$part => {
+                        let (at, part) = &self.$field[id.index];
+                        part.settle(id.event, OwnMut::of(y, *at));
+                    })*
+                }
+            }
+
+            /// One circuit of lanes from one for each lane.
+            pub fn gather(each: &[&Parts<f64>]) -> Self {
+                Parts { $($field: (0..each[0].$field.len()).map(|i| {
+                    let own: Vec<&$part<f64>> = each.iter().map(|parts| &parts.$field[i].1).collect();
+                    (each[0].$field[i].0, $part::gather(&own))
+                }).collect(),)* present: each[0].present.clone() }
+            }
+        }
+
+        impl<P: Real> Parts<P> {
+            pub fn stored<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> [S; 3] {
+                let mut sum = [S::zero(); 3];
+                $(for (at, part) in &self.$field {
+                    let own = part.stored(Own { y, place: *at }, net, common);
+                    for (sum, own) in sum.iter_mut().zip(own) {
+                        *sum += own;
+                    }
+                })*
+                sum
+            }
+            /// The energy that each part stores, J.
+            pub fn stores<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> Vec<S> {
+                let mut stores = Vec::new();
+                $(stores.extend(self.$field.iter().map(|(at, part)| {
+                    part.stored(Own { y, place: *at }, net, common)[1]
+                }));)*
+                stores
+            }
+            pub fn account<S: Over<P>>(
+                &self,
+                y: &[S],
+                dy: &[S],
+                net: &Net<S>,
+                common: &Common<P>,
+                out: &mut [S],
+            ) {
+                $(for (at, part) in &self.$field {
+                    let own = &mut out[at.first_account..at.first_account + at.accounts];
+                    if part.rests() {
+                        own.fill(S::zero());
+                    } else {
+                        let [y, dy] = [y, dy].map(|y| Own { y, place: *at });
+                        part.account(y, dy, net, common, own);
+                    }
+                })*
+            }
+            pub fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+                $(for (at, part) in &self.$field {
+                    let own = at.first_account..at.first_account + at.accounts;
+                    part.standing(net, common, &mut out[own]);
+                })*
+            }
+        }
+    };
+}
