@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
-from pneudrive.characteristics.curves import Fits, curve_speeds, fit_response, in_newton, kept_conditions
+from pneudrive.characteristics.curves import Fits, by_chance, curve_speeds, fit_response, in_newton, kept_conditions
 from pneudrive.characteristics.curves import systematic as systematic_of
 from pneudrive.characteristics.effects import AirShare
 
@@ -30,12 +30,12 @@ def air_shares(reading: Reading, fits: Fits) -> tuple[AirShare, ...]:
     points, reduced = fits.points, fits.points.reduced
     separated = reading.identity.pressure_measured_at == "chamber"
     places = [(i, points.conditions.index(condition)) for i, condition in enumerate(kept_conditions(points))]
-    every = [curve_speeds(points, index)[0] for _, index in places]
+    asked = [curve_speeds(points, index) for _, index in places]
+    every = [speeds for speeds, _, _ in asked]
     unknown = [np.full(speeds.size, np.nan) for speeds in every]
 
     def drag(fit: CurveFit) -> list[tuple[Array, Array, Array]]:
-        shared = (_shared(fits, fit, i, speeds, index) for (i, index), speeds in zip(places, every, strict=True))
-        return [_band(fit, i, speeds, u) for (i, _), speeds, u in zip(places, every, shared, strict=True)]
+        return [_drag(fits, fit, i, index, speeds, n) for (i, index), (speeds, _, n) in zip(places, asked, strict=True)]
 
     # One model after the other, each of which takes much memory.
     whole = drag(fit_response(reading, fits, reduced.total_n, reduced.total_stderr_n, drift=True))
@@ -43,7 +43,9 @@ def air_shares(reading: Reading, fits: Fits) -> tuple[AirShare, ...]:
     if separated:
         air = fit_response(reading, fits, reduced.air_n, reduced.air_stderr_n, drift=False)
         u_air = [np.full(speeds.size, _pressure_part(fits, i)) for (_, i), speeds in zip(places, every, strict=True)]
-        part = [_band(air, i, speeds, u) for (i, _), speeds, u in zip(places, every, u_air, strict=True)]
+        part = [
+            _band(*in_newton(air, air.at(i, speeds)), u) for (i, _), speeds, u in zip(places, every, u_air, strict=True)
+        ]
         seal = drag(fits.friction)
     least = [np.maximum(high - np.minimum.accumulate(low), 0.0) for _, low, high in whole]
     bounds = unknown if separated else least
@@ -53,9 +55,11 @@ def air_shares(reading: Reading, fits: Fits) -> tuple[AirShare, ...]:
     )
 
 
-def _shared(fits: Fits, fit: CurveFit, number: int, speeds: Array, index: int) -> Array:
-    value = in_newton(fit, fit.at(number, speeds))[0]
-    return systematic_of(fits, value, np.zeros(speeds.size), index).friction_n()
+def _drag(
+    fits: Fits, fit: CurveFit, number: int, index: int, speeds: Array, cycles: NDArray[np.int64]
+) -> tuple[Array, Array, Array]:
+    value, low, high = by_chance(fits, fit, number, speeds, cycles)
+    return _band(value, low, high, systematic_of(fits, value, np.zeros(speeds.size), index).friction_n())
 
 
 def _pressure_part(fits: Fits, index: int) -> float:
@@ -65,6 +69,5 @@ def _pressure_part(fits: Fits, index: int) -> float:
     return float(np.mean([d.u_air_n for d, m in zip(points.reduced.data, members, strict=True) if m]))
 
 
-def _band(fit: CurveFit, number: int, speeds: Array, u: Array) -> tuple[Array, Array, Array]:
-    value, low, high = in_newton(fit, fit.at(number, speeds))
+def _band(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Array, Array]:
     return value, value - np.hypot(value - low, NORMAL_95 * u), value + np.hypot(high - value, NORMAL_95 * u)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
-from pneudrive.characteristics.curves import curve_speeds, in_newton, kept_conditions, systematic
+from pneudrive.characteristics.curves import by_chance, curve_speeds, kept_conditions, systematic
 from pneudrive.characteristics.gain import GROWING
 from pneudrive.characteristics.result import Source
 
@@ -26,19 +26,18 @@ CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sen
 def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Source, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
     points = fits.points
-    scatter, gains, turns, places, states, zeros = [], [], [], [], [], []
+    scatter, gains, turns, places, zeros = [], [], [], [], []
     for number, condition in enumerate(kept_conditions(points)):
         index = points.conditions.index(condition)
-        speeds, measured, _ = curve_speeds(points, index)
-        speeds = speeds[measured]
-        value, low, high = in_newton(fits.friction, fits.friction.at(number, speeds))
+        speeds, measured, counts = curve_speeds(points, index)
+        speeds, counts = speeds[measured], counts[measured]
+        value, low, high = by_chance(fits, fits.friction, number, speeds, counts)
         offset = fits.offset.at(number, speeds)
         shared = systematic(fits, value, offset.mean, index)
         scatter.append((high - low) / (2.0 * NORMAL_95))
         gains.append(shared.gain_n)
         turns.append(shared.hysteresis_n)
         places.append(shared.position_n)
-        states.append(shared.state_n)
         zeros.append(np.hypot(shared.zero_n, offset.half_width() / NORMAL_95))
     assumed = any(d.assumed for d in points.reduced.data)
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
@@ -56,7 +55,6 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Sou
         Source(f"gain of the {other}", grow, "A" if stated == "data" else "B", stated),
         Source(f"hysteresis of the {turning}", turn, "B", "assumed", "a third of the accuracy"),
         Source("mean over position", _rms(places), "B", "assumed", "pattern over the part of the stroke not covered"),
-        Source("state of the rig", _rms(states), "A", "data", "drift: friction in this campaign is not one value"),
         Source("zero and asymmetry", _rms(zeros), "A", "data", "curves of one direction only"),
     )
 

@@ -42,6 +42,9 @@ BETWEEN = 24  # speeds per curve at which it is also given between the measured 
 POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
 FEWEST = 4  # cycles
 MOST_CYCLES = 600  # that are fitted one by one: memory grows with their square, time with their cube
+#: Of the scatter of the cycles at a speed: the least that chance counts there, however surely neighbouring speeds and
+#: other pressures seem to tell the curve (assumed).
+OWN_SHARE = 0.8
 MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring blocks are joined, then speed levels
 
 
@@ -403,7 +406,11 @@ def _with_tares(reading: Reading, data: CurveData) -> CurveData:
 
 @dataclass(frozen=True, eq=False)
 class Systematic:
-    """Standard uncertainties that all points of a curve share, N, shape (m,)."""
+    """Standard uncertainties that all points of a curve share, N, shape (m,).
+
+    ``state_n`` is how far friction in another state of the campaign lies from that in its mean state: no uncertainty
+    of the curve, which is that of the mean state, but of what a single cycle tells of it.
+    """
 
     gain_n: Array
     hysteresis_n: Array
@@ -412,8 +419,8 @@ class Systematic:
     zero_n: Array
 
     def friction_n(self) -> Array:
-        """Of half the difference of both directions."""
-        return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2 + self.state_n**2)
+        """Of half the difference of both directions, in the mean state of the campaign."""
+        return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
 
     def direction_n(self) -> Array:
         """Of one direction."""
@@ -450,7 +457,7 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
     for number, condition in enumerate(kept_conditions(points)):
         index = points.conditions.index(condition)
         speeds, measured, counts = curve_speeds(points, index)
-        value, low, high = in_newton(fits.friction, fits.friction.at(number, speeds))
+        value, low, high = by_chance(fits, fits.friction, number, speeds, counts)
         offset = fits.offset.at(number, speeds)
         shared = systematic(fits, value, offset.mean, index)
         excluded = _excluded(points, index)
@@ -488,6 +495,21 @@ def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
     if fit.logarithmic:
         return np.exp(found.mean), np.exp(found.mean - half), np.exp(found.mean + half)
     return found.mean, found.mean - half, found.mean + half
+
+
+def by_chance(
+    fits: Fits, fit: CurveFit, number: int, speed_m_s: Array, cycles: NDArray[np.int64]
+) -> tuple[Array, Array, Array]:
+    """Value, low and high of the 95 % interval by chance, N; no narrower than a share of how cycles there scatter.
+
+    Neighbouring speeds and other pressures count too, so that the model may be surer of a point than its own cycles
+    make it. That is believed down to `OWN_SHARE`. `cycles` is 0 between the measured speeds: there it is interpolated.
+    """
+    value, low, high = in_newton(fit, fit.at(number, speed_m_s))
+    known, u = cycles > 0, np.log(speed_m_s)
+    among = np.interp(u, u[known], cycles[known])
+    least = OWN_SHARE * NORMAL_95 * deviation_n(fits, "cycle", value) / np.sqrt(among)
+    return value, np.minimum(low, value - least), np.maximum(high, value + least)
 
 
 def curve_speeds(points: Points, condition: int) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:

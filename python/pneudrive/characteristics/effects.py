@@ -236,7 +236,8 @@ class Drift:
     basis : str
         sentinels, repeats, smooth curve, not determined.
     spread_n : float
-        Standard deviation of the drift over the cycles: how uncertain "the friction in this campaign" is.
+        Standard deviation of the drift over the cycles: how far friction in another state of this campaign is from the
+        curves, which are those of its mean state. The bands of the curves do not hold it.
     """
 
     time_s: Array

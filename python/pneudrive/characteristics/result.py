@@ -126,6 +126,9 @@ class ExcludedPoint:
 class Curve(Shown):
     """Friction against speed at one condition, with a pointwise 95 % band.
 
+    Friction is that in the mean state of the campaign, and the band is that of this mean: how far the states of the
+    campaign lie apart is `Drift.spread_n`, how far cycles of one state do `Repeatability.within`.
+
     Attributes
     ----------
     condition : Condition
@@ -134,9 +137,9 @@ class Curve(Shown):
     speed_m_s, friction_n, low_n, high_n : ndarray, shape (m,)
         Ascending speeds: those measured, and some between them.
     stderr_n : ndarray, shape (m,)
-        Statistical standard error (noise, cycle to cycle, block, day).
+        Statistical standard error (noise, cycle to cycle, block, day) of friction in the mean state of the campaign.
     u_systematic_n : ndarray, shape (m,)
-        Standard uncertainty that all points share (gain, position, state of the rig over the campaign, zero).
+        Standard uncertainty that all points share (gain, hysteresis, position; zero of one direction alone).
     measured : ndarray of bool, shape (m,)
         False between the measured speeds.
     cycles : ndarray of int, shape (m,)

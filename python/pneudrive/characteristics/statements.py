@@ -250,8 +250,13 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
             remedy="Repeat a reference speed every few cycles (sentinels), or randomise the order.",
         )
         return
-    text = f"Friction drifted by {np.ptp(drift.drift_n):.2g} N over the campaign (told by {drift.basis})"
-    yield Statement("drift", f"{text}; the band holds the state of the rig as uncertain by {drift.spread_n:.2g} N.")
+    level = float(fits.points.reduced.friction_n[fits.points.use].mean())
+    yield Statement(
+        "drift",
+        f"Friction drifted by {np.ptp(drift.drift_n):.2g} N over the campaign (told by {drift.basis}). The curves and "
+        "their bands are those of the mean state of the campaign; in its other states friction differs from them by "
+        f"{drift.spread_n:.2g} N, {100.0 * drift.spread_n / level:.2g} % (standard deviation).",
+    )
     yield from still_changing(drift)
     for effect, name in (
         (drift.per_hour, "time"),

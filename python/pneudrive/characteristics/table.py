@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 #: Further columns -> (unit, meaning), after those of every friction map.
 LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
-    "friction_low_n": ("N", "lower end of the 95 % band in which the curve lies at this point"),
-    "friction_high_n": ("N", "upper end of the 95 % band in which the curve lies at this point"),
+    "friction_low_n": ("N", "lower end of the 95 % band in which the curve lies, as this cycle alone tells it"),
+    "friction_high_n": ("N", "upper end of the 95 % band in which the curve lies, as this cycle alone tells it"),
     "friction_direction_n": ("N", "friction of this direction alone, zero of the sensor taken out where tares show it"),
     "friction_direction_low_n": ("N", "lower end of its 95 % band"),
     "friction_direction_high_n": ("N", "upper end of its 95 % band"),
@@ -88,7 +88,9 @@ def _bands(reading: Reading, points: Points, fits: Fits | None) -> dict[str, np.
         if not (members & points.use).any():
             continue  # nothing to hold its cycles against
         shared = systematic(fits, reduced.friction_n[members], reduced.offset_n[members], condition)
-        u[members], zero_u[members] = np.hypot(shared.friction_n(), block[members]), shared.zero_n
+        # A cycle was run in a state of its own; the curve is that of the mean state.
+        own_state = np.hypot(shared.state_n, block[members])
+        u[members], zero_u[members] = np.hypot(shared.friction_n(), own_state), shared.zero_n
         zero[members] = np.hypot(reduced.offset_stderr_n[members], own)
     return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(reading, points, fits)}
 

@@ -109,6 +109,8 @@ def drift(found: CampaignCharacteristics) -> Section | None:
     for word, cause, factor, unit in causes:
         said = estimate(cause, factor, unit) if cause is not None else "the plan does not carry it"
         rows.append((word, said, _p(cause.p) if cause is not None else "–"))
+    if told:
+        rows.append(("other states of the campaign from its mean", f"{d.spread_n:.2g} N (standard deviation)", ""))
     zero = found.zero
     if zero.time_s.size:
         rows.append(("zero of the force sensor", estimate(zero.per_hour, 1.0, "N/h"), ""))

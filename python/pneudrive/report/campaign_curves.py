@@ -62,8 +62,9 @@ def curves(found: CampaignCharacteristics) -> Section | None:
     shown = spread_evenly(both, MOST_CURVES)
     text = (
         "Half the difference of both directions, so that the zero of the sensor and other offsets cancel. Bands are "
-        "pointwise 95 %: noise, scatter from cycle to cycle, blocks, and what all points share (gain, state of the rig "
-        "over the campaign)."
+        "pointwise 95 % for friction in the mean state of the campaign: noise, scatter from cycle to cycle, blocks, "
+        "and what all points share (gain, hysteresis, position). How far other states of the campaign lie from it "
+        "stands under its drift."
     )
     if len(shown) < len(both):
         text += f" {len(shown)} of {len(both)} conditions are drawn; all are in curves.parquet."

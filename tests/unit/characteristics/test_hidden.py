@@ -49,6 +49,31 @@ def covered(world, found) -> float:
     return float(np.mean(np.concatenate(shares)))
 
 
+def test_the_band_is_that_of_the_mean_state_and_the_states_are_told_beside_it(measured, quick):
+    """Friction that drifts by 10 % makes the curve of the mean state no less sure than friction that stays."""
+    level, halves = 0.0, []
+    for drift in (0.0, 0.1):
+        world = quick(**PLAN | {"drift_share": drift, "sentinel_every": 3})
+        found = measured(world)
+        both = [c for c in found.curves if c.direction == 0]
+        assert covered(world, found) >= 0.9
+        halves.append(np.median(np.concatenate([(c.high_n - c.low_n) / (2.0 * c.friction_n) for c in both])))
+        level = np.mean([c.friction_n for c in found.cycles if np.isfinite(c.friction_n)])
+    assert halves[1] < 1.5 * halves[0]
+    assert abs(found.drift.spread_n / (0.1 * level / np.sqrt(12.0)) - 1.0) < 0.35
+    assert f"differs from them by {found.drift.spread_n:.2g} N" in " ".join(s.text for s in found.statements)
+
+
+def test_neighbours_make_no_point_much_surer_than_its_own_cycles(measured, quick):
+    """Friction without a fall: the model may call the scatter of cycles a matter of the mean, as a line would."""
+    friction = Friction(law="viscous", lip_a=2.0, lip_b=2.0)
+    for repeats in (1, 3):
+        found = measured(quick(**PLAN | {"friction": friction, "cycle_share": 0.02, "repeats": repeats}))
+        for c in (c for c in found.curves if c.direction == 0):
+            own = found.repeatability.within.value / np.sqrt(c.cycles[c.measured])
+            assert np.all(c.stderr_n[c.measured] > 0.5 * own)
+
+
 @pytest.mark.parametrize("seed", [7016, 9098])
 def test_wild_cycles_that_hide_among_few_are_found(measured, seed):
     """Taken for scatter they smooth the hump of the curve away, and no cycle is far from what is left of it."""
