@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, cast
 
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, nearest
@@ -27,6 +27,12 @@ if TYPE_CHECKING:
 
 RTOL_BOUNDS = (1e-13, 1e-1)
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # by which a drive is linearised
+#: What a drive calls inputs of its circuit that are not of the cylinder.
+_OF_A_DRIVE = {
+    "valve.command": "command",
+    "supply.pressure_pa": "supply_pressure_pa",
+    "supply.temperature_k": "supply_temperature_k",
+}
 _RULE, _ENDED = ": it must be ", "the session cannot go on"
 
 
@@ -323,12 +329,74 @@ def start(
     if is_circuit(described):
         core, state = circuit_ready(described, initial)
         return Session(core.start(state, rtol))
+    if described.has_lines:
+        core, state = lines_ready(described, commands.initial(initial))
+        return Session(cast("CoreSession", _Short(core.start(state, rtol))))
     return Session(compiled(described.core_json()).start(described.core_initial(commands.initial(initial)), rtol))
 
 
 def is_circuit(described: Drive | Circuit) -> TypeIs[Circuit]:
     """Whether what is described is a circuit; its class is not imported for that."""
     return hasattr(described, "wiring")
+
+
+def lines_ready(drive: Drive, initial: Initial | None) -> tuple[CoreCircuit, dict[str, float]]:
+    """Return the core's form of a drive with tubes or flow controls, and the start state in SI."""
+    from pneudrive.describe.circuit import compiled as compiled_circuit
+
+    return compiled_circuit(drive.circuit.core_json()), drive.circuit_initial(initial)
+
+
+def short_name(name: str) -> str:
+    """Return the name that a drive has for a variable of its circuit; of what a drive has not, the same.
+
+    Examples
+    --------
+    >>> short_name("cylinder.a.pressure_pa"), short_name("valve.command"), short_name("tube_a.mass_flow_kg_s")
+    ('pressure_a_pa', 'command', 'tube_a.mass_flow_kg_s')
+    """
+    of, _, last = name.partition(".")
+    if of == "cylinder":
+        chamber, dot, rest = last.partition(".")
+        if not dot:
+            return last
+        quantity, _, unit = rest.rpartition("_") if not rest.endswith("_kg_s") else (rest[:-5], "", "kg_s")
+        return f"{quantity}_{chamber}_{unit}"
+    return _OF_A_DRIVE.get(name, name)
+
+
+class _Short:
+    """A session of a drive's circuit under the names that a drive has."""
+
+    def __init__(self, core: CoreSession) -> None:
+        self._core = core
+        self._names = {short_name(name): name for name in (*(i[0] for i in core.inputs), *core.columns)}
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as the core has it
+        return getattr(self._core, name)
+
+    def _full(self, name: str) -> str:
+        return self._names.get(name, "") if isinstance(name, str) else name
+
+    @property
+    def inputs(self) -> list[tuple[str, str, str, str]]:
+        return [(short_name(name), unit, bounds, what) for name, unit, bounds, what in self._core.inputs]
+
+    @property
+    def columns(self) -> list[str]:
+        return [short_name(name) for name in self._core.columns]
+
+    def set(self, name: str, value: float) -> None:
+        self._core.set(self._full(name), value)
+
+    def read(self, name: str) -> float:
+        return self._core.read(self._full(name))
+
+    def schedule(self, name: str, *entries: Any) -> None:  # noqa: ANN401 - times and values
+        self._core.schedule(self._full(name), *entries)
+
+    def linearise(self, names: Sequence[str]) -> Any:  # noqa: ANN401 - as the core gives it
+        return self._core.linearise([self._full(name) for name in names])
 
 
 def circuit_ready(circuit: Circuit, initial: object) -> tuple[CoreCircuit, dict[str, float]]:

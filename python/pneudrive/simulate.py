@@ -12,10 +12,10 @@ from pneudrive import __version__, units
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.references import bibtex
-from pneudrive.session import check_tolerance, circuit_ready, is_circuit
+from pneudrive.session import check_tolerance, circuit_ready, is_circuit, lines_ready, short_name
 from pneudrive.session import compiled as compiled
 from pneudrive.show import Shown
-from pneudrive.trajectory import meaning
+from pneudrive.trajectory import MEANING, meaning
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
@@ -185,16 +185,38 @@ def run(
     result["warnings"] += _open_ledger(result["ledger"], rtol)
     for message in result["warnings"]:
         warn(message)
-    return Run(result["columns"], _provenance(drive, result, rtol), drive.meanings if is_circuit(drive) else {})
+    provenance = _provenance(drive, result, rtol)
+    if is_circuit(drive):
+        return Run(result["columns"], provenance, drive.meanings)
+    return Run(result["columns"], provenance, drive.circuit.meanings if drive.has_lines else {})
 
 
 def _drive(drive: Drive, command: Any, asked: list[float] | None, initial: Any, ledger: bool) -> _Solve:  # noqa: ANN401
     steps = commands.steps(command, asked, drive.valve.command)
+    if drive.has_lines:
+        return _drive_with_lines(drive, steps, initial, ledger)
     start = drive.core_initial(commands.initial(initial))
     core = compiled(drive.core_json())
     return lambda seconds, rate, rtol, budget, look: core.simulate(
         *steps, seconds, rate, start, rtol, ledger, budget, look
     )
+
+
+def _drive_with_lines(drive: Drive, steps: commands.Steps, initial: Any, ledger: bool) -> _Solve:  # noqa: ANN401
+    """Run the drive's circuit; columns have the names of a drive, those that a drive has first."""
+    core, start = lines_ready(drive, commands.initial(initial))
+    plan = [("valve.command", list(steps[0]), list(steps[1]))]
+
+    def solve(seconds: float, rate: float, rtol: float, budget: int | None, look: Callable[[float], object]) -> Any:  # noqa: ANN401
+        result = core.simulate(plan, seconds, rate, start, rtol, ledger, budget, look)
+        columns = {short_name(name): values for name, values in result["columns"].items()}
+        order = [name for name in MEANING if name in columns] + [name for name in columns if name not in MEANING]
+        result["columns"] = {name: columns[name] for name in order}
+        for impact in result["impacts"]:
+            impact.pop("cylinder", None)
+        return result
+
+    return solve
 
 
 def _circuit(circuit: Circuit, command: Any, asked: list[float] | None, initial: Any, ledger: bool) -> _Solve:  # noqa: ANN401

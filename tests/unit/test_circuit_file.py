@@ -148,8 +148,23 @@ FAULTS = {
         ('there is no component "x"', "plugged", "", "Known: ambient"),
     ),
     "tables of a drive": (
-        changed(("[initial]", '[supply]\npressure = "3 bar abs"\n[initial]')),
-        ("[supply] is a table of a drive", "[supply]", "", "[components.NAME]"),
+        changed(
+            (
+                "[initial]",
+                '[supply]\npressure = "3 bar"\n[load]\nmass = "1 kg"\n[tubing]\na = 3\n'
+                '[components.supply]\nkind = "silencer"\n[initial]',
+            )
+        ),
+        ('supply.pressure: pressure "3 bar" does not say', '"3 bar"', "absolute", '"3 bar abs"'),
+        ("port supply.1 leads nowhere", "[supply]", "each port is joined", "Join it"),
+        ("[load] belongs to a [cylinder], and there is no [cylinder]", "[load]", "", "[components.NAME]"),
+        ("[tubing] belongs to a [cylinder] behind a [valve]", "[tubing]", "", "Add [valve] and [cylinder]"),
+        (
+            'two components are called "supply": [supply] is one already',
+            '"silencer"',
+            "name of its own",
+            "Rename it",
+        ),
     ),
     "size": (
         changed(
@@ -292,11 +307,7 @@ def test_starts_settle_over_what_is_always_open():
     assert given["left.a.pressure_pa"] == 2e5
 
 
-def test_a_drive_file_and_a_circuit_file_are_told_apart(tmp_path, drive_file):
-    drive = tmp_path / "drive.toml"
-    drive.write_text(drive_file)
-    with pytest.raises(DescriptionError, match=r"\[supply\] is a table of a drive"):
-        pn.Circuit.load(drive)
+def test_a_circuit_is_no_drive():
     with pytest.raises(DescriptionError, match="describes a circuit") as caught:
         pn.Drive.load(EXAMPLE)
     assert "pn.Circuit.load" in str(caught.value)

@@ -114,7 +114,6 @@ WRONG = [
     ('kind = "rodless"', 'kind = "through-rod"', "cylinder.rod_diameter is missing", "has a rod"),
     ('kind = "rodless"', 'kind = "rodless"\nrod_diameter = "5 mm"', "has no rod", "rod_diameter"),
     ('kind = "rodless"', 'kind = "single-acting"', "cannot be simulated yet", "rodless, through-rod, single-rod"),
-    ("[load]", "[tubing]", "[tubing] cannot be simulated yet", "Leave it out"),
     ('"25 mm"', '"-25 mm"', "out of bounds", "greater than 0"),
     ('"2 kg"', '"inf kg"', "is not finite", "moving_mass"),
     ('"2 kg"', '"nan kg"', "is not finite", "moving_mass"),

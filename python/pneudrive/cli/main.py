@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 # Command -> module, in which a function or a group has the command's name. Imported when it is asked for.
 COMMANDS = {
     "simulate": "pneudrive.cli.simulate",
+    "check": "pneudrive.cli.check",
     "characterise": "pneudrive.cli.characterise",
     "identify": "pneudrive.cli.identify",
     "apply": "pneudrive.cli.apply",

@@ -42,8 +42,9 @@ def simulate(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate a drive or a circuit and write its trajectory."""
+    from pneudrive.cli.described import load
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.describe import Drive, toml
+    from pneudrive.session import is_circuit
     from pneudrive.simulate import run
     from pneudrive.trajectory import check_target, save, save_columns
 
@@ -53,16 +54,10 @@ def simulate(
         from pneudrive.report.trajectory import PICTURES
 
         check_target(plot, PICTURES)
-    is_circuit = toml.has(drive, "components")
-    if is_circuit:
-        from pneudrive.describe import Circuit
-
-        described = Circuit.load(drive)
-    else:
-        described = Drive.load(drive)
+    described = load(drive)
     result = run(
         described,
-        command if is_circuit else _only(command),
+        command if is_circuit(described) else _only(command),
         duration,
         initial=initial,
         sample_rate=sample_rate,

@@ -16,9 +16,9 @@ from pneudrive.describe import catalogue, toml
 from pneudrive.describe.base import Described, inline, wrong
 from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
-from pneudrive.describe.drive import Drive
 from pneudrive.describe.law import read_law_file
 from pneudrive.describe.parts import Ambient, Gas
+from pneudrive.describe.short import TABLES, Short, expanded
 from pneudrive.describe.starts import Starts
 from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.references import entries as references
@@ -44,7 +44,9 @@ class Circuit(Described):
     """A pneumatic circuit: components by name, and connections between their ports.
 
     Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``; a port that
-    leads nowhere on purpose stands in `plugged`. `initial` is the start state where a run says nothing else.
+    leads nowhere on purpose stands in `plugged`. `initial` is the start state where a run says nothing else. Tables of
+    a drive file (``supply``, ``valve``, ``cylinder``, ...) stand for the components of these names and their usual
+    joints.
 
     Examples
     --------
@@ -78,7 +80,8 @@ class Circuit(Described):
         if not isinstance(data, dict):
             return handler(data)
         problems = Problems()
-        data = _without_tables_of_a_drive(data, problems)
+        short = expanded(data, problems)
+        data = _completed(data, short, problems)
         tables, keys, templates = _copied(_used(data.get("components"), problems), problems)
         read = {name: _component(keys[name], table, problems) for name, table in tables.items()}
         components = {name: one for name, one in read.items() if one is not None}
@@ -92,13 +95,15 @@ class Circuit(Described):
         except ValidationError as error:
             for one in cls.explain(error):
                 problems.add(one)
+        for one in problems.found.values():
+            _relocate(one, short)
         problems.tell()
         assert whole is not None  # or there was a problem
         vars(whole)["wiring"] = wiring
         try:
             whole.core_initial()
         except DescriptionError as error:
-            raise together([_in_file(one, keys) for one in error.each()]) from None
+            raise together([_relocate(_in_file(one, keys), short) for one in error.each()]) from None
         for warning in wiring.warnings:
             warn(warning)
         return whole
@@ -128,6 +133,7 @@ class Circuit(Described):
         else:
             origin, folder = str(source), Path(source)
             tables, text = toml.read(source)
+        read_law_file(tables.get("friction"), "friction", folder, text)
         components = tables.get("components")
         if isinstance(components, dict):
             for name, table in components.items():
@@ -220,6 +226,12 @@ class Circuit(Described):
             Unknown start value, or one that does not fit; the core refuses the circuit.
         """
         return self._starts(initial)[0]
+
+    @property
+    def start_keys(self) -> set[str]:
+        """Names of the start values, as users write them."""
+        names = compiled(self.core_json()).start_names
+        return set(Starts(names, self.components, self.wiring, self.ambient).keys)
 
     def _starts(self, initial: Mapping[str, Any] | None = None) -> tuple[dict[str, float], list[str]]:
         names = compiled(self.core_json()).start_names
@@ -369,14 +381,36 @@ def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError
     return wrong(key, error.what, rule=error.rule, remedy=error.remedy)
 
 
-def _without_tables_of_a_drive(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
-    """Refuse what a drive file has at the top."""
-    own = Circuit.keys()
-    found = [key for key in data if key in Drive.keys() and key not in own]  # noqa: SIM118 - a method of ours
-    for key in found:
-        what = f"[{key}] is a table of a drive, and this is a circuit"
-        problems.add(wrong(key, what, remedy="A circuit has its parts under [components.NAME]."))
-    return {key: value for key, value in data.items() if key not in found}
+def _relocate(error: Any, short: Short) -> Any:  # noqa: ANN401 - an error
+    """Give an error the key that the short form has."""
+    error.key = short.located(getattr(error, "key", None))
+    return error
+
+
+def _completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[str, Any]:
+    """Return a description in which tables of a drive file stand as components and connections."""
+    out = {key: value for key, value in data.items() if key not in TABLES}
+    given = out.get("components", {})
+    if not short.components or not isinstance(given, dict):
+        return out
+    both = dict(short.components)
+    for name, table in given.items():
+        if name not in both:
+            both[name] = table
+        elif isinstance(table, dict) and not {"kind", "use", "copies"} & set(table):
+            both[name] = both[name] | table  # adds to the short form
+            short.places |= {f"components.{name}.{key}": f"components.{name}.{key}" for key in table}
+        else:
+            what = f'two components are called "{name}": [{short.places[f"components.{name}"]}] is one already'
+            remedy = "Rename it, or leave kind out to add keys."
+            problems.add(
+                wrong(f"components.{name}.kind", what, rule="a component has a name of its own", remedy=remedy)
+            )
+            short.places[f"components.{name}.kind"] = f"components.{name}.kind"
+    connections = out.get("connections", ())
+    if isinstance(connections, list | tuple):
+        out["connections"] = [*connections, *short.chains]
+    return out | {"components": both}
 
 
 def _used(given: object, problems: Problems) -> object:

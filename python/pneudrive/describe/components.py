@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
 
-from pydantic import Field, PrivateAttr, create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from pneudrive import units
 from pneudrive.describe import sourced, valve_flow
@@ -64,8 +64,6 @@ class Component(Described):
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
     kind: str
 
-    _origins: dict[str, sourced.Value] = PrivateAttr(default_factory=dict)
-
     @model_validator(mode="wrap")
     @classmethod
     def _with_origins(cls, data: Any, handler: Any) -> Any:  # noqa: ANN401
@@ -74,8 +72,13 @@ class Component(Described):
             return handler(data)
         plain, origins = sourced.parted(cls.flat(data))
         made = handler(plain)
-        made._origins = origins
+        vars(made)["origins"] = origins
         return made
+
+    @cached_property
+    def origins(self) -> Mapping[str, sourced.Value]:
+        """Its values that say where they come from; two components are equal whatever is said of their values."""
+        return {}
 
     @classmethod
     def flat(cls, table: Mapping[str, Any]) -> dict[str, Any]:
@@ -164,7 +167,7 @@ class Component(Described):
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table, values with where they come from where that is known."""
-        return sourced.put_back(self.plain(), self._origins)
+        return sourced.put_back(self.plain(), self.origins)
 
     def plain(self) -> dict[str, Any]:
         """Write the table with its values alone."""
@@ -172,13 +175,13 @@ class Component(Described):
 
     def sources(self) -> Iterator[tuple[str, str]]:
         """Give ``key = value`` and the source of each value that has one."""
-        for key, value in self._origins.items():
+        for key, value in self.origins.items():
             if value.source is not None:
                 yield f"{key} = {inline(value.value)}", value.source
 
     def assumed(self) -> Iterator[str]:
         """Give what was assumed because no source backs it, as ``key = value``."""
-        for key, value in self._origins.items():
+        for key, value in self.origins.items():
             if value.assumed is not None:
                 yield f"{key} = {inline(value.value)}, {value.assumed}"
         for parameter in self.entry["parameters"]:

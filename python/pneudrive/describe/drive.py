@@ -7,7 +7,7 @@ import json
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -18,12 +18,16 @@ from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import law_of, read_law_file
 from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
+from pneudrive.describe.short import TABLES
+from pneudrive.describe.sourced import Value
 from pneudrive.errors import DescriptionError
+from pneudrive.references import entries as references
 from pneudrive.show import Card
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.session import Session
 
 # Defaults that no datasheet backs: a result that rests on one says so.
@@ -59,25 +63,24 @@ class Drive(Described):
     valve: Valve
     friction: Friction
     carried: Load = Field(default=Load(), alias="load")  # `load` reads a file
+    tubing: dict[str, Any] = Field(default_factory=dict)
+    flow_control: dict[str, Any] = Field(default_factory=dict)
     labels: dict[str, str] = Field(default_factory=dict)
     provenance: dict[str, Origin] = Field(default_factory=dict)
 
-    schema_keys: ClassVar[tuple[str, ...]] = ("gas", "ambient", "supply", "cylinder", "valve", "friction", "load")
-
     @model_validator(mode="before")
     @classmethod
-    def _not_yet(cls, data: Any) -> Any:  # noqa: ANN401
+    def _no_circuit(cls, data: Any) -> Any:  # noqa: ANN401
         if isinstance(data, dict) and "components" in data:
             remedy = "pn.Circuit.load and pneudrive simulate take it."
             raise wrong("components", "[components] describes a circuit, and a drive is needed", remedy=remedy)
-        if isinstance(data, dict) and "tubing" in data:
-            raise wrong(
-                "tubing",
-                "[tubing] cannot be simulated yet",
-                remedy="Leave it out: valve and cylinder are then joined directly. Available tables: "
-                f"{', '.join(cls.schema_keys)}, labels.",
-            )
         return data
+
+    @model_validator(mode="after")
+    def _lines_fit(self) -> Drive:
+        if self.has_lines:
+            assert self.circuit  # or it says what is wrong
+        return self
 
     @model_validator(mode="after")
     def _supply_is_absolute(self) -> Drive:
@@ -127,7 +130,9 @@ class Drive(Described):
 
     @classmethod
     def _from_catalogue(cls, reference: str, changes: dict[str, Any]) -> Drive:
-        return cls.model_validate(merge(catalogue.drive_tables(reference), changes))
+        made = cls.model_validate(merge(catalogue.drive_tables(reference), changes))
+        vars(made)["origins"] = _untouched(catalogue.all_values(catalogue.entry(reference)), changes)
+        return made
 
     def replace(self, changes: dict[str, Any]) -> Drive:
         """Return a drive with some values changed, checked anew.
@@ -157,7 +162,10 @@ class Drive(Described):
         tables.pop("provenance", None)
         after = type(self).model_validate(tables)
         known = provenance.kept(self, after, self.provenance) | origins if self.provenance or origins else {}
-        return type(self).model_validate(tables | {"provenance": known}) if known else after
+        if known:
+            after = type(self).model_validate(tables | {"provenance": known})
+        vars(after)["origins"] = _untouched(self.origins, nested)
+        return after
 
     @property
     def supply_pressure_pa(self) -> float:
@@ -165,23 +173,57 @@ class Drive(Described):
         return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
 
     @cached_property
+    def origins(self) -> tuple[Value, ...]:
+        """Values of the catalogue, with where they come from; two drives are equal whatever is said of their values."""
+        return ()
+
+    @property
+    def has_lines(self) -> bool:
+        """Whether something lies between valve and cylinder: tubes, flow controls."""
+        return bool(self.tubing or self.flow_control)
+
+    @cached_property
+    def circuit(self) -> Circuit:
+        """The drive as a circuit of components, whose short form it is."""
+        from pneudrive.describe.circuit import Circuit
+
+        tables = self.to_dict()
+        about = {key: tables[key] for key in ("gas", "ambient", "labels") if key in tables}
+        parts = {key: tables[key] for key in TABLES if key in tables}
+        # The friction as it is: one of a file of laws has no text that says all of it.
+        return Circuit.model_validate({"name": self.name} | about | parts | {"friction": self.friction})
+
+    @cached_property
     def si_form(self) -> str:
         """What `core_json` returns, made once."""
         return json.dumps(self._core(), sort_keys=True)
 
     def core_json(self) -> str:
-        """Return the SI form of the description that the core takes."""
+        """Return the SI form of the description that the core takes.
+
+        Raises
+        ------
+        DescriptionError
+            Tubes or flow controls lie between valve and cylinder: what asks for this form does without.
+        """
+        if self.has_lines:
+            key = "tubing" if self.tubing else "flow_control"
+            what = f"a drive with [{key}] is simulated, drawn, and started as a session; this takes drives without"
+            raise wrong(key, what, remedy=f"Leave [{key}] out here, or describe its volume by cylinder.dead_volume.")
         return self.si_form
 
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
         """Copy without the cached form, which `update` may have made wrong."""
         copy = super().model_copy(update=update, deep=deep)
-        vars(copy).pop("si_form", None)
+        for cached in ("si_form", "circuit"):
+            vars(copy).pop(cached, None)
         return copy
 
     @property
     def description_hash(self) -> str:
         """SHA-256 of what is simulated: name and labels do not count."""
+        if self.has_lines:
+            return self.circuit.description_hash
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
     def _core(self) -> dict[str, Any]:
@@ -229,6 +271,23 @@ class Drive(Described):
                 else {"stiffness_n_m": spring.stiffness_n_m, "rest_position_m": spring.rest_position_m},
             },
         }
+
+    def circuit_initial(self, initial: Initial | None) -> dict[str, float]:
+        """Return the SI start state of the drive's circuit; tubes start at the pressure of their chamber.
+
+        Raises
+        ------
+        DescriptionError
+            The start state does not fit the drive.
+        """
+        self.core_initial(initial)
+        given = (initial or Initial()).to_dict()
+        names = {key: f"cylinder.{key}" for key in ("position", "velocity", "contact_age")}
+        for chamber in "ab":
+            for key in ("pressure", "temperature"):
+                names[f"{key}_{chamber}"] = f"cylinder.{chamber}.{key}"
+        known = self.circuit.start_keys
+        return self.circuit.core_initial({names[k]: v for k, v in given.items() if names[k] in known})
 
     def core_initial(self, initial: Initial | None) -> dict[str, float]:
         """Return the SI start state that the core takes; pressures become absolute here.
@@ -303,9 +362,20 @@ class Drive(Described):
             raise DescriptionError(str(error)) from None
         return dict(zip(EndStop.model_fields, values, strict=True))
 
+    def sources(self) -> list[str]:
+        """Return values of the catalogue that have a source, ``key = value [source]``."""
+        return [f"{v.key} = {inline(v.value)} [{v.source}]" for v in self.origins if v.source is not None]
+
+    @property
+    def cited(self) -> list[str]:
+        """Keys of references.bib that its values of the catalogue name as their source."""
+        return sorted({v.source for v in self.origins if v.source is not None} & references().keys())
+
     def assumed(self) -> list[str]:
         """Return what was assumed because the description says nothing and no source backs it, as ``key = value``."""
-        out = []
+        out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origins if v.assumed is not None]
+        if self.has_lines:
+            return out + self.circuit.assumed()
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
             given = part.to_dict()
@@ -364,6 +434,28 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
             old = {k: v for k, v in old.items() if k != "rod_diameter"}
         out[key] = merge(old, value)
     return out
+
+
+def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Value, ...]:
+    """Return values of the catalogue that a user's own tables leave alone."""
+
+    def is_touched(key: str) -> bool:
+        at: Any = changes
+        for name in key.split("."):
+            if not isinstance(at, dict) or name not in at:
+                return False
+            at = at[name]
+        return True
+
+    sizes = {"conductance", "nominal_flow", "kv", "cv"} & set(changes.get("valve", {}))
+    other_law = isinstance(changes.get("friction"), dict) and "law" in changes["friction"]
+    return tuple(
+        value
+        for value in values
+        if not is_touched(value.key)
+        and not (sizes and value.key in ("valve.conductance", "valve.nominal_flow", "valve.kv", "valve.cv"))
+        and not (other_law and value.key.startswith("friction."))
+    )
 
 
 def _or(value: float | None, otherwise: float) -> float:

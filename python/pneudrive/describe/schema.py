@@ -7,6 +7,7 @@ from typing import Any
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.components import component_class, component_kinds
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.short import TABLES
 
 _COPIES = {"type": "array", "items": {"type": "string"}, "minItems": 1}
 
@@ -23,6 +24,8 @@ def drive_schema() -> dict[str, Any]:
         "pattern": "^catalogue:.+$",
         "description": "Drive of the catalogue to start from; what the file gives replaces its values.",
     }
+    for table, kind in (("tubing", "tube"), ("flow_control", "flow-control")):
+        schema["properties"][table] = _for_each_chamber(kind)
     whole = {"required": required, "properties": {"drive": False}}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -52,7 +55,22 @@ def circuit_schema() -> dict[str, Any]:
         "additionalProperties": {"oneOf": alternatives},
         "minProperties": 1,
     }
+    for table in TABLES:
+        schema["properties"][table] = {"type": "object", "description": f"As [{table}] of a drive file"}
+    required = [key for key in schema.pop("required", []) if key != "components"]
+    schema |= {"required": required} if required else {}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _for_each_chamber(kind: str) -> dict[str, Any]:
+    """Describe a table of lines: one for each chamber. Sizes of a flow control are those of its needle."""
+    own = component_class(kind).model_json_schema(by_alias=True)["properties"]
+    keys = {key: form for key, form in own.items() if key != "kind"}
+    for key in [key for key in keys if key.startswith("needle_")]:
+        size = key.removeprefix("needle_")
+        keys[f"check_{size}"], keys[size] = keys.pop(size), keys.pop(key)
+    one = {"type": "object", "properties": keys, "additionalProperties": False}
+    return {"type": "object", "properties": {"a": one, "b": one}, "additionalProperties": False}
 
 
 def _with_origin(form: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,32 @@
+"""What a command is given: a drive or a circuit, told apart by the file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pneudrive.describe import Circuit, Drive
+
+
+def load(source: str) -> Drive | Circuit:
+    """Read a drive file, a circuit file or ``catalogue:NAME``: what has components or connections is a circuit.
+
+    Raises
+    ------
+    DescriptionError
+        Something is wrong with it.
+    """
+    from pneudrive.describe import Drive, toml
+
+    if toml.has(source, "components") or toml.has(source, "connections"):
+        from pneudrive.describe import Circuit
+
+        return Circuit.load(source)
+    return Drive.load(source)
+
+
+def circuit_of(described: Drive | Circuit) -> Circuit:
+    """Return the circuit that a drive is the short form of; a circuit as it is."""
+    from pneudrive.session import is_circuit
+
+    return described if is_circuit(described) else described.circuit

@@ -1,0 +1,186 @@
+"""The short form of a circuit: the tables of a drive file as components with their usual joints.
+
+``[supply]``, ``[valve]`` and ``[cylinder]`` are components of these names, ``[friction]`` belongs to the cylinder,
+``[load]`` moves with it; ``[tubing]`` and ``[flow_control]`` lie between valve and cylinder, for each chamber. All keys
+are renamed, none is computed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.base import wrong
+from pneudrive.describe.components import component_kinds
+from pneudrive.describe.connections import ARROW
+from pneudrive.errors import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from pneudrive.errors import Problems
+
+#: Tables of a drive file that describe components.
+TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_control")
+#: Chamber -> port of the valve that feeds it while the piston moves towards +x, or -x.
+CHAMBERS = {"a": "4", "b": "2"}
+#: Sizes of a flow control in the short form are those of its needle; these are of its check valve.
+_CHECK = "check_"
+_SIZES = ("conductance", "nominal_flow", "kv", "cv")
+_SAME = "the check valve is taken as large as the needle"
+
+
+@dataclass
+class Short:
+    """Components that tables of a drive file stand for.
+
+    Parameters
+    ----------
+    components : dict
+        Their tables by name.
+    places : dict
+        Key of a circuit file -> where that stands in the short form; the longest that fits holds.
+    """
+
+    components: dict[str, dict[str, Any]] = field(default_factory=dict)
+    places: dict[str, str] = field(default_factory=dict)
+    chains: list[str] = field(default_factory=list)
+    given: int = 0  # connections of the user, before the usual ones
+
+    def located(self, key: str | None) -> str | None:
+        """Return where a key of a circuit file stands in this file."""
+        for known in sorted(self.places, key=len, reverse=True):
+            if key is not None and (key == known or key.startswith(f"{known}.")):
+                return f"{self.places[known]}{key[len(known) :]}"
+        table, _, number = (key or "").partition(".")
+        return "valve" if table == "connections" and number.isdigit() and int(number) >= self.given else key
+
+
+def expanded(data: Mapping[str, Any], problems: Problems) -> Short:
+    """Return the components of the tables of a drive file, and the joints that `connections` leaves to them."""
+    short = Short()
+    given = _tables(data, problems)
+    if "supply" in given:
+        _add(short, "supply", "supply", {"kind": "reservoir"} | given["supply"])
+    for name in ("valve", "cylinder"):
+        if name in given:
+            _add(short, name, name, _of_kind(given[name], name))
+    if "friction" in given:
+        short.components["cylinder"]["friction"] = given["friction"]
+        short.places["components.cylinder.friction"] = "friction"
+    load = dict(given.get("load", {}))
+    spring = load.pop("spring", None)
+    if load:
+        _add(short, "load", "load", {"kind": "load"} | load)
+    if spring is not None:
+        _add(short, "spring", "load.spring", {"kind": "spring"} | (spring if isinstance(spring, dict) else {}))
+    for key in _LINES:
+        for chamber, table in given.get(key, {}).items():
+            with problems.caught():
+                _add_line(short, key, chamber, table)
+    _join(short, data)
+    return short
+
+
+def _tables(data: Mapping[str, Any], problems: Problems) -> dict[str, Any]:
+    """Return the tables of a drive file that are there and have what they belong to."""
+    given = {key: data[key] for key in TABLES if key in data}
+    for key, table in list(given.items()):
+        if hasattr(table, "to_dict") and key != "friction":
+            given[key] = table.to_dict()
+        elif not isinstance(table, dict) and key != "friction":
+            problems.add(wrong(key, f"{key} = {table!r} is not a table"))
+            del given[key]
+    for key, needs in (("friction", ["cylinder"]), ("load", ["cylinder"]), *((key, _ENDS) for key in _LINES)):
+        missing = [need for need in needs if need not in given]
+        if key in given and missing:
+            what = f"[{key}] belongs to a [cylinder]" + (" behind a [valve]" if key in _LINES else "")
+            rest = " and ".join(f"[{one}]" for one in missing)
+            remedy = f"Add {rest}, or describe what it means as [components.NAME]."
+            problems.add(wrong(key, f"{what}, and there is no {rest}", remedy=remedy))
+            del given[key]
+    return given
+
+
+def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
+    """Add the component of a table of lines that lies before a chamber."""
+    part, kind, renamed = _LINES[key]
+    where = f"{key}.{chamber}"
+    if chamber not in CHAMBERS:
+        rule = "a table for each chamber, a and b"
+        raise wrong(where, f"{where} is not a known key", rule=rule, remedy=nearest(chamber, CHAMBERS))
+    if not isinstance(table, dict):
+        raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
+    name = f"{part}_{chamber}"
+    _add(short, name, where, {"kind": kind} | renamed(table))
+    for size in _SIZES if key == "flow_control" else ():
+        short.places[f"components.{name}.{size}"] = f"{where}.{_CHECK}{size}"
+        short.places[f"components.{name}.needle_{size}"] = f"{where}.{size}"
+
+
+def _add(short: Short, name: str, place: str, table: dict[str, Any]) -> None:
+    short.components[name] = table
+    short.places[f"components.{name}"] = place
+
+
+def _of_kind(table: Mapping[str, Any], family: str) -> dict[str, Any]:
+    """Return the table with the kind of the component: ``rodless`` of a cylinder is ``cylinder/rodless``."""
+    kind = table.get("kind")
+    is_short = isinstance(kind, str) and not kind.startswith(f"{family}/")
+    return dict(table) | ({"kind": f"{family}/{kind}"} if is_short else {})
+
+
+def _flow_control(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of a flow control: sizes are the needle's; its check valve is as large where nothing is said."""
+    out: dict[str, Any] = {}
+    for key, given in table.items():
+        own = key.removeprefix(_CHECK)
+        if own in _SIZES:
+            out[own if key != own else f"needle_{own}"] = given
+        else:
+            out[key] = given
+    if not any(size in out for size in _SIZES):
+        out |= {
+            size: {"value": out[f"needle_{size}"], "assumed": _SAME}
+            for size in _SIZES
+            if f"needle_{size}" in out and not isinstance(out[f"needle_{size}"], dict)
+        }
+    return out
+
+
+_ENDS = ["valve", "cylinder"]
+#: Table of lines -> name of its components, their kind, and how its keys become theirs; in the order from the valve.
+_LINES: dict[str, tuple[str, str, Any]] = {
+    "tubing": ("tube", "tube", dict),
+    "flow_control": ("flow_control", "flow-control", _flow_control),
+}
+
+
+def _join(short: Short, data: Mapping[str, Any]) -> None:
+    """Add the usual joints, but those of ports that `connections` or `plugged` name."""
+    lists = [data.get(key) for key in ("connections", "plugged")]
+    words = {word.strip() for text in _texts(lists) for word in text.split(ARROW)}
+    named = words | {word.partition(".")[0] for word in words if "." in word}
+    has = short.components
+    if "valve" in has and "supply" in has and "valve.1" not in named and _has_ports(has["valve"], "1"):
+        short.chains.append(f"supply {ARROW} valve.1")
+    for chamber, port in CHAMBERS.items():
+        if "valve" in has and "cylinder" in has and _has_ports(has["valve"], *CHAMBERS.values()):
+            lines = [f"{part}_{chamber}" for part, *_ in _LINES.values() if f"{part}_{chamber}" in has]
+            if not {f"valve.{port}", *lines} & named:
+                short.chains.append(f" {ARROW} ".join([f"valve.{port}", *lines, f"cylinder.{chamber}"]))
+    short.chains += [f"{name} {ARROW} cylinder.rod" for name in ("load", "spring") if name in has]
+    connections = data.get("connections", ())
+    short.given = len(connections) if isinstance(connections, list | tuple) else 0
+
+
+def _texts(lists: Sequence[Any]) -> Iterator[str]:
+    for one in lists:
+        if isinstance(one, list | tuple):
+            yield from (text for text in one if isinstance(text, str))
+
+
+def _has_ports(table: Mapping[str, Any], *names: str) -> bool:
+    """Whether a valve has ports of these names; one of the catalogue, whose kind is not known here, has."""
+    entry = component_kinds().get(table.get("kind", ""))
+    return entry is None or set(names) <= {port["name"] for port in entry["ports"]}
