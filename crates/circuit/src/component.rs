@@ -14,8 +14,8 @@ mod tank;
 mod tube;
 mod valve;
 
-use crate::assembly::Quantity;
 use crate::assembly::end_stop::Ends;
+use crate::assembly::{Quantity, Starting};
 use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::part::{ChamberLaw, CheckValve, InputId, Kept, PartId};
 use crate::run::Error;
@@ -311,9 +311,27 @@ pub struct Build<P> {
     pub paths: Vec<(P, GasId, GasId)>,
     pub inputs: Vec<(String, &'static str, Acts)>,
     pub columns: Vec<(String, Quantity)>,
+    /// Each with the names of its numbers.
+    pub starts: Vec<(Starting, Vec<String>)>,
 }
 
 impl<P: Lane> Build<P> {
+    /// A volume within a component, which no port reaches. It starts as its name says.
+    fn inner_volume(&mut self, name: &str, brings: Brings<P>) -> Option<GasId> {
+        let Brings::Volume { law, dead_volume, wall, heat_transfer, wall_temperature } = brings else {
+            return None;
+        };
+        let node = self.circuit.volume(law, dead_volume, wall, heat_transfer, wall_temperature);
+        self.gas_starts(node, name);
+        Some(node)
+    }
+
+    /// Gas starts at a pressure and a temperature.
+    pub(crate) fn gas_starts(&mut self, node: GasId, name: &str) {
+        let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));
+        self.starts.push((Starting::Gas(node), names.to_vec()));
+    }
+
     /// A restriction that is always open.
     fn passage(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
         let edge = self.edge(law, from, to);
@@ -332,6 +350,12 @@ impl<P: Lane> Build<P> {
         let paths = part.paths().iter().zip(conductances);
         self.paths.extend(paths.map(|(path, conductance)| (*conductance, path.from, path.to)));
         self.circuit.add(part)
+    }
+
+    /// A spring between a mass and the frame: stiffness, N/m, and the position where it has no force, m.
+    fn spring(&mut self, axis: AxisId, stiffness: P, rest_position: P) {
+        self.circuit.spring(axis, stiffness, rest_position);
+        self.springs.push((axis, stiffness, rest_position));
     }
 
     /// A path that opens by itself.
@@ -423,6 +447,7 @@ components! {
     cylinder::Rodless,
     cylinder::ThroughRod,
     cylinder::SingleRod,
+    cylinder::SingleActing,
 }
 
 /// Least volume of a joint to which ports bring `ports` m3.

@@ -166,7 +166,6 @@ struct Wiring<'a, P> {
     /// The node at each port of each component.
     nodes: Vec<Vec<Node>>,
     around: Option<GasId>,
-    starts: Vec<(Starting, Vec<String>)>,
     joint_volumes: Vec<(String, P)>,
 }
 
@@ -253,8 +252,7 @@ where
                     self.joint_volumes.push((name.clone(), dead_volume));
                     name
                 });
-                let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));
-                self.starts.push((Starting::Gas(node), names.to_vec()));
+                self.build.gas_starts(node, &name);
                 Ok(node)
             }
         }
@@ -292,8 +290,8 @@ where
         let axis = self.build.circuit.axis(mass, incline, force, friction);
         self.build.masses.push((mass, force));
         let names = ["position_m", "velocity_m_s"].map(|quantity| format!("{name}.{quantity}"));
-        self.starts.push((Starting::Axis(axis), names.to_vec()));
-        self.starts.push((Starting::Inner(axis), inner));
+        self.build.starts.push((Starting::Axis(axis), names.to_vec()));
+        self.build.starts.push((Starting::Inner(axis), inner));
         Ok(axis)
     }
 }
@@ -337,14 +335,14 @@ where
         paths: Vec::new(),
         inputs: Vec::new(),
         columns: vec![("time_s".into(), Quantity::Time)],
+        starts: Vec::new(),
     };
     let nodes = each.iter().map(|own| vec![Node::Shut; own.kind().ports.len()]).collect();
-    let mut wiring =
-        Wiring { each, build, nodes, around: None, starts: Vec::new(), joint_volumes: Vec::new() };
+    let mut wiring = Wiring { each, build, nodes, around: None, joint_volumes: Vec::new() };
     for joint in joints {
         wiring.join(joint)?;
     }
-    let Wiring { mut build, nodes, starts, joint_volumes, .. } = wiring;
+    let Wiring { mut build, nodes, joint_volumes, .. } = wiring;
     // The ends of a cylinder follow from what is joined to it.
     let mut order: Vec<usize> = (0..each.len()).collect();
     order.sort_by_key(|&i| each[i].kind().friction);
@@ -352,12 +350,12 @@ where
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
     }
     // Those that a start names, and one of each regulator.
-    let named: usize = starts.iter().map(|(_, names)| names.len()).sum();
+    let named: usize = build.starts.iter().map(|(_, names)| names.len()).sum();
     let states = named + build.circuit.signals();
     if states > Deps::CAPACITY {
         return refuse(format!("the circuit has {states} states: at most {}", Deps::CAPACITY));
     }
-    let Build { circuit, open, pistons, inputs, columns, .. } = build;
+    let Build { circuit, open, pistons, inputs, columns, starts, .. } = build;
     let mut circuit = circuit.build(ledger);
     for id in open {
         circuit.set_input(id, 0, P::one());

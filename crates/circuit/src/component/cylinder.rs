@@ -1,11 +1,11 @@
 use super::{
-    Acts, Brings, Build, Choice, Component, Instance, Kind, Piston, Port, Row, Terminals, axis, chamber,
-    table,
+    Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, SUBSONIC_INDEX,
+    Terminals, axis, chamber, exhaust, table,
 };
 use crate::assembly::Quantity;
 use crate::assembly::end_stop::{Driven, ends};
 use crate::assembly::leak::leak;
-use crate::circuit::PistonSide;
+use crate::circuit::{AxisId, GasId, PistonSide};
 use crate::part::ChamberLaw;
 use crate::run::Error;
 use math::{Lane, Real};
@@ -14,25 +14,31 @@ use std::f64::consts::PI;
 /// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
 const PORTS: &[Port] = &[chamber("a"), chamber("b"), axis("rod", true)];
 
-const PARAMETERS: &[Row] = table! {
-    bore: "m", physics::above(0.0), "Bore D";
-    rod_diameter: "m", physics::at_least(0.0), default 0.0, "Diameter of the rod d";
-    stroke: "m", physics::above(0.0), "Stroke";
-    dead_volume_a: "m3", physics::above(0.0), "Volume of chamber a at x = 0, port and line included";
-    dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
-    moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
-    incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
-    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
-        "Heat-transfer coefficient to the wall";
-    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
-    leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
-    end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
-        "Stiffness of the end stops";
-    end_stop_damping: "N s/m", physics::at_least(0.0), follows "the stiffness of the end stop",
-        "Damping of the end stops";
-    end_stop_damping_depth: "m", physics::above(0.0), follows "the dead volumes",
-        "Depth from which the damper acts fully";
-};
+/// What every cylinder has, and what a kind has beside that.
+macro_rules! parameters {
+    ($($more:tt)*) => {
+        table! {
+            bore: "m", physics::above(0.0), "Bore D";
+            rod_diameter: "m", physics::at_least(0.0), default 0.0, "Diameter of the rod d";
+            stroke: "m", physics::above(0.0), "Stroke";
+            dead_volume_a: "m3", physics::above(0.0), "Volume of chamber a at x = 0, port and line included";
+            dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
+            moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
+            incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
+            heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
+                "Heat-transfer coefficient to the wall";
+            wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
+            leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
+            end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
+                "Stiffness of the end stops";
+            end_stop_damping: "N s/m", physics::at_least(0.0), follows "the stiffness of the end stop",
+                "Damping of the end stops";
+            end_stop_damping_depth: "m", physics::above(0.0), follows "the dead volumes",
+                "Depth from which the damper acts fully";
+            $($more)*
+        }
+    };
+}
 
 const KIND: Kind = Kind {
     key: "",
@@ -41,7 +47,7 @@ const KIND: Kind = Kind {
            stops. x grows from chamber a's end to chamber b's.",
     sources: &["bejan2016"],
     ports: PORTS,
-    parameters: PARAMETERS,
+    parameters: parameters! {},
     choices: &[Choice {
         name: "chamber_law",
         options: &["energy-balance", "as-printed"],
@@ -76,22 +82,23 @@ fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
     if own.choices[0] == 0 { ChamberLaw::EnergyBalance } else { ChamberLaw::AsPrinted }
 }
 
-fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
-    let dead_volume = match port {
-        0 => own.number("dead_volume_a"),
-        1 => own.number("dead_volume_b"),
-        _ => {
-            let friction = own.friction.clone();
-            let (mass, incline) = (own.number("moving_mass"), Some(own.number("incline")));
-            return Brings::Mass { mass, incline, force: P::zero(), friction };
-        }
-    };
+/// What a chamber is, its dead volume having this key.
+fn bring_chamber<P: Lane>(own: &Instance<P>, dead_volume: &str, ambient_temperature: P) -> Brings<P> {
     Brings::Volume {
         law: chamber_law(own),
-        dead_volume,
+        dead_volume: own.number(dead_volume),
         wall: P::zero(),
         heat_transfer: own.number("heat_transfer"),
         wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
+    }
+}
+
+fn bring_rod<P: Lane>(own: &Instance<P>) -> Brings<P> {
+    Brings::Mass {
+        mass: own.number("moving_mass"),
+        incline: Some(own.number("incline")),
+        force: P::zero(),
+        friction: own.friction.clone(),
     }
 }
 
@@ -115,8 +122,12 @@ fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
     }
 }
 
-fn compose<P: Lane>(own: &Instance<P>, rods: [bool; 2], at: &Terminals, build: &mut Build<P>) {
-    let (Some(a), Some(b), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
+fn compose<P: Lane>(
+    own: &Instance<P>,
+    rods: [bool; 2],
+    (a, b, axis): (GasId, GasId, AxisId),
+    build: &mut Build<P>,
+) {
     let (bore, stroke) = (own.number("bore"), own.number("stroke"));
     let mut sides =
         rods.map(|has_rod| side(bore, if has_rod { own.number("rod_diameter") } else { P::zero() }));
@@ -189,7 +200,11 @@ macro_rules! cylinder {
             const KIND: Kind = Kind { key: $key, title: $title, ..KIND };
 
             fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
-                bring(own, port, ambient_temperature)
+                match port {
+                    0 => bring_chamber(own, "dead_volume_a", ambient_temperature),
+                    1 => bring_chamber(own, "dead_volume_b", ambient_temperature),
+                    _ => bring_rod(own),
+                }
             }
 
             fn check(own: &Instance<f64>) -> Result<(), Error> {
@@ -197,7 +212,8 @@ macro_rules! cylinder {
             }
 
             fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
-                compose(own, $rods, at, build);
+                let (Some(a), Some(b), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
+                compose(own, $rods, (a, b, axis), build);
             }
         }
     };
@@ -214,4 +230,50 @@ cylinder! {
 cylinder! {
     /// A rod on the side of chamber b.
     SingleRod = "cylinder/single-rod", "Cylinder with a rod on the side of chamber b", rods [false, true]
+}
+
+/// Pressure in chamber a pushes the rod out, a spring in chamber b pushes it back.
+pub struct SingleActing;
+
+impl Component for SingleActing {
+    const KIND: Kind = Kind {
+        key: "cylinder/single-acting",
+        title: "Single-acting cylinder with a spring",
+        text: "A cylinder with a rod on the side of chamber b that pressure in chamber a drives out, and a spring in \
+               chamber b, F = F_0 + k x towards chamber a, drives back. Chamber b breathes through a hole in its cover.",
+        sources: &["bejan2016", "iso6358-2013"],
+        ports: &[chamber("a"), exhaust("exhaust"), axis("rod", true)],
+        parameters: parameters! {
+            spring_stiffness: "N/m", physics::above(0.0), "Stiffness k of the spring";
+            spring_preload: "N", physics::at_least(0.0), "Force F_0 of the spring at x = 0";
+            breather_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the breather, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a hole with a filter",
+                "Critical pressure ratio b of the breather";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+        },
+        ..KIND
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+        match port {
+            0 => bring_chamber(own, "dead_volume_a", ambient_temperature),
+            1 => Brings::Nothing,
+            _ => bring_rod(own),
+        }
+    }
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        check(own, true)
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(a), Some(around), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
+        let brings = bring_chamber(own, "dead_volume_b", build.ambient[1]);
+        let Some(b) = build.inner_volume(&format!("{}.b", own.name), brings) else { return };
+        build.passage(own.path("breather_conductance", build), b, around);
+        let stiffness = own.number("spring_stiffness");
+        build.spring(axis, stiffness, -own.number("spring_preload") / stiffness);
+        compose(own, [false, true], (a, b, axis), build);
+    }
 }

@@ -42,8 +42,7 @@ impl Component for Spring {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         if let Some(axis) = at.axis(0) {
-            build.circuit.spring(axis, own.number("stiffness"), own.number("rest_position"));
-            build.springs.push((axis, own.number("stiffness"), own.number("rest_position")));
+            build.spring(axis, own.number("stiffness"), own.number("rest_position"));
         }
     }
 }

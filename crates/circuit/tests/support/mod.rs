@@ -2,6 +2,7 @@
 
 #![allow(dead_code, unused_imports)] // every contract uses its own part
 
+pub mod circuits;
 pub mod pins;
 
 use circuit::{Circuit, Net, Record, specification};
