@@ -11,6 +11,7 @@ mod rig;
 mod session;
 mod shoot;
 mod tank;
+mod timing;
 mod variables;
 
 pub use along::{ALONG, Record, Restart};
@@ -22,4 +23,5 @@ pub use rig::{End, Motion, Rig, Start};
 pub use session::{Linear, Session};
 pub use shoot::{ByStart, DIRECTIONS, Shooting, Shot};
 pub use tank::Tank;
+pub use timing::{Pulses, Timing};
 pub use variables::{Assembly, Quantity, Settable, Starting, Target, Variables};

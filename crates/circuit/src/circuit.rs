@@ -284,9 +284,14 @@ impl<R: Lane> Circuit<R> {
         each.min_by(|a, b| near(a).total_cmp(&near(b)))
     }
 
-    /// How many signals there are: each is a state of its part.
-    pub(crate) fn signals(&self) -> usize {
-        self.signals
+    /// How many states its parts have: before it is built too.
+    pub(crate) fn count_states(&self) -> usize {
+        self.parts.count_states()
+    }
+
+    /// The first state of a part within `y`.
+    pub(crate) fn part_state(&self, part: PartId, y: &[R]) -> R {
+        y[self.parts.place_of(part).first]
     }
 
     /// How many states there are beside the accounts.

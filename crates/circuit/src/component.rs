@@ -10,19 +10,20 @@ mod quick_exhaust;
 mod regulator;
 mod reservoir;
 mod silencer;
+mod switching;
 mod tank;
 mod tube;
 mod valve;
 
 use crate::assembly::end_stop::Ends;
-use crate::assembly::{Quantity, Starting};
+use crate::assembly::{Quantity, Starting, Timing};
 use crate::circuit::{AxisId, Circuit, GasId, Path};
-use crate::part::{ChamberLaw, CheckValve, InputId, Kept, PartId};
+use crate::part::{ChamberLaw, CheckValve, Edge, InputId, Kept, PartId};
 use crate::run::Error;
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::friction::Contact;
-use physics::{IdealGas, Parameter};
+use physics::{Bounds, IdealGas, Parameter};
 use std::ops::Deref;
 
 /// What may be joined to a port.
@@ -182,7 +183,9 @@ impl<P: Lane> Instance<P> {
         Instance {
             name: name.into(),
             kind,
-            numbers: each().map(|number| number.map(|(value, _)| value)).collect(),
+            numbers: (each().zip(KINDS[kind].parameters))
+                .map(|(number, row)| number.map(|(value, _)| value).or(row.default.map(P::c)))
+                .collect(),
             free: each().map(|number| number.is_some_and(|(_, is_free)| is_free)).collect(),
             choices: vec![0; KINDS[kind].choices.len()],
             friction: None,
@@ -216,10 +219,21 @@ impl<P: Lane> Instance<P> {
 
     /// The same with a sonic conductance, m3/(s Pa).
     fn path_of(&self, conductance: P, build: &Build<P>) -> Iso6358<P> {
+        self.law(conductance, self.number("critical_pressure_ratio"), build)
+    }
+
+    /// The law of a path to the exhaust, which is that of the supply where nothing is said.
+    fn exhaust_path(&self, build: &Build<P>) -> Iso6358<P> {
+        let conductance = self.given("exhaust_conductance").unwrap_or_else(|| self.number("conductance"));
+        let ratio = self.given("exhaust_critical_pressure_ratio");
+        self.law(conductance, ratio.unwrap_or_else(|| self.number("critical_pressure_ratio")), build)
+    }
+
+    fn law(&self, conductance: P, ratio: P, build: &Build<P>) -> Iso6358<P> {
         let index = self.number("subsonic_index");
         Iso6358::for_gas(
             conductance,
-            self.number("critical_pressure_ratio"),
+            ratio,
             index,
             self.number("linear_above"),
             index.get(0) == 0.5 && !self.is_free("subsonic_index"),
@@ -274,6 +288,8 @@ pub enum Acts {
     Command([InputId; 4]),
     /// The external force on an axis.
     Force(AxisId),
+    /// What follows from a command later on, and the bounds of that.
+    Timed(Timing, Bounds),
     /// Pressure and temperature of a reservoir.
     Pressure(GasId),
     Temperature(GasId),
@@ -356,6 +372,12 @@ impl<P: Lane> Build<P> {
     fn spring(&mut self, axis: AxisId, stiffness: P, rest_position: P) {
         self.circuit.spring(axis, stiffness, rest_position);
         self.springs.push((axis, stiffness, rest_position));
+    }
+
+    /// A path that a signal opens.
+    fn signal_edge(&mut self, edge: Edge<P>) -> Path {
+        let conductance = edge.law.conductance;
+        Path::along(self.flow_part(edge, &[conductance]), 0)
     }
 
     /// A path that opens by itself.
@@ -441,6 +463,11 @@ components! {
     regulator::PressureRegulator,
     quick_exhaust::QuickExhaust,
     valve::Proportional53,
+    valve::Proportional32,
+    switching::Switching22,
+    switching::Switching32,
+    switching::Switching52,
+    switching::Switching53,
     load::Load,
     load::Spring,
     // Last: the end stops of a cylinder follow from what is joined to it.
@@ -455,14 +482,20 @@ pub(crate) fn joint_volume(ports: f64) -> f64 {
     ports.max(LEAST_VOLUME)
 }
 
-/// Parameters of a component, in the words of a table; a row that several kinds have stands there by its name.
+/// Parameters of a component, in the words of a table. Rows that several kinds have stand there by their name: `NAME;` for
+/// one, `..NAMES;` for some.
 macro_rules! table {
-    ($($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
-        $(, assumed $assumed:literal)? $(, follows $follows:literal)?, $meaning:literal)?;)*) => {
-        &[$($crate::component::table!(
-            @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], $meaning)?
-        )),*]
-    };
+    ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
+        $(, assumed $assumed:literal)? $(, follows $follows:literal)?, $meaning:literal)?)?;)*) => {{
+        const PARTS: &[&[$crate::component::Row]] = &[$(
+            $(&$rows)?
+            $(&[$crate::component::table!(
+                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], $meaning)?
+            )])?
+        ),*];
+        const ROWS: [$crate::component::Row; $crate::component::count(PARTS)] = $crate::component::join(PARTS);
+        &ROWS
+    }};
     (@row $shared:ident) => { $shared };
     (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
         [$($follows:literal)?], $meaning:literal) => {
@@ -483,10 +516,41 @@ macro_rules! table {
 }
 use table;
 
+const fn count(parts: &[&[Row]]) -> usize {
+    let (mut sum, mut i) = (0, 0);
+    while i < parts.len() {
+        sum += parts[i].len();
+        i += 1;
+    }
+    sum
+}
+
+const fn join<const N: usize>(parts: &[&[Row]]) -> [Row; N] {
+    let mut all = [SUBSONIC_INDEX; N];
+    let (mut done, mut i) = (0, 0);
+    while i < parts.len() {
+        let mut row = 0;
+        while row < parts[i].len() {
+            all[done] = parts[i][row];
+            (done, row) = (done + 1, row + 1);
+        }
+        i += 1;
+    }
+    all
+}
+
 /// Rows that flow paths by ISO 6358 share.
-const SUBSONIC_INDEX: Row = table! {
-    subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m";
-}[0];
+const SUBSONIC_INDEX: Row = Row {
+    parameter: Parameter {
+        key: "subsonic_index",
+        unit: "1",
+        bounds: physics::above(0.0),
+        default: Some(0.5),
+        meaning: "Subsonic index m",
+    },
+    assumed: "",
+    follows: "",
+};
 const LINEAR_ABOVE: Row = table! {
     linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",
         "Pressure ratio above which the flow is linear; of a check valve its share of the closing ratio";

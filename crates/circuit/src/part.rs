@@ -7,6 +7,7 @@ mod carriage;
 pub(crate) mod check_valve;
 mod cup;
 pub(crate) mod cylinder;
+mod edge;
 mod end_stops;
 mod face;
 mod link;
@@ -14,6 +15,7 @@ mod path;
 mod regulator;
 mod reservoir;
 mod restriction;
+pub(crate) mod signal;
 mod spring;
 pub(crate) mod volume;
 
@@ -29,6 +31,7 @@ pub use carriage::Carriage;
 pub use check_valve::CheckValve;
 pub use cup::Cup;
 pub use cylinder::{Cylinder, OtherCylinder};
+pub use edge::Edge;
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
 pub use link::Link;
@@ -36,6 +39,7 @@ pub use path::Between;
 pub use regulator::Regulator;
 pub use reservoir::Reservoir;
 pub use restriction::Restriction;
+pub use signal::{Armature, Held, Spool};
 pub use spring::Spring;
 pub use volume::{ChamberLaw, Volume};
 
@@ -334,4 +338,8 @@ parts! {
         check_valves: CheckValve,
         cups: Cup,
         regulators: Regulator,
+        held: Held,
+        spools: Spool,
+        armatures: Armature,
+        edges: Edge,
 }

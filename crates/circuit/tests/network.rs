@@ -335,6 +335,7 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         (_, "m3") => 1e-5,
         (_, "m") => 0.05,
         (_, "kg") => 1.0,
+        (_, "s") => 0.005,
         (_, "N/m") => 500.0,
         (_, "N") => 20.0,
         _ => panic!("{key}: a usual value in {unit}"),
@@ -394,7 +395,7 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
         let commands: Vec<_> = inputs
             .iter()
             .filter(|own| own.name == "own.command")
-            .map(|own| (&*own.name, 0.02, 0.5))
+            .map(|own| (&*own.name, 0.02, 1.0))
             .collect();
         let named = start(true);
         let named: Vec<_> = named.iter().map(|(name, value)| (name.as_str(), *value)).collect();

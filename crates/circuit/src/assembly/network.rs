@@ -4,7 +4,7 @@ use super::end_stop::{impact_warning, stop_warning, through_warning};
 use super::friction::contact;
 use super::friction_law;
 use super::session::Session;
-use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
+use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
     Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Row, Terminals, bring, check, compose,
@@ -349,9 +349,7 @@ where
     for i in order {
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
     }
-    // Those that a start names, and one of each regulator.
-    let named: usize = build.starts.iter().map(|(_, names)| names.len()).sum();
-    let states = named + build.circuit.signals();
+    let states = build.circuit.count_states();
     if states > Deps::CAPACITY {
         return refuse(format!("the circuit has {states} states: at most {}", Deps::CAPACITY));
     }
@@ -367,6 +365,7 @@ impl<P: Lane> Wired<P> {
     /// The circuit under the names of its components.
     fn named(self) -> (Assembly<P>, Vec<Piston<P>>) {
         let Wired { circuit, pistons, inputs, mut columns, mut starts, .. } = self;
+        let mut timings = Vec::new();
         let settable = |(name, meaning, acts): (String, &'static str, Acts)| {
             let of = |id: InputId| Settable::of(&circuit, id, &name, meaning);
             match acts {
@@ -375,6 +374,11 @@ impl<P: Lane> Wired<P> {
                 Acts::Force(axis) => of(circuit.external_force(axis)),
                 Acts::Pressure(node) => of(circuit.boundary(node)[0]),
                 Acts::Temperature(node) => of(circuit.boundary(node)[1]),
+                Acts::Timed(timing, bounds) => {
+                    timings.push(timing);
+                    let target = Target::Timed(timings.len() - 1);
+                    Settable { name, unit: "1", bounds, meaning, target }
+                }
             }
         };
         let inputs = inputs.into_iter().map(settable).collect();
@@ -388,7 +392,7 @@ impl<P: Lane> Wired<P> {
             }
         }
         starts.retain(|(_, names)| !names.is_empty());
-        let mut variables = Variables { inputs, starts, ..Variables::default() };
+        let mut variables = Variables { inputs, timings, starts, ..Variables::default() };
         variables.read(columns);
         (Assembly::new(circuit, variables), pistons)
     }
@@ -487,6 +491,16 @@ impl Network {
 
     /// A session at a start, given by the names of [`Network::start_names`].
     pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
+        self.session_under(&[], start, options)
+    }
+
+    /// The same, where spools stand at these commands: an input and its value.
+    fn session_under(
+        &self,
+        first: &[(usize, f64)],
+        start: &BTreeMap<String, f64>,
+        options: Options,
+    ) -> Result<Session, Error> {
         let names = self.start_names();
         if let Some(name) = start.keys().find(|name| !names.contains(&name.as_str())) {
             return refuse(format!("there is no start \"{name}\"; there are {}", names.join(", ")));
@@ -511,6 +525,12 @@ impl Network {
             }
         }
         let mut circuit = Circuit::clone(&self.assembly.circuit);
+        let Variables { inputs, timings, .. } = &*self.assembly.variables;
+        for &(input, value) in first {
+            if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].smooth().is_some()) {
+                self.assembly.set(&mut circuit, input, 0, value);
+            }
+        }
         let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[] });
         Ok(Session::new(&self.assembly, 0.0, (circuit, y), options))
     }
@@ -524,13 +544,22 @@ impl Network {
         options: Options,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Run, Error> {
-        let mut session = self.session(start, options)?;
-        for (name, times, values) in plans {
-            let inputs = session.inputs();
-            let Some(input) = inputs.iter().position(|input| input.name == *name) else {
+        let inputs = &self.assembly.variables.inputs;
+        let place = |name: &String| match inputs.iter().position(|input| input.name == *name) {
+            Some(input) => Ok(input),
+            None => {
                 let names = one_of(inputs.iter().map(|input| input.name.as_str()));
-                return refuse(format!("there is no input \"{name}\"; there are {names}"));
-            };
+                refuse(format!("there is no input \"{name}\"; there are {names}"))
+            }
+        };
+        let places = plans.iter().map(|(name, ..)| place(name)).collect::<Result<Vec<_>, _>>()?;
+        let first: Vec<(usize, f64)> = (places.iter().zip(plans))
+            .filter_map(|(&input, (_, times, values))| {
+                Some((input, *values.get(times.partition_point(|time| *time <= 0.0).checked_sub(1)?)?))
+            })
+            .collect();
+        let mut session = self.session_under(&first, start, options)?;
+        for (input, (_, times, values)) in places.into_iter().zip(plans) {
             // As in a drive's run, what comes at the end or later is not waited for.
             let due = times.partition_point(|time| *time < duration);
             session.schedule(input, &times[..due], values.get(..due).unwrap_or(values))?;

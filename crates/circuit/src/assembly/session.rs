@@ -1,15 +1,17 @@
 //! What runs: a circuit whose inputs are set, now or at times to come, that is advanced and read, saved and put back,
 //! and linearised. Everything else that runs a circuit calls it.
 
+use super::timing::{Due, Timing, What};
 use super::variables::{Assembly, Quantity, Settable, Target};
 use crate::circuit::Circuit;
 use crate::net::Net;
+use crate::part::InputId;
 use crate::run::{Error, Look, advance, budget, settled};
 use math::{Dual, Lane, Real};
 use ode::{NoOutput, Options, Output, Statistics, Stepper, System};
 
 /// Bytes of a session begin with this, and the version of their form.
-const MAGIC: &[u8; 8] = b"pnd-ses\x02";
+const MAGIC: &[u8; 8] = b"pnd-ses\x03";
 
 /// Directions of one pass of a linearisation.
 const DIRECTIONS: usize = 8;
@@ -33,8 +35,8 @@ pub struct Linear {
 pub struct Session<R: Lane = f64> {
     assembly: Assembly<R>,
     stepper: Stepper<R, Circuit<R>>,
-    /// (time, input, value), by time; what comes first is last.
-    schedule: Vec<(f64, usize, f64)>,
+    /// (time, what is set, value), by time; what comes first is last.
+    schedule: Vec<(f64, What, f64)>,
     net: Net<R>,
     row: Vec<R>,
     /// `row` is of the present state and inputs.
@@ -119,6 +121,9 @@ impl<R: Lane> Session<R> {
 
     /// Sets an input from now on, whatever its bounds.
     pub(crate) fn put(&mut self, input: usize, value: f64) {
+        if let Target::Timed(timing) = self.assembly.variables.inputs[input].target {
+            return self.command(timing, value);
+        }
         let circuit = self.stepper.system_mut();
         for lane in 0..R::L {
             self.assembly.set(circuit, input, lane, R::c(value));
@@ -126,19 +131,52 @@ impl<R: Lane> Session<R> {
         self.is_read = false;
     }
 
+    /// Sets an input of a part.
+    pub(super) fn act(&mut self, id: InputId, value: f64) {
+        let circuit = self.stepper.system_mut();
+        (0..R::L).for_each(|lane| circuit.set_input(id, lane, R::c(value)));
+        self.is_read = false;
+    }
+
+    /// What follows from commands later on.
+    pub(super) fn timings(&self) -> &[Timing] {
+        &self.assembly.variables.timings
+    }
+
+    /// Something of a timing is due at a time to come, after what is due then already.
+    pub(super) fn later(&mut self, time: f64, timing: usize, due: Due, value: f64) {
+        let place = self.schedule.partition_point(|entry| entry.0 > time);
+        self.schedule.insert(place, (time, What::Timing(timing, due), value));
+    }
+
+    pub(super) fn is_due(&self, timing: usize, due: Due) -> bool {
+        self.schedule.iter().any(|entry| entry.1 == What::Timing(timing, due))
+    }
+
+    pub(super) fn forget(&mut self, timing: usize, due: Due) {
+        self.schedule.retain(|entry| entry.1 != What::Timing(timing, due));
+    }
+
     /// Sets an input at times to come, whatever its bounds: the integration ends on each of them exactly.
     pub(crate) fn plan(&mut self, input: usize, entries: impl IntoIterator<Item = (f64, f64)>) {
-        self.schedule.extend(entries.into_iter().map(|(time, value)| (time, input, value)));
+        self.schedule.extend(entries.into_iter().map(|(time, value)| (time, What::Input(input), value)));
         // Stable, and from the last to the first: of entries at one time the one given last holds.
         self.schedule.reverse();
         self.schedule.sort_by(|one, other| other.0.total_cmp(&one.0));
     }
 
+    fn happen(&mut self, what: What, value: f64) {
+        match what {
+            What::Input(input) => self.put(input, value),
+            What::Timing(timing, due) => self.happens(timing, due, value),
+        }
+    }
+
     /// Sets what is due now.
     pub(crate) fn settle_schedule(&mut self) {
         let now = self.time();
-        while let Some((_, input, value)) = self.schedule.pop_if(|entry| entry.0 <= now) {
-            self.put(input, value);
+        while let Some((_, what, value)) = self.schedule.pop_if(|entry| entry.0 <= now) {
+            self.happen(what, value);
         }
     }
 
@@ -167,9 +205,9 @@ impl<R: Lane> Session<R> {
                 }
                 other => other?,
             }
-            let Some((_, input, value)) = next else { return Ok(()) };
+            let Some((_, what, value)) = next else { return Ok(()) };
             self.schedule.pop();
-            self.put(input, value);
+            self.happen(what, value);
         }
     }
 
@@ -214,8 +252,14 @@ impl Session {
     }
 
     fn check(&self, input: usize, value: f64) -> Result<(), Error> {
-        let Settable { name, unit, bounds, .. } = &self.inputs()[input];
+        let Settable { name, unit, bounds, target, .. } = &self.inputs()[input];
+        let whole = matches!(target, Target::Timed(timing) if self.timings()[*timing].is_whole());
         if value.is_finite() && bounds.contain(value) {
+            if whole && value.fract() != 0.0 {
+                return refuse(format!(
+                    "{name} = {value}: a switching valve takes whole numbers. Give it a pulse frequency to command a share"
+                ));
+            }
             return Ok(());
         }
         refuse(format!("{name} = {value} {unit} is out of bounds: it must be {bounds}"))
@@ -264,8 +308,8 @@ impl Session {
         words.extend(circuit.inputs().iter().map(|(id, ..)| circuit.input(*id).to_bits()));
         circuit.clone().change_modes(|mode| words.push(mode.to_bits()));
         words.extend(stepper);
-        for &(time, input, value) in &self.schedule {
-            words.extend([time.to_bits(), input as u64, value.to_bits()]);
+        for &(time, what, value) in &self.schedule {
+            words.extend([time.to_bits(), what.code(self.inputs().len()), value.to_bits()]);
         }
         let mut bytes = MAGIC.to_vec();
         bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
@@ -298,11 +342,15 @@ impl Session {
         let (stepper, entries) = rest.split_at_checked(self.stepper.words()).unwrap_or_default();
         let (entries, left) = entries.as_chunks::<3>();
         let fits = left.is_empty() && entries.len() as u64 == words[1];
-        let n_inputs = self.inputs().len() as u64;
-        if stepper.is_empty() || !fits || entries.iter().any(|entry| entry[1] >= n_inputs) {
-            return refuse("these bytes of a session are damaged");
-        }
         let number = |word: &u64| f64::from_bits(*word);
+        let (n_inputs, n_timings) = (self.inputs().len(), self.timings().len());
+        let entry = |[t, code, value]: &[u64; 3]| {
+            Some((number(t), What::of(*code, n_inputs, n_timings)?, number(value)))
+        };
+        let schedule: Option<Vec<_>> = entries.iter().map(entry).collect();
+        let (true, false, Some(schedule)) = (fits, stepper.is_empty(), schedule) else {
+            return refuse("these bytes of a session are damaged");
+        };
         let circuit = self.stepper.system_mut();
         circuit.clone_from(&self.assembly.circuit);
         if words[2] != 0 {
@@ -314,8 +362,7 @@ impl Session {
         let mut modes = modes.iter();
         circuit.change_modes(|mode| *mode = modes.next().map_or(0.0, number));
         self.stepper.restore(stepper);
-        self.schedule =
-            entries.iter().map(|[t, input, value]| (number(t), *input as usize, number(value))).collect();
+        self.schedule = schedule;
         (self.failed, self.is_read) = (None, false);
         Ok(())
     }
@@ -347,12 +394,20 @@ impl Session {
                 ));
             }
         }
+        for &input in inputs {
+            let Settable { name, target, .. } = &self.inputs()[input];
+            if matches!(target, Target::Timed(timing) if self.timings()[*timing].smooth().is_none()) {
+                return refuse(format!(
+                    "{name} switches: the circuit has no derivative by it. Linearise by the other inputs"
+                ));
+            }
+        }
         let (circuit, n) = (self.stepper.system(), self.stepper.system().n_states());
         let mut y0 = self.stepper.state().to_vec();
         circuit.settle(&mut y0);
         let quantities = &self.assembly.variables.quantities;
         let columns: Vec<usize> = (0..quantities.len())
-            .filter(|&i| !matches!(quantities[i], Quantity::Time | Quantity::Command(_)))
+            .filter(|&i| !matches!(quantities[i], Quantity::Time | Quantity::Command(_) | Quantity::Input(_)))
             .collect();
         let directions = n + inputs.len();
         let lifted = Circuit::<Seeded>::gather(&[circuit]);
@@ -368,7 +423,12 @@ impl Session {
                 self.assembly.set(&mut circuit, input, 0, seeded(u, n + k));
             }
             for (k, &input) in inputs.iter().enumerate() {
-                if let Target::Input(id) = self.inputs()[input].target {
+                let id = match self.inputs()[input].target {
+                    Target::Input(id) => Some(id),
+                    Target::Timed(timing) => self.timings()[timing].smooth(),
+                    Target::Edges(_) => None,
+                };
+                if let Some(id) = id {
                     // An edge moves with the command and by itself.
                     let value = circuit.input(id) + seeded(0.0, n + k);
                     circuit.set_input(id, 0, value);

@@ -1,5 +1,6 @@
 //! A circuit with names: what can be set, what is read, from what it starts.
 
+use super::timing::Timing;
 use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::net::Net;
 use crate::part::{Given, Input, InputId};
@@ -13,6 +14,8 @@ pub enum Target {
     Input(InputId),
     /// The edges of a proportional 5/3 valve: supply to a, a to exhaust, supply to b, b to exhaust.
     Edges([InputId; 4]),
+    /// What follows from a command later on: which of the timings.
+    Timed(usize),
 }
 
 /// A named input.
@@ -54,6 +57,10 @@ pub enum Quantity {
     Temperature(GasId),
     /// Net, into the node.
     MassFlow(GasId),
+    /// What one part tells others: its place among the signals.
+    Signal(usize),
+    /// Of an input.
+    Input(InputId),
     /// The sum through one or two paths.
     Flow([Option<Path>; 2]),
     /// Through all paths out of a reservoir.
@@ -82,6 +89,8 @@ pub enum Starting {
 pub struct Variables {
     /// The first is what a plan of commands sets.
     pub inputs: Vec<Settable>,
+    /// What follows from commands later on.
+    pub timings: Vec<Timing>,
     pub columns: Vec<String>,
     pub quantities: Vec<Quantity>,
     /// Each with the names of its numbers.
@@ -146,7 +155,7 @@ impl<P: Lane> Assembly<P> {
         self.variables.starts.iter().flat_map(|(_, names)| names.clone()).collect()
     }
 
-    /// Sets an input of one lane.
+    /// Sets an input of one lane; what takes time has passed.
     pub fn set<R: Lane>(&self, circuit: &mut Circuit<R>, input: usize, lane: usize, value: R) {
         match self.variables.inputs[input].target {
             Target::Input(id) => circuit.set_input(id, lane, value),
@@ -155,6 +164,7 @@ impl<P: Lane> Assembly<P> {
                     circuit.set_input(edge, lane, opening);
                 }
             }
+            Target::Timed(timing) => self.variables.timings[timing].settled(circuit, lane, value),
         }
     }
 
@@ -163,6 +173,7 @@ impl<P: Lane> Assembly<P> {
         match self.variables.inputs[input].target {
             Target::Input(id) => circuit.input(id),
             Target::Edges(edges) => command(circuit, edges),
+            Target::Timed(timing) => circuit.input(self.variables.timings[timing].commanded()),
         }
     }
 
@@ -217,6 +228,8 @@ impl<P: Lane> Assembly<P> {
                 Quantity::Pressure(id) => net[id].p,
                 Quantity::Temperature(id) => net[id].t,
                 Quantity::MassFlow(id) => net[id].m_dot,
+                Quantity::Signal(place) => net.signal[place],
+                Quantity::Input(id) => circuit.input(id),
                 Quantity::Flow(paths) => {
                     paths.into_iter().flatten().fold(R::zero(), |sum, path| sum + circuit.flow(path, net))
                 }

@@ -106,6 +106,16 @@ macro_rules! parts {
                 all.into_iter()
             }
 
+            pub fn count_states(&self) -> usize {
+                0 $(+ self.$field.iter().map(|(_, part)| Part::<P>::states(part).len()).sum::<usize>())*
+            }
+
+            pub fn place_of(&self, part: PartId) -> Place {
+                match part.kind {
+                    $(PartKind::$part => self.$field[part.index].0,)*
+                }
+            }
+
             /// Mass flow along one of them, kg/s.
             pub fn flow<S: Over<P>>(&self, (kind, index, path): (PartKind, usize, usize), net: &Net<S>) -> S {
                 match kind {

@@ -1,0 +1,209 @@
+//! What follows from a command later on: dead times, the travel of an armature, pulses. Time does not enter the
+//! equations: the schedule of a session sets what they read, and the integration ends on each entry exactly.
+
+use super::session::Session;
+use crate::circuit::Circuit;
+use crate::part::{InputId, PartId, signal};
+use math::Lane;
+
+/// How a command acts in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Timing {
+    /// A spool takes the command behind its play after a dead time.
+    Follow {
+        part: PartId,
+        /// Half of the width of the play.
+        play: f64,
+        /// Dead time, s.
+        delay: f64,
+    },
+    /// An armature travels to the command: after the dead time to there or back, s, in the time of a travel of one, s.
+    Travel { part: PartId, dead: [f64; 2], travel: [f64; 2], pulses: Option<Pulses> },
+    /// The mean of pulses.
+    Average { part: PartId, times: [f64; 2], dead: [f64; 2], pulses: Pulses },
+}
+
+/// Pulses of a width that is commanded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulses {
+    /// Period, s.
+    pub period: f64,
+}
+
+/// What an entry of a schedule does for a timing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Due {
+    /// The value acts on the part.
+    Act,
+    /// An armature starts: the value is where it goes.
+    Start,
+    /// A pulse begins, and one ends.
+    Rise,
+    Fall,
+}
+
+impl Due {
+    pub const ALL: [Due; 4] = [Due::Act, Due::Start, Due::Rise, Due::Fall];
+}
+
+impl Timing {
+    pub fn part(&self) -> PartId {
+        match *self {
+            Timing::Follow { part, .. } | Timing::Travel { part, .. } | Timing::Average { part, .. } => part,
+        }
+    }
+
+    pub fn input(&self, input: usize) -> InputId {
+        self.part().input(input)
+    }
+
+    /// What was commanded.
+    pub fn commanded(&self) -> InputId {
+        self.input(signal::COMMANDED)
+    }
+
+    /// Sets the part as if the command had stood for long; an armature goes there when the run begins.
+    pub(super) fn settled<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, command: R) {
+        circuit.set_input(self.commanded(), lane, command);
+        let acts = match *self {
+            Timing::Follow { .. } => {
+                circuit.set_input(self.input(signal::REMEMBERED), lane, command);
+                command
+            }
+            Timing::Travel { .. } => R::zero(),
+            Timing::Average { times, dead, pulses, .. } => {
+                R::c(average(command.get(lane), times, dead, pulses))
+            }
+        };
+        circuit.set_input(self.input(signal::ACTS), lane, acts);
+    }
+
+    /// Whether the command is one of whole numbers.
+    pub fn is_whole(&self) -> bool {
+        matches!(self, Timing::Travel { pulses: None, .. })
+    }
+
+    /// Where the command acts at once and smoothly, so that something can be differentiated by it.
+    pub fn smooth(&self) -> Option<InputId> {
+        matches!(self, Timing::Follow { .. }).then(|| self.input(signal::ACTS))
+    }
+}
+
+/// The mean share of a period for which a valve is open under pulses of a share d of it:
+///
+///   0 for d T <= dead time on,   1 for (1 - d) T <= dead time off,   else d + (t_off - t_on)/T
+///
+/// It jumps at both: pulses that are too short do not move the armature.
+///
+/// T            period                                                s
+/// t_on, t_off  times from a command to the middle of the travel      s
+fn average(d: f64, [on, off]: [f64; 2], dead: [f64; 2], Pulses { period }: Pulses) -> f64 {
+    if d * period <= dead[0] {
+        0.0
+    } else if (1.0 - d) * period <= dead[1] {
+        1.0
+    } else {
+        d + (off - on) / period
+    }
+}
+
+/// The middle of what the play lets pass: it stays where the command is within half of its width.
+pub(super) fn behind_play(remembered: f64, command: f64, play: f64) -> f64 {
+    remembered.clamp(command - play, command + play)
+}
+
+/// What is set at a time to come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum What {
+    /// An input.
+    Input(usize),
+    /// What follows from a command: of which timing, and what.
+    Timing(usize, Due),
+}
+
+impl What {
+    /// As a number, where there are so many inputs.
+    pub fn code(self, n_inputs: usize) -> u64 {
+        let code = match self {
+            What::Input(input) => input,
+            What::Timing(timing, due) => n_inputs + timing * Due::ALL.len() + due as usize,
+        };
+        code as u64
+    }
+
+    /// From a number, where there are so many inputs and timings.
+    pub fn of(code: u64, n_inputs: usize, n_timings: usize) -> Option<Self> {
+        let code = usize::try_from(code).ok()?;
+        let Some(due) = code.checked_sub(n_inputs) else { return Some(What::Input(code)) };
+        let (timing, due) = (due / Due::ALL.len(), Due::ALL[due % Due::ALL.len()]);
+        (timing < n_timings).then_some(What::Timing(timing, due))
+    }
+}
+
+/// Of an armature: how near to its end of travel it has arrived.
+const ARRIVED: f64 = 1e-9;
+
+impl<R: Lane> Session<R> {
+    /// A command from now on.
+    pub(super) fn command(&mut self, timing: usize, value: f64) {
+        let now = self.time();
+        let what = self.timings()[timing];
+        self.act(what.commanded(), value);
+        match what {
+            Timing::Follow { play, delay, .. } => {
+                let remembered = self.circuit().input(what.input(signal::REMEMBERED)).get(0);
+                let acts = behind_play(remembered, value, play);
+                self.act(what.input(signal::REMEMBERED), acts);
+                if delay == 0.0 {
+                    self.act(what.input(signal::ACTS), acts);
+                } else {
+                    self.later(now + delay, timing, Due::Act, acts);
+                }
+            }
+            Timing::Average { times, dead, pulses, .. } => {
+                self.act(what.input(signal::ACTS), average(value, times, dead, pulses));
+            }
+            Timing::Travel { pulses: None, .. } => self.switch(timing, value),
+            Timing::Travel { pulses: Some(Pulses { period }), .. } => {
+                if !self.is_due(timing, Due::Rise) {
+                    self.later((now / period).ceil() * period, timing, Due::Rise, 0.0);
+                }
+            }
+        }
+    }
+
+    /// Switches an armature: it starts after the dead time, unless it is switched back before.
+    fn switch(&mut self, timing: usize, to: f64) {
+        let Timing::Travel { dead, .. } = self.timings()[timing] else { return };
+        self.forget(timing, Due::Start);
+        self.later(self.time() + dead[usize::from(to == 0.0)], timing, Due::Start, to);
+    }
+
+    /// Does what is due of a timing now.
+    pub(super) fn happens(&mut self, timing: usize, due: Due, value: f64) {
+        let (now, what) = (self.time(), self.timings()[timing]);
+        match (due, what) {
+            (Due::Act, _) => self.act(what.input(signal::ACTS), value),
+            (Due::Start, Timing::Travel { travel, .. }) => {
+                self.forget(timing, Due::Act);
+                let left = value - self.circuit().part_state(what.part(), self.state()).get(0);
+                let time = left.abs() * travel[usize::from(value == 0.0)];
+                let moves = left.abs() > ARRIVED;
+                self.act(what.input(signal::ACTS), if moves { left / time } else { 0.0 });
+                if moves {
+                    self.later(now + time, timing, Due::Act, 0.0);
+                }
+            }
+            (Due::Rise, Timing::Travel { pulses: Some(Pulses { period }), .. }) => {
+                let share = self.circuit().input(what.commanded()).get(0);
+                self.switch(timing, f64::from(u8::from(share > 0.0)));
+                if share > 0.0 && share < 1.0 {
+                    self.later(now + share * period, timing, Due::Fall, 0.0);
+                }
+                self.later(((now / period).round() + 1.0) * period, timing, Due::Rise, 0.0);
+            }
+            (Due::Fall, _) => self.switch(timing, 0.0),
+            _ => {}
+        }
+    }
+}

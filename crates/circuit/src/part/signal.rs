@@ -1,0 +1,152 @@
+//! What positions the edges of a valve: a signal between parts.
+
+use super::path::{clip, gathered};
+use super::{Common, Given, Input, Own, OwnMut, Part, State};
+use crate::net::Net;
+use math::{Over, Real};
+
+/// What a valve's inputs are: what acts, what its play remembers, and what was commanded.
+pub(crate) const ACTS: usize = 0;
+pub(crate) const REMEMBERED: usize = 1;
+pub(crate) const COMMANDED: usize = 2;
+
+const COMMAND: physics::Bounds = physics::within(-1.0, 1.0);
+
+macro_rules! commanded {
+    ($part:ident, $acts:literal, $bounds:expr) => {
+        fn inputs(&self) -> &'static [Input] {
+            const {
+                &[
+                    Input { name: $acts, unit: "1", bounds: $bounds },
+                    Input { name: "command behind the play", unit: "1", bounds: COMMAND },
+                    Input { name: "command", unit: "1", bounds: COMMAND },
+                ]
+            }
+        }
+
+        fn input(&self, input: usize) -> P {
+            [self.acts, self.remembered, self.commanded][input]
+        }
+
+        fn input_mut(&mut self, input: usize) -> &mut P {
+            [&mut self.acts, &mut self.remembered, &mut self.commanded][input]
+        }
+    };
+}
+
+gathered! {
+    /// A spool that follows its command at once.
+    pub struct Held {
+        numbers { acts, remembered, commanded }
+        laws {}
+        same {
+            /// Where its position stands among the signals.
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Held<P> {
+    commanded!(Held, "command that acts", COMMAND);
+
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        net.signal[self.signal] = S::from(self.acts);
+    }
+}
+
+gathered! {
+    /// A spool of second order whose speed is bounded:
+    ///
+    ///   v' = 2 zeta w (clip(w/(2 zeta) (u - x), -v_max, v_max) - v),   x' = v
+    ///
+    /// so x'' + 2 zeta w x' + w^2 x = w^2 u while it is not clipped, and a steady v_max where it is.
+    ///
+    /// x, u   position and command that acts    -
+    /// w      natural angular frequency         rad/s
+    /// zeta   damping ratio                     -
+    /// v_max  largest speed                     1/s
+    pub struct Spool {
+        numbers { acts, remembered, commanded, angular_frequency, damping_ratio, top_speed }
+        laws {}
+        same {
+            /// Where its position stands among the signals.
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Spool<P> {
+    commanded!(Spool, "command that acts", COMMAND);
+
+    fn states(&self) -> Vec<State> {
+        // The speed of a full stroke within one radian.
+        vec![
+            State { name: "spool position", unit: "-", scale: 1.0 },
+            State { name: "spool speed", unit: "1/s", scale: SPEED },
+        ]
+    }
+
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        let [x, _] = y.first();
+        net.signal[self.signal] = x;
+    }
+
+    #[inline(always)]
+    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {
+        let [x, v] = y.first();
+        let (w, zeta) = (S::from(self.angular_frequency), S::from(self.damping_ratio));
+        let double = zeta + zeta;
+        let top = S::from(self.top_speed);
+        let wanted = (w / double * (S::from(self.acts) - x)).max(-top).min(top);
+        dy.set([v, double * w * (wanted - v)]);
+    }
+
+    fn begin(&self, _given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
+        y.set([self.acts, P::zero()]);
+    }
+}
+
+/// Error scale of a spool's speed, 1/s: a tenth of a stroke in a millisecond.
+const SPEED: f64 = 100.0;
+
+gathered! {
+    /// An armature that travels at the rate that is set: x' = r. Whoever sets the rate ends it with the travel.
+    pub struct Armature {
+        numbers { acts, remembered, commanded }
+        laws {}
+        same {
+            /// Where its position stands among the signals.
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Armature<P> {
+    commanded!(Armature, "rate", physics::any());
+
+    fn states(&self) -> Vec<State> {
+        vec![State { name: "armature position", unit: "-", scale: 1.0 }]
+    }
+
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        let [x] = y.first();
+        net.signal[self.signal] = x;
+    }
+
+    #[inline(always)]
+    fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {
+        dy.set([S::from(self.acts)]);
+    }
+
+    fn begin(&self, _given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
+        y.set([self.commanded]);
+    }
+}
+
+/// How a position opens an edge: the share clip(offset + slope x, 0, 1).
+pub(crate) fn opened<S: Real>(offset: S, slope: S, x: S) -> S {
+    clip(slope.fma(x, offset))
+}
