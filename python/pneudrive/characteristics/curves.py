@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.basics import BOTH
+from pneudrive.characteristics.condense import grouped
 from pneudrive.characteristics.outliers import WILD, WILD_SPREAD, Chance, wild_cycles
 from pneudrive.characteristics.plausible import OUTLIER, implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
@@ -225,21 +226,9 @@ def condensed(points: Points) -> Points:
     """
     reduced = points.reduced
     used = np.flatnonzero(points.use)
-    each = -(-used.size // MOST_CYCLES)
-    stretch = _stretches(points)
-    blocks = speeds = 1
-    while np.unique(cells := _cells(points, stretch // blocks, points.level // speeds)[used]).size > MOST_CELLS:
-        if blocks <= stretch.max():
-            blocks += 1
-        elif speeds <= points.level.max():
-            speeds += 1
-        else:
-            break
-    keys: dict[int, list[int]] = {}
-    for i, key in zip(used.tolist(), cells.tolist(), strict=True):
-        keys.setdefault(key, []).append(i)
-    groups = [members[k : k + each] for members in keys.values() for k in range(0, len(members), each)]
-    groups.sort(key=lambda g: g[len(g) // 2])
+    keys = (points.condition[used], _stretches(points)[used], points.level[used])
+    found, speeds = grouped(*keys, rows=MOST_CYCLES, cells=MOST_CELLS)
+    groups = [used[group].tolist() for group in found]
     middle = [g[len(g) // 2] for g in groups]
 
     def mean(values: Array) -> Array:
@@ -276,11 +265,6 @@ def _stretches(points: Points) -> NDArray[np.int64]:
         same = ranks.setdefault((d.condition.mounting, d.condition.seal, d.condition.drive), {})
         found.append(same.setdefault(d.head.cycle.block, len(same)))
     return np.array(found, dtype=np.int64)
-
-
-def _cells(points: Points, stretch: NDArray[np.int64], level: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Give one number for each cycle's condition, level and stretch of the campaign."""
-    return (points.condition * (level.max() + 1) + level) * (stretch.max() + 1) + stretch
 
 
 def _fit_points(reading: Reading, points: Points) -> Fits | None:

@@ -161,8 +161,8 @@ def _curves(c: Comparison, curves: CurveComparison) -> Section:
     blocks: list = [
         Text(
             f"{plural(points.speed_m_s.size, 'point')} of speed and pressure are common; "
-            f"{plural(int((points.campaign == 0).sum()), 'cycle')} of the first and "
-            f"{int((points.campaign == 1).sum())} of the second campaign lie on them."
+            f"{plural(int(points.count[points.campaign == 0].sum()), 'cycle')} of the first and "
+            f"{int(points.count[points.campaign == 1].sum())} of the second campaign lie on them."
         ),
         Picture(
             "compare-curves",

@@ -10,7 +10,9 @@ import pytest
 from oracle.campaigns import BAR, Friction, World, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.characteristics import characteristics
+from pneudrive.characteristics.compare import curves
 from pneudrive.characteristics.compare.comparison import compare
+from pneudrive.characteristics.compare.curves import compare_curves
 from pneudrive.cli.main import run
 
 SMALL = World(speeds_m_s=tuple(np.geomspace(2e-3, 0.3, 6)), samples=300, repeats=3, sentinel_every=6, correlated_n=0.2)
@@ -44,6 +46,31 @@ def test_a_difference_is_found_with_its_size_and_where_it_is(tmp_path):
     assert curves.adjusted_p[slow] > 0.05  # breakaway is the same
     assert curves.adjusted_p[fast] < 0.05
     assert any("single block" in s.text for s in found.statements)
+
+
+def test_large_campaigns_are_condensed_and_say_the_same(tmp_path, monkeypatch):
+    """Of 20,000 cycles each, a matrix of their covariance alone would take 13 GB."""
+    plan = replace(SMALL, levels=({}, {}, {}), block_share=0.01, repeats=4)  # three blocks
+    both = [
+        campaign(tmp_path, replace(plan, friction=Friction(coulomb=c, breakaway=42.0)), n)
+        for n, c in ((5, 30), (6, 29))
+    ]
+    whole = compare_curves(*both)
+    monkeypatch.setattr(curves, "MOST_CELLS", 45)
+    monkeypatch.setattr(curves, "MOST_CYCLES", 30)
+    found = compare_curves(*both)
+    points = found.points
+    assert points.log_n.size <= 45 < whole.points.log_n.size
+    assert points.count.sum() == whole.points.log_n.size
+    assert found.several_blocks
+    assert np.allclose(found.friction_n, whole.friction_n)
+    assert abs(found.mean.value - whole.mean.value) < 0.2 * whole.mean.stderr
+    assert 0.7 < found.mean.stderr / whole.mean.stderr < 1.4
+    monkeypatch.setattr(curves, "MOST_POINTS", 4)
+    few = curves.common_points(*both)
+    assert (few.speed_m_s.size, few.left_out) == (4, 3)
+    assert few.speed_m_s[0] == points.speed_m_s[0]
+    assert few.speed_m_s[-1] == points.speed_m_s[-1]
 
 
 def test_an_effect_of_pressure_that_changed_is_found(tmp_path):

@@ -327,7 +327,11 @@ def _statements(
         yield Statement(
             "curve", f"Curves cannot be compared: {curves}.", carried=False, remedy="common speeds and pressures"
         )
-    elif not curves.several_blocks:
+    elif curves.points.left_out:
+        size = curves.points.speed_m_s.size
+        text = f"Of {size + curves.points.left_out} common points, {size} that lie evenly among them are compared."
+        yield Statement("curve", text)
+    if isinstance(curves, CurveComparison) and not curves.several_blocks:
         text = (
             "What another mounting or day would change is not in these tests: at least one campaign has a single "
             "block. A difference beyond chance may be that of mounting and day."

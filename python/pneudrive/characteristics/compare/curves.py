@@ -13,8 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.basics import Estimate, FTest
+from pneudrive.characteristics.condense import grouped
+from pneudrive.characteristics.curves import MOST_CELLS, MOST_CYCLES, shares_of
 from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent
 from pneudrive.characteristics.smooth import centred_walk
+from pneudrive.characteristics.threads import one_thread
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -25,11 +28,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SAME_SPEED = 0.03
+STEP = 0.04  # of the logarithm of speed: speeds that are the same lie in one or in neighbouring steps
 SAME_PRESSURE_PA = 2000.0  # planned pressures that differ by less are the same point
 FEWEST_CYCLES = 6  # of both campaigns at common points
 BEND_SPEEDS = 4  # from which on a difference may bend over speed
 DRIFT_CYCLES = 8  # of a campaign, from which on its drift is looked for
 USUAL = 0.02  # relative scatter that is usual
+MOST_POINTS = 300  # of which the difference is tested: more are thinned out evenly
 KINDS = ("sweep", "sentinel")
 
 
@@ -37,32 +42,44 @@ KINDS = ("sweep", "sentinel")
 class Points:
     """Cycles of both campaigns at common points, shape (n,) each.
 
+    Of large campaigns, neighbouring repeats at one point are one row.
+
     Attributes
     ----------
     log_n, noise : ndarray
         Logarithm of friction, variance of its noise.
+    count : ndarray
+        Cycles that a row is the mean of.
     campaign : ndarray of int
         0 or 1.
     point : ndarray of int
-    block : ndarray of int
-        Blocks of both campaigns, numbered through.
+    block : ndarray, shape (n, blocks)
+        Share of each block of both campaigns.
     order : ndarray
         Place in the campaign, 0 to 1.
     speed_m_s : ndarray, shape (m,)
     gauge_pa : ndarray, shape (m, 2)
     levels : tuple of str, length m
         Of the points.
+    left_out : int
+        Further common points.
     """
 
     log_n: Array
     noise: Array
+    count: Array
     campaign: NDArray[np.int64]
     point: NDArray[np.int64]
-    block: NDArray[np.int64]
+    block: Array
     order: Array
     speed_m_s: Array
     gauge_pa: Array
     levels: tuple[str, ...]
+    left_out: int = 0
+
+    def blocks_of(self, campaign: int) -> int:
+        """Count the blocks of a campaign."""
+        return int((self.block[self.campaign == campaign] > 0.0).any(axis=0).sum())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,8 +134,15 @@ def compare_curves(
     points = common_points(first, second)
     if points.speed_m_s.size == 0:
         return "no speed at the same pressures was run in both campaigns"
-    if min(int((points.campaign == k).sum()) for k in (0, 1)) < FEWEST_CYCLES // 2 or points.log_n.size < FEWEST_CYCLES:
+    cycles = [points.count[points.campaign == k].sum() for k in (0, 1)]
+    if min(cycles) < FEWEST_CYCLES // 2 or sum(cycles) < FEWEST_CYCLES:
         return "too few cycles at common speeds and pressures"
+    with one_thread():
+        return _compared(points, 2.0 * gain**2)
+
+
+def _compared(points: Points, extra: float) -> CurveComparison:
+    """Test for a difference; means are wider by `extra`, a variance."""
     sign = points.campaign.astype(np.float64) - 0.5
     m = points.speed_m_s.size
     dummies = (points.point[:, None] == np.arange(m)[None, :]).astype(float)
@@ -132,7 +156,6 @@ def compare_curves(
     level[m] = 1.0
     shapes = [i for i in range(m, m + shape.shape[1]) if i in kept]
     pressures = [i for i in range(m + shape.shape[1], x.shape[1]) if i in kept]
-    extra = 2.0 * gain**2
     each = _each(points, dummies, sign, extra)
     return CurveComparison(
         points=points,
@@ -142,7 +165,7 @@ def compare_curves(
         difference=each,
         adjusted_p=holm(np.array([e.p for e in each])),
         friction_n=_means(points),
-        several_blocks=all(np.unique(points.block[points.campaign == k]).size > 1 for k in (0, 1)),
+        several_blocks=all(points.blocks_of(k) > 1 for k in (0, 1)),
     )
 
 
@@ -166,34 +189,75 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
     usable = [_usable(found) for found in (first, second)]
     levels = [{_levels(c) for c in cycles} for cycles in usable]
     with_levels = bool(levels[0] & levels[1]) and max(len(found) for found in levels) > 1
-    keys: list[tuple[float, float, float, str]] = []
+    places = _Places()
     rows: list[tuple[int, int, CycleResult]] = []
     ambient = [found.identity.ambient_pressure_pa for found in (first, second)]
     for k, cycles in enumerate(usable):
         for c in cycles:
             a, b = (round(p - ambient[k], -2) for p in (c.condition.pressure_a_pa, c.condition.pressure_b_pa))
-            key = (c.speed_m_s, a, b, _levels(c) if with_levels else "")
-            at = next((i for i, known in enumerate(keys) if _same(known, key)), None)
-            if at is None:
-                at = len(keys)
-                keys.append(key)
-            rows.append((k, at, c))
-    both = [i for i in range(len(keys)) if {k for k, at, _ in rows if at == i} == {0, 1}]
-    both.sort(key=lambda i: (keys[i][3], keys[i][1], keys[i][2], keys[i][0]))
-    rows = [(k, both.index(at), c) for k, at, c in rows if at in both]
-    blocks: dict[tuple[int, int], int] = {}
+            rows.append((k, places.of((c.speed_m_s, a, b, _levels(c) if with_levels else "")), c))
+    keys = places.keys
+    common = sorted(
+        {at for k, at, _ in rows if k == 0} & {at for k, at, _ in rows if k == 1},
+        key=lambda i: (keys[i][3], keys[i][1], keys[i][2], keys[i][0]),
+    )
+    both = [common[i] for i in np.linspace(0, len(common) - 1, min(len(common), MOST_POINTS)).round().astype(int)]
+    number = {at: i for i, at in enumerate(both)}
+    rows = [(k, number[at], c) for k, at, c in rows if at in number]
+    campaign = np.array([k for k, _, _ in rows], dtype=np.int64)
+    point = np.array([at for _, at, _ in rows], dtype=np.int64)
+    named = [(k, c.block) for k, _, c in rows]
+    known = {block: i for i, block in enumerate(dict.fromkeys(named))}
+    blocks = [known[block] for block in named]
+    groups = _groups(campaign, point, blocks)
+    first_of = [group[0] for group in groups]
+
+    def mean(values: list[float]) -> Array:
+        return np.array([np.mean([values[i] for i in group]) for group in groups], dtype=np.float64)
+
     last = [max((c.index for c in cycles), default=1) for cycles in usable]
+    count = np.array([len(group) for group in groups], dtype=float)
     return Points(
-        log_n=np.log([c.friction_n for _, _, c in rows]),
-        noise=np.array([(c.stderr_n / c.friction_n) ** 2 for _, _, c in rows]),
-        campaign=np.array([k for k, _, _ in rows], dtype=np.int64),
-        point=np.array([at for _, at, _ in rows], dtype=np.int64),
-        block=np.array([blocks.setdefault((k, c.block), len(blocks)) for k, _, c in rows], dtype=np.int64),
-        order=np.array([c.index / last[k] for k, _, c in rows]),
+        log_n=mean([float(np.log(c.friction_n)) for _, _, c in rows]),
+        noise=mean([(c.stderr_n / c.friction_n) ** 2 for _, _, c in rows]) / count,
+        count=count,
+        campaign=campaign[first_of],
+        point=point[first_of],
+        block=shares_of([[blocks[i] for i in group] for group in groups]),
+        order=mean([c.index / last[k] for k, _, c in rows]),
         speed_m_s=np.array([keys[i][0] for i in both]),
         gauge_pa=np.array([keys[i][1:3] for i in both]).reshape(-1, 2),
         levels=tuple(keys[i][3] for i in both),
+        left_out=len(common) - len(both),
     )
+
+
+class _Places:
+    """Speeds at pressures and levels, each with a number; one that is the same as an earlier one has its number."""
+
+    def __init__(self) -> None:
+        self.keys: list[tuple[float, float, float, str]] = []
+        self._near: dict[tuple[int, str], list[int]] = {}
+
+    def of(self, key: tuple[float, float, float, str]) -> int:
+        """Give the number of the earliest that is the same; a new one where there is none."""
+        step = int(np.floor(np.log(key[0]) / STEP))
+        near = sorted(i for k in (-1, 0, 1) for i in self._near.get((step + k, key[3]), ()))
+        found = next((i for i in near if _same(self.keys[i], key)), None)
+        if found is None:
+            found = len(self.keys)
+            self.keys.append(key)
+            self._near.setdefault((step, key[3]), []).append(found)
+        return found
+
+
+def _groups(campaign: NDArray[np.int64], point: NDArray[np.int64], blocks: list[int]) -> list[list[int]]:
+    """Rows that are cycles; of large campaigns, neighbouring repeats at one point of one campaign together."""
+    if campaign.size <= MOST_CELLS:
+        return [[i] for i in range(campaign.size)]
+    stretch = np.array(blocks, dtype=np.int64)
+    stretch -= np.array([stretch[campaign == k].min() for k in (0, 1)])[campaign]
+    return grouped(2 * point + campaign, stretch, np.zeros_like(point), rows=MOST_CYCLES, cells=MOST_CELLS)[0]
 
 
 def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
@@ -244,14 +308,14 @@ def _model(points: Points, x: Array) -> MixedModel:
     components = []
     for k in (0, 1):
         own = (points.campaign == k).astype(float)
-        components.append(Component(f"cycle {k + 1}", own, USUAL))
+        components.append(Component(f"cycle {k + 1}", own / points.count, USUAL))
         if own.sum() >= DRIFT_CYCLES:
             kernel = np.zeros((own.size, own.size))
             members = np.flatnonzero(own)
             kernel[np.ix_(members, members)] = centred_walk(points.order[members])
             components.append(Component(f"drift {k + 1}", kernel, USUAL))
-    if any(np.unique(points.block[points.campaign == k]).size > 1 for k in (0, 1)):
-        components.append(Component("block", (points.block[:, None] == points.block[None, :]).astype(float), USUAL))
+    if any(points.blocks_of(k) > 1 for k in (0, 1)):
+        components.append(Component("block", points.block @ points.block.T, USUAL))
     return MixedModel(points.log_n, x, points.noise, tuple(components))
 
 
@@ -296,5 +360,5 @@ def _means(points: Points) -> Array:
     for k in (0, 1):
         for i in range(m):
             chosen = (points.campaign == k) & (points.point == i)
-            out[k, i] = float(np.exp(points.log_n[chosen].mean()))
+            out[k, i] = float(np.exp(np.average(points.log_n[chosen], weights=points.count[chosen])))
     return out
