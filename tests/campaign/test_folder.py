@@ -197,7 +197,7 @@ def test_status_opens_each_file_once(folder, monkeypatch):
     """A seal proves samples and head together: a second reading would prove nothing more."""
     opened = []
     look = seal.look
-    monkeypatch.setattr(seal, "look", lambda path: opened.append(path.name) or look(path))
+    monkeypatch.setattr(seal, "look", lambda path, size: opened.append(path.name) or look(path, size))
     found = status_of(folder)
     assert sorted(opened) == [file.path.name for file in found.files]
     assert not found.problems
@@ -233,7 +233,7 @@ def _messages(monkeypatch, crash=""):
 
 
 def test_many_files_without_a_seal_are_few_messages(folder, monkeypatch):
-    """Heads and samples of n files take n / MOST_FILES messages each: a campaign of 20,000 takes 200, not 40,000."""
+    """Samples of n files take n / MOST_FILES messages, their heads none: a campaign of 20,000 takes 200, not 40,000."""
     campaign = Campaign.open(folder)
     before = contents(folder)
     for path in campaign.files():
@@ -241,11 +241,24 @@ def test_many_files_without_a_seal_are_few_messages(folder, monkeypatch):
     monkeypatch.setattr(tables, "MOST_FILES", 2)
     asked = _messages(monkeypatch)
     files, _ = campaign.scan()
-    assert [len(names) for names in asked] == [2, 1]
+    assert not asked
     samples = list(read_samples(files))
-    assert [len(names) for names in asked] == [2, 1, 2, 1]
+    assert [len(names) for names in asked] == [2, 1]
     assert contents(folder) == before
     assert all(np.array_equal(s.force_n, f.samples().force_n) for s, f in zip(samples, files, strict=True))
+
+
+def test_a_head_that_its_bytes_do_not_show_is_asked_for(folder, monkeypatch):
+    campaign = Campaign.open(folder)
+    path = campaign.files()[1]
+    head = pl.read_parquet_metadata(path)["pneudrive"]
+    pl.read_parquet(path).write_parquet(path, metadata={"x": "\x18\x09pneudrive\x18", "pneudrive": head})
+    asked = _messages(monkeypatch)
+    files, problems = campaign.scan()
+    assert [len(names) for names in asked] == [1]
+    assert [file.sealed for file in files] == [True, False, True]
+    assert files[1].head.cycle.key == json.loads(head)["cycle"]["key"]
+    assert not problems
 
 
 def test_a_file_that_crashes_its_reader_costs_no_other(folder, monkeypatch):
@@ -254,7 +267,7 @@ def test_a_file_that_crashes_its_reader_costs_no_other(folder, monkeypatch):
     for path in campaign.files()[:2]:
         _foreign(path)
     asked = _messages(monkeypatch, crash="00002")
-    files, problems = campaign.scan()
+    files, problems = campaign.checked()
     assert [file.head.index for file in files] == [1, 3]
     assert [problem.where for problem in problems] == ["cycles/00002-b1_sweep_v2_r1.parquet"]
     assert "crashed" in problems[0].what
@@ -283,18 +296,18 @@ def test_cycles_of_our_own_are_read_with_one_query(folder, monkeypatch):
 def test_the_head_of_a_sealed_file_is_found_without_a_library(folder):
     path = Campaign.open(folder).files()[0]
     data = path.read_bytes()
-    assert seal.sealed_text(data, "pneudrive") == pl.read_parquet_metadata(path)["pneudrive"]
-    assert seal.sealed_text(data, "pneumatic") is None
+    assert seal.footer_text(data, "pneudrive") == pl.read_parquet_metadata(path)["pneudrive"]
+    assert seal.footer_text(data, "pneumatic") is None
     twice = seal.sealed_parquet(pl.DataFrame({"a": [1]}), {"x": "\x18\x09pneudrive\x18", "pneudrive": "{}"})
-    assert seal.sealed_text(twice, "pneudrive") is None
+    assert seal.footer_text(twice, "pneudrive") is None
 
 
 def test_a_file_that_is_taken_away_meanwhile_costs_no_other(folder, monkeypatch):
     files, _ = Campaign.open(folder).scan()
     look = seal.look
 
-    def looked(path):
-        found = look(path)
+    def looked(path, size):
+        found = look(path, size)
         if path.name.startswith("00002"):
             path.unlink()
         return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from typing import Any
 
 from pneudrive.campaign.cycle import KINDS, Cycle
@@ -235,6 +236,9 @@ def _parse(text: str, where: str) -> dict[str, Any]:
 
 
 def _check_types(data: dict[str, Any], types: dict[str, str], where: str, path: str) -> list[str]:
+    numbers = _numbers(path, tuple(data), tuple(map(type, data.values()))) if types is not _IDENTITY_TYPES else None
+    if numbers is not None and all(abs(data[name]) <= LARGEST for name in numbers):
+        return []
     notes = []
     for name, value in data.items():
         if name not in types:
@@ -242,6 +246,24 @@ def _check_types(data: dict[str, Any], types: dict[str, str], where: str, path: 
         elif value is not None and type(value) is not _USUAL.get(types[name]) and not _IS[types[name]](value):
             raise CampaignError(f"{path}{name} = {json.dumps(value)[:80]}", where=where, rule=f"it is {types[name]}")
     return notes
+
+
+@lru_cache(maxsize=256)
+def _numbers(path: str, names: tuple[str, ...], kinds: tuple[type, ...]) -> tuple[str, ...] | None:
+    """Give the names of the numbers in a table of a head, which have a range; None where the table is not as usual.
+
+    The heads of a campaign are alike, and there are many of them: what their types say is asked once.
+    """
+    types = _CYCLE_TYPES if path else _HEAD_TYPES
+    of_number = []
+    for name, kind in zip(names, kinds, strict=True):
+        if name not in types:
+            return None
+        if types[name] == _NUMBER and kind in (int, float):
+            of_number.append(name)
+        elif kind not in (type(None), _USUAL.get(types[name])):
+            return None
+    return tuple(of_number)
 
 
 def _cycle(data: dict[str, Any], where: str) -> Cycle:

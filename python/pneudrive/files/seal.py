@@ -29,7 +29,8 @@ def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
     with io.BytesIO() as memory:
         frame.write_parquet(memory, metadata={**metadata, SEAL: BLANK})
         parquet = memory.getvalue()
-    at = _seal_at(parquet)
+    footer = _footer(parquet)
+    at = None if footer is None else _seal_at(parquet, footer)
     assert at is not None, "the file was written without a blank seal"
     return parquet[:at] + hashlib.sha256(parquet).hexdigest().encode() + parquet[at + len(BLANK) :]
 
@@ -42,27 +43,28 @@ def damage(parquet: Bytes) -> str | None:
     str or None
         None where nothing is wrong, as far as can be told: without a seal only the ends of the file are looked at.
     """
+    return _look(parquet)[0]
+
+
+def _look(parquet: Bytes) -> tuple[str | None, bool]:
+    """Say what is wrong, see `damage`, and whether there is a seal that holds."""
     if not len(parquet):
-        return "the file is empty"
+        return "the file is empty", False
     if parquet[:4] != PARQUET or len(parquet) < 12:
-        return "this is not a Parquet file"
-    if parquet[-4:] != PARQUET or _footer(parquet) is None:
-        return "the file is cut off: its end is missing"
-    at = _seal_at(parquet)
+        return "this is not a Parquet file", False
+    footer = _footer(parquet)
+    if parquet[-4:] != PARQUET or footer is None:
+        return "the file is cut off: its end is missing", False
+    at = _seal_at(parquet, footer)
     if at is None:
-        return "the file is damaged: its seal cannot be read" if has_seal(parquet) else None
+        with_seal = parquet.find(SEAL.encode(), footer) >= 0
+        return ("the file is damaged: its seal cannot be read" if with_seal else None), False
     total = hashlib.sha256(memoryview(parquet)[:at])
     total.update(BLANK.encode())
     total.update(memoryview(parquet)[at + len(BLANK) :])
     if total.hexdigest().encode() != parquet[at : at + len(BLANK)]:
-        return "the file is damaged: its bytes do not have the SHA-256 that they had when it was written"
-    return None
-
-
-def has_seal(parquet: Bytes) -> bool:
-    """Tell whether the file was written with a seal; others may be sound too."""
-    footer = _footer(parquet)
-    return footer is not None and SEAL.encode() in parquet[footer:]
+        return "the file is damaged: its bytes do not have the SHA-256 that they had when it was written", False
+    return None, True
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class Looked:
     own : bool
         Whether it has a seal that holds.
     end : bytes
-        Its footer with what stands around it, for `sealed_text`; empty where the file is large.
+        Its footer with what stands around it, for `footer_text`; empty where the file is large.
     """
 
     wrong: str | None
@@ -84,8 +86,10 @@ class Looked:
     end: bytes = b""
 
 
-def sealed_text(parquet: Bytes, key: str) -> str | None:
-    """Find a text that a sealed file carries, by its bytes or their end, without a library that reads all of them.
+def footer_text(parquet: Bytes, key: str) -> str | None:
+    """Find a text that a file carries, by its bytes or their end, without a library that reads all of them.
+
+    Whether the rest of the footer makes sense is not asked: a seal says so, or who reads the columns finds it.
 
     Returns
     -------
@@ -112,27 +116,25 @@ def sealed_text(parquet: Bytes, key: str) -> str | None:
         return None
 
 
-def look(path: Path) -> Looked:
-    """Look at a Parquet file before anything tries to make sense of it.
+def look(path: Path, size: int) -> Looked:
+    """Look at a Parquet file of so many bytes before anything tries to make sense of it.
 
     Raises
     ------
     OSError
         It cannot be read.
     """
-    with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - a campaign has 20,000 of them
-        size = os.fstat(file.fileno()).st_size
-        if size < MAPPED:
-            parquet = file.read(size)
-            wrong, own = _look(parquet)
-            return Looked(wrong, own, parquet[(_footer(parquet) or 0) - len(PARQUET) :] if own else b"")
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+    if size >= MAPPED:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             return Looked(*_look(data))
-
-
-def _look(parquet: Bytes) -> tuple[str | None, bool]:
-    wrong = damage(parquet)
-    return wrong, wrong is None and has_seal(parquet)
+    # A campaign has 20,000 of them: an object for each file would take twice as long as reading it.
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+    try:
+        parquet = os.read(descriptor, size)
+    finally:
+        os.close(descriptor)
+    wrong, own = _look(parquet)
+    return Looked(wrong, own, b"" if wrong else parquet[(_footer(parquet) or 0) - len(PARQUET) :])
 
 
 def _footer(parquet: Bytes) -> int | None:
@@ -141,11 +143,8 @@ def _footer(parquet: Bytes) -> int | None:
     return None if length > len(parquet) - TAIL - 4 else len(parquet) - TAIL - length
 
 
-def _seal_at(parquet: Bytes) -> int | None:
+def _seal_at(parquet: Bytes, footer: int) -> int | None:
     """Find the 64 characters of the seal in the footer: the key, then type and length of the text (compact Thrift)."""
-    footer = _footer(parquet)
-    if footer is None:
-        return None
     mark = SEAL.encode() + b"\x18" + bytes([len(BLANK)])
     at = parquet.rfind(mark, footer)
     return None if at < 0 or at + len(mark) + len(BLANK) > len(parquet) else at + len(mark)

@@ -160,19 +160,26 @@ def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> I
     Yields
     ------
     Text or PneudriveError
-        For each file in turn; the error, of `kind`, is what `open_table` would raise.
+        For each file in turn; the error, of `kind`, is what `open_table` would raise. Of a file without a seal, only
+        its ends and the text are looked at, where the text is found there: who reads its columns finds the rest.
     """
     request = {"ask": "metadata", "form": "parquet"}
-    for some, others in in_advance(lambda some: (some, _ask_foreign(some, request, kind)), _batches(paths, kind), 1):
-        for one in some:
+
+    def ask(some: list[_File]) -> tuple[list[tuple[_File, str | None]], Iterator[Answer | PneudriveError]]:
+        known = [(one, seal.footer_text(one.end, key) if one.end else None) for one in some]
+        return known, _ask_foreign([one for one, text in known if text is None], request, kind)
+
+    for some, others in in_advance(ask, _batches(paths, kind), 1):
+        for one, text in some:
             if one.error is not None:
                 yield one.error
-            elif one.foreign:
+            elif text is not None:
+                yield Text(text, one.own)
+            elif one.own:
+                yield Text(formats.parquet_metadata(one.path).get(key), True)
+            else:
                 answer = next(others)
                 yield answer if isinstance(answer, PneudriveError) else Text(answer[0]["metadata"].get(key), False)
-            else:
-                found = seal.sealed_text(one.end, key) if one.end else None
-                yield Text(found or formats.parquet_metadata(one.path).get(key), True)
 
 
 def read_columns(
@@ -259,7 +266,7 @@ def _look(path: Path, kind: type[PneudriveError]) -> _File:
     """
     size = check_file(path, kind)
     try:
-        looked = seal.look(path)
+        looked = seal.look(path, size)
     except OSError as error:
         raise unreadable(path, error, kind) from None
     if looked.wrong:
