@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, DescriptionError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
 DISCHARGE = {
@@ -165,3 +165,35 @@ def test_commands_take_every_form_that_a_drive_takes(tmp_path):
         run = circuit.simulate(command, "20 ms")
         np.testing.assert_array_equal(run["valve_l.command"][:20], expected[:20])
         assert not run["valve_r.command"].any()
+
+
+AXIS = EXAMPLE.with_name("cushioned_axis.toml")
+
+
+def test_a_cushion_and_a_shock_absorber_take_the_axis_to_its_ends():
+    circuit, command = pn.Circuit.load(AXIS), "0 s: 0.5, 0.8 s: -0.5"
+    run = circuit.simulate(command, "1.6 s", ledger=True)
+    assert abs(run.attrs["ledger"]["mass_error"]) < 1e-12
+    assert abs(run.attrs["ledger"]["energy_error"]) < 1e-4
+    assert float(run["slide.position"][0]) == 0.02  # where the cylinder is
+    apart = run["axis.position"] - run["slide.position"]
+    # Beyond the play on both sides.
+    assert float(apart.max()) > 5e-5
+    assert float(apart.min()) < -5e-5
+    assert float(run["absorber.force"].max()) > 100.0
+    # On the way back nothing but the cushion brakes: its chamber is far above its port.
+    above = run["axis.a.pressure"] - run["axis.a.port_pressure"]
+    wide = {f"components.axis.cushion_{end}_needle_conductance": "3 dm3/(s bar)" for end in "ab"}
+    open_ = circuit.replace(wide).simulate(command, "1.6 s")
+    assert float(above.max()) > 3e5 > float((open_["axis.a.pressure"] - open_["axis.a.port_pressure"]).max())
+    hardest = [max(one["speed_m_s"] for one in of.attrs["impacts"]) for of in (run, open_)]
+    assert hardest[0] < 0.6 * hardest[1]
+    assert any(line.startswith("axis.cushion_b_check_conductance = ") for line in run.attrs["assumed"])
+    assert not any("cushion" in line for line in pn.Circuit.load(EXAMPLE).assumed())
+
+
+def test_a_cushion_is_given_whole():
+    text = AXIS.read_text(encoding="utf-8").replace(', port_volume = "6 cm3" }', " }", 1)
+    with pytest.raises(DescriptionError, match=r"axis\.cushion_a_port_volume is missing") as told:
+        pn.Circuit.load(text)
+    assert "cushion_a is given whole" in str(told.value)

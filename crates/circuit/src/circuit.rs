@@ -330,9 +330,9 @@ impl<R: Lane> Circuit<R> {
         })
     }
 
-    /// Force of a link at the nodes, N in +x on its second axis.
-    pub fn link_force(&self, link: usize, net: &Net<R>) -> R {
-        self.parts.links[link].1.force(net)
+    /// Force of a part at the nodes, N: of a link that in +x on its second axis.
+    pub fn force_of(&self, part: PartId, net: &Net<R>) -> R {
+        self.parts.force(part, net)
     }
 
     /// Mode of an axis' friction: -1, 0, +1.
@@ -383,7 +383,11 @@ impl Circuit<f64> {
     pub(crate) fn impacts(&self) -> Vec<Impacts> {
         let usual = self.parts.cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
         let others = self.parts.other_cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
-        let each = usual.chain(others).map(|(place, stops, axis)| {
+        let alone = self.parts.end_stops.iter().filter_map(|(_, stops)| {
+            let (place, axis) = self.parts.axes.iter().find(|(_, axis)| axis.node == stops.axis)?;
+            Some((place, stops, axis))
+        });
+        let each = usual.chain(others).chain(alone).map(|(place, stops, axis)| {
             let mut stops = stops.clone();
             stops.meet(0);
             Impacts::new(stops, axis.mass, place.first)

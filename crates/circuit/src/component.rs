@@ -1,7 +1,9 @@
 //! Components as users order them: each is a table - ports, parameters, inputs, outputs - and the parts that it is made
 //! of. A new component is a file here and a word in `components!`.
 
+mod bumper;
 mod check_valve;
+mod coupling;
 pub(crate) mod cylinder;
 mod fitting;
 mod flow_control;
@@ -9,7 +11,9 @@ mod load;
 mod quick_exhaust;
 mod regulator;
 mod reservoir;
+mod shock_absorber;
 mod silencer;
+mod slide;
 mod switching;
 mod tank;
 mod tube;
@@ -107,6 +111,8 @@ pub struct Row {
     pub assumed: &'static str,
     /// What it follows from where it is left out; empty where it does not.
     pub follows: &'static str,
+    /// The table that it belongs to, which may be left out as a whole; empty where it belongs to none.
+    pub within: &'static str,
 }
 
 impl Deref for Row {
@@ -134,8 +140,9 @@ pub struct Kind {
     pub choices: &'static [Choice],
     /// Gas can always pass between its ports.
     pub open: bool,
-    /// It takes a friction table.
+    /// It takes a friction table, and needs one.
     pub friction: bool,
+    pub needs_friction: bool,
     pub inputs: &'static [Variable],
     pub outputs: &'static [Variable],
 }
@@ -152,6 +159,7 @@ impl Kind {
         choices: &[],
         open: false,
         friction: false,
+        needs_friction: false,
         inputs: &[],
         outputs: &[],
     };
@@ -169,6 +177,14 @@ pub struct Instance<P> {
     /// Which option of each choice.
     pub choices: Vec<usize>,
     pub friction: Option<Contact<P>>,
+}
+
+impl<P> Instance<P> {
+    /// The option of a choice, if it has that.
+    pub(crate) fn chosen(&self, choice: &str) -> Option<&'static str> {
+        let mut each = KINDS[self.kind].choices.iter().zip(&self.choices);
+        each.find(|(own, _)| own.name == choice).map(|(own, option)| own.options[*option])
+    }
 }
 
 impl<P: Lane> Instance<P> {
@@ -332,14 +348,12 @@ pub struct Build<P> {
 }
 
 impl<P: Lane> Build<P> {
-    /// A volume within a component, which no port reaches. It starts as its name says.
-    fn inner_volume(&mut self, name: &str, brings: Brings<P>) -> Option<GasId> {
+    /// A volume within a component, which no port reaches.
+    fn volume(&mut self, brings: Brings<P>) -> Option<GasId> {
         let Brings::Volume { law, dead_volume, wall, heat_transfer, wall_temperature } = brings else {
             return None;
         };
-        let node = self.circuit.volume(law, dead_volume, wall, heat_transfer, wall_temperature);
-        self.gas_starts(node, name);
-        Some(node)
+        Some(self.circuit.volume(law, dead_volume, wall, heat_transfer, wall_temperature))
     }
 
     /// Gas starts at a pressure and a temperature.
@@ -384,6 +398,27 @@ impl<P: Lane> Build<P> {
     fn check_valve(&mut self, law: Iso6358<P>, cracking_pressure: P, from: GasId, to: GasId) -> Path {
         let (conductance, path) = (law.conductance, self.circuit.between(from, to));
         Path::along(self.flow_part(CheckValve { law, cracking_pressure, path }, &[conductance]), 0)
+    }
+
+    /// The columns of a motion: position, velocity, acceleration and friction, the first four outputs.
+    fn motion(&mut self, of: &Instance<P>, axis: AxisId) {
+        let quantities = [
+            Quantity::Position(axis),
+            Quantity::Velocity(axis),
+            Quantity::Acceleration(axis),
+            Quantity::Friction(axis),
+        ];
+        for (output, quantity) in quantities.into_iter().enumerate() {
+            self.column(of, output, quantity);
+        }
+    }
+
+    /// The columns of the inner states of friction.
+    fn inner_states(&mut self, of: &Instance<P>, axis: AxisId) {
+        let inner = of.friction.iter().flat_map(|contact| contact.states());
+        for (i, state) in inner.enumerate() {
+            self.columns.push((format!("{}.{}", of.name, state.name), Quantity::Inner(axis, i)));
+        }
     }
 
     /// The largest sonic conductance through which gas leaves a node.
@@ -470,6 +505,10 @@ components! {
     switching::Switching53,
     load::Load,
     load::Spring,
+    slide::Slide,
+    coupling::Coupling,
+    bumper::Bumper,
+    shock_absorber::ShockAbsorber,
     // Last: the end stops of a cylinder follow from what is joined to it.
     cylinder::Rodless,
     cylinder::ThroughRod,
@@ -486,11 +525,12 @@ pub(crate) fn joint_volume(ports: f64) -> f64 {
 /// one, `..NAMES;` for some.
 macro_rules! table {
     ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
-        $(, assumed $assumed:literal)? $(, follows $follows:literal)?, $meaning:literal)?)?;)*) => {{
+        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)?,
+        $meaning:literal)?)?;)*) => {{
         const PARTS: &[&[$crate::component::Row]] = &[$(
             $(&$rows)?
             $(&[$crate::component::table!(
-                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], $meaning)?
+                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], $meaning)?
             )])?
         ),*];
         const ROWS: [$crate::component::Row; $crate::component::count(PARTS)] = $crate::component::join(PARTS);
@@ -498,7 +538,7 @@ macro_rules! table {
     }};
     (@row $shared:ident) => { $shared };
     (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
-        [$($follows:literal)?], $meaning:literal) => {
+        [$($follows:literal)?], [$($within:literal)?], $meaning:literal) => {
         $crate::component::Row {
             parameter: physics::Parameter {
                 key: stringify!($key),
@@ -509,6 +549,7 @@ macro_rules! table {
             },
             assumed: $crate::component::table!(@or "" $($assumed)?),
             follows: $crate::component::table!(@or "" $($follows)?),
+            within: $crate::component::table!(@or "" $($within)?),
         }
     };
     (@or $other:tt) => { $other };
@@ -550,6 +591,7 @@ const SUBSONIC_INDEX: Row = Row {
     },
     assumed: "",
     follows: "",
+    within: "",
 };
 const LINEAR_ABOVE: Row = table! {
     linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",

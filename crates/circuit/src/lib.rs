@@ -26,7 +26,7 @@ pub use impacts::Impact;
 pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};
 pub use part::{
-    Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Given, Input, InputId, Link, Part, Reservoir,
-    Restriction, Spring, Volume,
+    Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Given, Input, InputId, Link, Part, PartId,
+    Reservoir, Restriction, Spring, Volume,
 };
 pub use run::{Error, Look, Recorder, Run, advance, budget, sample_times};

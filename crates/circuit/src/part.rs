@@ -3,9 +3,12 @@
 #[macro_use]
 mod kinds;
 pub(crate) mod axis;
+mod bumper;
 mod carriage;
 pub(crate) mod check_valve;
+mod coupling;
 mod cup;
+mod cushion;
 pub(crate) mod cylinder;
 mod edge;
 mod end_stops;
@@ -15,6 +18,7 @@ mod path;
 mod regulator;
 mod reservoir;
 mod restriction;
+mod shock_absorber;
 pub(crate) mod signal;
 mod spring;
 pub(crate) mod volume;
@@ -27,9 +31,12 @@ use math::{Lane, Over, Real};
 use physics::{Bounds, IdealGas};
 
 pub use axis::Axis;
+pub use bumper::Bumper;
 pub use carriage::Carriage;
 pub use check_valve::CheckValve;
+pub use coupling::Coupling;
 pub use cup::Cup;
+pub use cushion::Cushion;
 pub use cylinder::{Cylinder, OtherCylinder};
 pub use edge::Edge;
 pub use end_stops::{Covers, EndStops};
@@ -39,6 +46,7 @@ pub use path::Between;
 pub use regulator::Regulator;
 pub use reservoir::Reservoir;
 pub use restriction::Restriction;
+pub use shock_absorber::ShockAbsorber;
 pub use signal::{Armature, Held, Spool};
 pub use spring::Spring;
 pub use volume::{ChamberLaw, Volume};
@@ -216,6 +224,11 @@ pub trait Part<P: Real> {
         unreachable!("there is no flow path {path}")
     }
 
+    /// The force that it is known by, N, of a part that has one.
+    fn force<S: Over<P>>(&self, _net: &Net<S>) -> S {
+        unreachable!("a part without a force of its own")
+    }
+
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
         for (path, ends) in self.paths().iter().enumerate() {
@@ -342,4 +355,8 @@ parts! {
         spools: Spool,
         armatures: Armature,
         edges: Edge,
+        cushions: Cushion,
+        bumpers: Bumper,
+        shock_absorbers: ShockAbsorber,
+        couplings: Coupling,
 }

@@ -56,3 +56,229 @@ fn a_single_acting_cylinder_stands_where_pressure_and_spring_are_equal() {
         assert!((stop + preload).abs() < 0.02 * preload && x < 0.0 && -x < 0.5 * dead_length, "{x} {stop}");
     }
 }
+
+/// A cylinder without a rod whose ends breathe through wide fittings, with numbers beside those that it has.
+fn breathing(numbers: &[(&str, f64)], wide: [f64; 2]) -> (Value, Value) {
+    let mut own = json!({ "bore": 0.04, "stroke": 0.2, "dead_volume_a": 1e-6, "dead_volume_b": 1e-6,
+                          "moving_mass": 2.0, "heat_transfer": 0.0 });
+    numbers.iter().for_each(|(key, value)| own[*key] = json!(value));
+    let fitting = |name: &str, conductance: f64| {
+        json!({ "name": name, "kind": "fitting",
+                "numbers": { "conductance": conductance, "critical_pressure_ratio": 0.3 } })
+    };
+    let cylinder =
+        json!({ "name": "own", "kind": "cylinder/rodless", "friction": friction(), "numbers": own });
+    let joints =
+        json!([["own.a", "out_a.1"], ["own.b", "out_b.1"], ["out_a.2", "ambient"], ["out_b.2", "ambient"]]);
+    (json!([cylinder, fitting("out_a", wide[0]), fitting("out_b", wide[1])]), joints)
+}
+
+fn start(x: f64, v: f64, a: f64, b: f64) -> Vec<(&'static str, f64)> {
+    vec![
+        ("own.position_m", x),
+        ("own.velocity_m_s", v),
+        ("own.a.pressure_pa", a),
+        ("own.a.temperature_k", ROOM),
+        ("own.b.pressure_pa", b),
+        ("own.b.temperature_k", ROOM),
+    ]
+}
+
+fn closes(ledger: [f64; 3]) {
+    assert!(ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6 && ledger[2].abs() < 1e-5, "{ledger:?}");
+}
+
+#[test]
+fn a_cushion_with_its_needle_shut_takes_the_energy_of_an_adiabate() {
+    let numbers = [
+        ("cushion_b_length", 0.0201),
+        ("cushion_b_plunger_diameter", 0.02),
+        ("cushion_b_needle_conductance", 0.0),
+        ("cushion_b_check_conductance", 0.0),
+        ("cushion_b_port_volume", 1e-5),
+    ];
+    let (components, joints) = breathing(&numbers, [1e-3, 1e-3]);
+    let network = network(&components, &joints).expect("assembles");
+    // 20 mm before the end, where the transition of 0.2 mm is over.
+    let (columns, ledger) = run(&network, &[], (0.005, 200_000.0), &start(0.18, 3.2, 101_300.0, 6e5));
+    closes(ledger);
+    let (p, v) = (&columns["own.b.pressure_pa"], &columns["own.velocity_m_s"]);
+    let after = (0..p.len()).find(|&i| p[i] > 15e5).expect("15 bar");
+    let share = (15e5 - p[after - 1]) / (p[after] - p[after - 1]);
+    let at = |column: &[f64]| column[after - 1] + share * (column[after] - column[after - 1]);
+    let taken = 0.5 * 2.0 * (3.2 * 3.2 - at(v) * at(v));
+    let way = at(&columns["own.position_m"]) - 0.18;
+    assert!((taken - 7.94).abs() < 0.02 && (way - 0.0101).abs() < 5e-5, "{taken} J on {way} m");
+    assert!((columns["own.b.port_pressure_pa"][200] - 101_300.0).abs() < 100.0);
+}
+
+#[test]
+fn a_cushion_brakes_the_more_the_narrower_its_needle_is_at_either_end() {
+    let braked = |end: &str, needle: f64| {
+        let key = |key: &str| format!("cushion_{end}_{key}");
+        let each = [
+            ("length", 0.02),
+            ("plunger_diameter", 0.02),
+            ("needle_conductance", needle),
+            ("port_volume", 2e-6),
+        ];
+        let each: Vec<(String, f64)> = each.iter().map(|(own, value)| (key(own), *value)).collect();
+        let each: Vec<(&str, f64)> = each.iter().map(|(own, value)| (own.as_str(), *value)).collect();
+        let (components, joints) = breathing(&each, [1e-8; 2]);
+        let network = network(&components, &joints).expect("assembles");
+        // Driven by what is left of 6 bar, against what is left of 2 bar.
+        let from = if end == "b" { start(0.1, 1.0, 6e5, 2e5) } else { start(0.1, -1.0, 2e5, 6e5) };
+        let (columns, ledger) = run(&network, &[], (0.4, 10_000.0), &from);
+        closes(ledger);
+        let away = |x: &f64| if end == "b" { 0.2 - x } else { *x };
+        let x: Vec<f64> = columns["own.position_m"].iter().map(away).collect();
+        let met = x.iter().position(|s| *s < 0.0).unwrap_or(x.len() - 1);
+        let highest =
+            columns[&format!("own.{end}.pressure_pa")].iter().fold(0.0, |most: f64, p| most.max(*p));
+        (columns["own.velocity_m_s"][met].abs(), highest, x)
+    };
+    let each = [1e-8, 3e-9, 1e-9].map(|needle| braked("b", needle));
+    assert!(
+        each[0].0 > each[1].0 && each[1].0 > each[2].0 && each[2].0 < 0.5 * each[0].0,
+        "{:?}",
+        each.map(|e| e.0)
+    );
+    assert!(each[0].1 < each[1].1 && each[1].1 < each[2].1);
+    let mirrored = braked("a", 3e-9).2;
+    assert!(mirrored.iter().zip(&braked("b", 3e-9).2).all(|(a, b)| (a - b).abs() < 1e-7));
+    // Through the check valve it leaves the end faster than through the needle alone.
+    let leaves = |check: f64| {
+        let numbers = [
+            ("cushion_b_length", 0.02),
+            ("cushion_b_plunger_diameter", 0.02),
+            ("cushion_b_needle_conductance", 1e-10),
+            ("cushion_b_check_conductance", check),
+            ("cushion_b_port_volume", 2e-6),
+        ];
+        let (mut components, mut joints) = breathing(&numbers, [1e-8; 2]);
+        components[2] = json!({ "name": "supply", "kind": "reservoir", "numbers": { "pressure": 7e5 } });
+        joints = json!([joints[0], ["own.b", "inlet.1"], ["inlet.2", "supply.1"], joints[2]]);
+        let inlet = json!({ "name": "inlet", "kind": "fitting",
+                            "numbers": { "conductance": 1e-8, "critical_pressure_ratio": 0.3 } });
+        components.as_array_mut().expect("components").push(inlet);
+        let network = network(&components, &joints).expect("assembles");
+        let (columns, ledger) = run(&network, &[], (0.1, 1000.0), &start(0.2, 0.0, 101_300.0, 101_300.0));
+        closes(ledger);
+        columns["own.position_m"][100]
+    };
+    assert!(leaves(1e-8) < leaves(0.0) - 1e-3, "{} {}", leaves(1e-8), leaves(0.0));
+}
+
+#[test]
+fn an_impossible_cushion_is_refused() {
+    let message = |numbers: &[(&str, f64)]| {
+        let (components, joints) = breathing(numbers, [1e-8; 2]);
+        network(&components, &joints).err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    let whole = |length: f64, diameter: f64| {
+        message(&[
+            ("cushion_a_length", length),
+            ("cushion_a_plunger_diameter", diameter),
+            ("cushion_a_needle_conductance", 1e-9),
+            ("cushion_a_port_volume", 1e-6),
+        ])
+    };
+    assert_eq!(message(&[("cushion_a_length", 0.02)]), "own.cushion_a_plunger_diameter is missing");
+    assert!(whole(0.02, 0.05).contains("own.cushion_a_plunger_diameter = 0.05 m must be less than the bore"));
+    assert!(whole(0.3, 0.02).contains("own.cushion_a_length = 0.3 m must be less than the stroke"));
+    assert_eq!(whole(0.02, 0.02), "");
+}
+
+fn slide(name: &str, mass: f64) -> Value {
+    json!({ "name": name, "kind": "slide", "numbers": { "mass": mass } })
+}
+
+/// A free slide of 2 kg that runs from x = 0 into something at 10 mm, or mirrored.
+fn runs_into(
+    kind: &str,
+    side: &str,
+    numbers: &Value,
+    v: f64,
+) -> std::collections::BTreeMap<String, Vec<f64>> {
+    let (mut numbers, sign) = (numbers.clone(), if side == "b" { 1.0 } else { -1.0 });
+    numbers["position"] = json!(0.01 * sign);
+    let components = json!([
+        slide("mass", 2.0),
+        { "name": "end", "kind": kind, "numbers": numbers, "choices": { "side": side } },
+    ]);
+    let network = network(&components, &json!([["mass.1", "end.1"]])).expect("assembles");
+    let start = [("mass.position_m", 0.0), ("mass.velocity_m_s", sign * v)];
+    let (mut columns, ledger) = run(&network, &[], (0.1, 10_000.0), &start);
+    assert!(ledger[1].abs() < 1e-6, "{ledger:?}");
+    columns.values_mut().flatten().for_each(|value| *value *= sign);
+    columns
+}
+
+#[test]
+fn a_bumper_gives_back_the_share_of_the_speed_that_is_said() {
+    for (side, e, exponent) in [("b", 0.2, 1.5), ("a", 0.5, 1.5), ("b", 0.9, 1.0)] {
+        let numbers = json!({ "rated_force": 500.0, "rated_depth": 2e-3, "restitution": e,
+                              "exponent": exponent, "impact_speed": 0.5 });
+        let columns = runs_into("bumper", side, &numbers, 0.5);
+        let (v, force) = (&columns["mass.velocity_m_s"], &columns["end.force_n"]);
+        assert!((v[1000] + e * 0.5).abs() < 1e-5, "{e}: {}", v[1000]);
+        assert!(force.iter().all(|force| *force >= 0.0) && force.iter().any(|force| *force > 100.0));
+    }
+}
+
+#[test]
+fn a_shock_absorber_brakes_by_the_way_that_it_is_pushed_in() {
+    let (c, m, first) = (100.0, 2.0, 1e-4);
+    for (side, end) in [("b", c), ("a", 3.0 * c)] {
+        let numbers =
+            json!({ "stroke": 0.05, "damping": c, "end_damping": end, "preload": 0.0, "stiffness": 0.0 });
+        let columns = runs_into("shock-absorber", side, &numbers, 1.0);
+        let (x, v) = (columns["mass.position_m"][500], columns["mass.velocity_m_s"][500]);
+        let s = x - 0.01;
+        // int c ds, where the first 0.1 mm count half.
+        let taken = c * (s - 0.5 * first) + (end - c) * (0.5 * s * s - first * first / 6.0) / 0.05;
+        assert!(s > 0.01 && (v - (-taken / m).exp()).abs() < 1e-6, "{side}: {s} m, {v} m/s");
+    }
+    // Its spring gives back what it has taken, its oil nothing: k s^2/2 + F_0 s from the deepest point on.
+    let numbers = json!({ "stroke": 0.05, "damping": 100.0, "preload": 20.0, "stiffness": 1000.0 });
+    let columns = runs_into("shock-absorber", "b", &numbers, 1.0);
+    let deepest = columns["mass.position_m"].iter().fold(0.0, |most: f64, x| most.max(x - 0.01));
+    let given = 500.0 * deepest * deepest + 20.0 * (deepest - 0.5 * first);
+    let v = columns["mass.velocity_m_s"][1000];
+    assert!(v < 0.0 && (0.5 * m * v * v / given - 1.0).abs() < 1e-4, "{v} m/s, {given} J");
+}
+
+#[test]
+fn coupled_masses_swing_by_their_reduced_mass_and_fly_free_within_the_play() {
+    let (k, m) = (5e4_f64, [2.0, 3.0]);
+    let coupled = |m: [f64; 2], play: f64| {
+        let components = json!([
+            slide("one", m[0]),
+            slide("two", m[1]),
+            { "name": "own", "kind": "coupling", "numbers": { "stiffness": k, "play": play } },
+        ]);
+        let joints = json!([["one.1", "own.1"], ["two.1", "own.2"]]);
+        let network = network(&components, &joints).expect("assembles");
+        let start = [
+            ("one.position_m", 0.0),
+            ("one.velocity_m_s", 1.0),
+            ("two.position_m", 0.0),
+            ("two.velocity_m_s", 0.0),
+        ];
+        let (columns, ledger) = run(&network, &[], (0.1, 10_000.0), &start);
+        assert!(ledger[1].abs() < 1e-6, "{ledger:?}");
+        columns
+    };
+    let w = (k * (1.0 / m[0] + 1.0 / m[1])).sqrt();
+    let columns = coupled(m, 0.0);
+    let apart = |i: usize| columns["one.position_m"][i] - columns["two.position_m"][i];
+    assert!([37, 500, 1000].into_iter().all(|i| (apart(i) - (w * 1e-4 * i as f64).sin() / w).abs() < 1e-8));
+    assert!((1..40).all(|i| (columns["own.force_n"][i] - k * apart(i)).abs() < 1e-6 && apart(i) > 0.0));
+    // Equal masses and 20 mm of play: 10 ms of flight, half a swing in which they exchange their speeds, 20 ms of flight.
+    let columns = coupled([2.0, 2.0], 0.02);
+    let half = std::f64::consts::PI / (2.0 * k / 2.0).sqrt();
+    let v = |name: &str, t: f64| columns[&format!("{name}.velocity_m_s")][(t * 1e4) as usize];
+    assert!(v("two", 0.0098) == 0.0 && v("one", 0.0098) == 1.0);
+    assert!((v("two", 0.011 + half) - 1.0).abs() < 1e-6 && v("one", 0.011 + half).abs() < 1e-6);
+    assert!((v("two", 0.029 + half) - 1.0).abs() < 1e-6 && (v("one", 0.031 + 2.0 * half) - 1.0).abs() < 1e-6);
+}

@@ -14,7 +14,7 @@ struct Table {
     stepper: Stepper<f64, Circuit<f64>>,
     mass: AxisId,
     carriage: CarriageId,
-    link: usize,
+    link: circuit::PartId,
 }
 
 /// Stiffness N/m and damping N s/m of the link.
@@ -228,7 +228,7 @@ fn a_held_force_relaxes_by_its_share() {
         let by_hand = end + (start - end) * (-t / constant).exp();
         // The bristles' damper makes the time constant longer by 1e-4 of itself.
         assert_close(&format!("force after {t} s"), table.friction(), by_hand, 3e-5);
-        let pulled = table.stepper.system().link_force(table.link, &now(&table.stepper));
+        let pulled = table.stepper.system().force_of(table.link, &now(&table.stepper));
         assert_close("the sensor shows it", pulled, table.friction(), 1e-6);
     }
     println!("{at_stop} N at the stop, {start} N after 2 s, {end} N in the end");

@@ -309,7 +309,11 @@ fn what_cannot_be_joined_is_said() {
             json!([["x.1"]]),
             "has no parameter \"size\"",
         ),
-        (json!([{ "name": "x", "kind": "load" }]), json!([["x.1"]]), "no cylinder moves the joint of x.1"),
+        (
+            json!([{ "name": "x", "kind": "load" }]),
+            json!([["x.1"]]),
+            "no cylinder or slide moves the joint of x.1",
+        ),
         (
             json!([{ "name": "x", "kind": "load" }, tank("t")]),
             json!([["x.1", "t.1"]]),
@@ -324,7 +328,10 @@ fn what_cannot_be_joined_is_said() {
 
 /// A component of a kind with its defaults, and of what has none something usual.
 fn usual(kind: &circuit::ComponentKind) -> Value {
-    let needed = kind.parameters.iter().filter(|own| own.default.is_none() && own.follows.is_empty());
+    let needed = kind
+        .parameters
+        .iter()
+        .filter(|own| own.default.is_none() && own.follows.is_empty() && own.within.is_empty());
     let value = |key: &str, unit: &str| match (key, unit) {
         ("rod_diameter", _) => 0.01,
         ("length", _) => 1.0,
@@ -338,10 +345,12 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         (_, "s") => 0.005,
         (_, "N/m") => 500.0,
         (_, "N") => 20.0,
+        (_, "kg/m") => 50.0,
         _ => panic!("{key}: a usual value in {unit}"),
     };
     let mut numbers: BTreeMap<_, _> = needed.map(|own| (own.key, value(own.key, own.unit))).collect();
-    if kind.friction && kind.key != "cylinder/rodless" {
+    let has_rod = kind.parameters.iter().any(|own| own.key == "rod_diameter");
+    if has_rod && kind.key != "cylinder/rodless" {
         numbers.insert("rod_diameter", 0.01);
     }
     let friction = if kind.friction { case_a()["friction"].clone() } else { Value::Null };
@@ -357,12 +366,16 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
         for (i, port) in kind.ports.iter().enumerate() {
             let (own, tank, path) = (format!("own.{}", port.name), format!("tank_{i}"), format!("path_{i}"));
             if port.kind == circuit::PortKind::Axis && !kind.friction {
-                let mut mover = cylinder(&case_a()["friction"]);
-                mover["name"] = json!("mover");
+                let (mut mover, name) = (cylinder(&case_a()["friction"]), format!("mover_{i}"));
+                mover["name"] = json!(name);
                 components.push(mover);
-                joints.push(json!(["mover.rod", own]));
-                joints.push(json!(["mover.a"]));
-                joints.push(json!(["mover.b"]));
+                joints.push(json!([format!("{name}.rod"), own]));
+                joints.push(json!([format!("{name}.a")]));
+                joints.push(json!([format!("{name}.b")]));
+            } else if port.kind == circuit::PortKind::Axis && kind.ports.len() == 1 {
+                let spring = json!({ "stiffness": 500.0, "rest_position": 0.05 });
+                components.push(json!({ "name": "spring", "kind": "spring", "numbers": spring }));
+                joints.push(json!(["spring.1", own]));
             }
             if port.kind == circuit::PortKind::Axis {
                 continue;
@@ -385,6 +398,7 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
                     Some("pressure_pa") => 101_300.0,
                     Some("temperature_k") => ROOM,
                     Some("position_m") => 0.02,
+                    Some("velocity_m_s") if driven && name.starts_with("mover_0") => 2.0,
                     _ => 0.0,
                 };
                 (name.to_string(), given.unwrap_or(usual))
@@ -413,7 +427,7 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
             assert!(column.iter().any(|value| *value != column[0]), "{}: {output} never changes", kind.key);
         }
         // Ambient pressure and temperature everywhere, valves open: nothing moves, but what a spring or a supply drives.
-        if ["spring", "reservoir", "cylinder/single-acting"].contains(&kind.key) {
+        if ["spring", "slide", "reservoir", "cylinder/single-acting"].contains(&kind.key) {
             continue;
         }
         let named = start(false);

@@ -152,6 +152,7 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
             out.set_item("default", own.default)?;
             out.set_item("assumed", own.assumed)?;
             out.set_item("follows", own.follows)?;
+            out.set_item("within", own.within)?;
             PyResult::Ok(out)
         });
         let choices = kind.choices.iter().map(|own| {
@@ -172,7 +173,8 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
         out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
         out.set_item("open", kind.open)?;
-        out.set_item("friction", kind.friction)?;
+        let friction = if kind.needs_friction { "needed" } else { "optional" };
+        out.set_item("friction", if kind.friction { friction } else { "" })?;
         out.set_item("inputs", variables(kind.inputs)?)?;
         out.set_item("outputs", variables(kind.outputs)?)?;
         Ok(out)

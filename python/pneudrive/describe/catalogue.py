@@ -62,7 +62,9 @@ class Entry:
         known = {key for own in given for key in (own, *kind.same_size(own))}
         needed = [one["key"] for one in entry["parameters"] if is_needed(one) and one["key"] not in known]
         has_friction = any(value.key.startswith("friction.") for value in self.values)
-        return needed + (["the rest of friction" if has_friction else "friction"] if entry["friction"] else [])
+        return needed + (
+            ["the rest of friction" if has_friction else "friction"] if entry["friction"] == "needed" else []
+        )
 
 
 @contextmanager

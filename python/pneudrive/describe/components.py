@@ -42,6 +42,10 @@ def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
 
 def is_needed(parameter: Mapping[str, Any]) -> bool:
     """Whether a description has to give a parameter: it has no default, and follows from nothing else."""
+    return _is_bare(parameter) and not parameter["within"]
+
+
+def _is_bare(parameter: Mapping[str, Any]) -> bool:
     return parameter["default"] is None and not parameter["follows"]
 
 
@@ -93,7 +97,7 @@ class Component(Described):
                 out |= {f"{key}_{sub}": one for sub, one in each.items()}
             else:
                 out[key] = given
-        return out
+        return out if out.keys() == table.keys() else cls.flat(out)  # cushion = { b = { length = ... } }
 
     @classmethod
     def over(cls, base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
@@ -126,13 +130,27 @@ class Component(Described):
                 valve_flow.size_given(given, keys, "")
         return self
 
+    @model_validator(mode="after")
+    def _whole_tables(self) -> Component:
+        for parameter in self.entry["parameters"]:
+            key, table = parameter["key"], parameter["within"]
+            if table and _is_bare(parameter) and self._has(parameter) and getattr(self, self.fields[key]) is None:
+                raise wrong(key, f"{key} is missing", rule=f"{table} is given whole, or left out")
+        return self
+
+    def _has(self, parameter: Mapping[str, Any]) -> bool:
+        """Whether the table that a parameter belongs to is given, or the parameter belongs to none."""
+        table = parameter["within"]
+        own = (p["key"] for p in self.entry["parameters"] if p["within"] == table)
+        return not table or any(self.fields[key] in self.model_fields_set for key in own)
+
     def _values(self, keys: Sequence[str]) -> list[Any]:
         return [getattr(self, self.fields[key]) for key in keys]
 
     def numbers(self, ambient_pa: float) -> dict[str, float]:
         """Return the parameters that are known, in SI by their keys; pressures become absolute."""
         out = {}
-        for key in (p["key"] for p in self.entry["parameters"]):
+        for key in (p["key"] for p in self.entry["parameters"] if self._has(p)):
             sizes = self._values(flow_keys(self.entry, key))
             value = sizes[0]
             if any(sizes[1:]):
@@ -184,7 +202,7 @@ class Component(Described):
         for key, value in self.origins.items():
             if value.assumed is not None:
                 yield f"{key} = {inline(value.value)}, {value.assumed}"
-        for parameter in self.entry["parameters"]:
+        for parameter in filter(self._has, self.entry["parameters"]):
             field = self.fields[parameter["key"]]
             if parameter["assumed"] and field not in self.model_fields_set:
                 yield f"{parameter['key']} = {self.default(field)}, {parameter['assumed']}"
@@ -227,11 +245,19 @@ def within(error: DescriptionError, name: str, table: Mapping[str, Any]) -> Desc
     for one in error.each():
         key = getattr(one, "key", None) or ""
         what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
-        if key not in table:  # a key of a table inside the table, written flat by `Component`
-            inner = next((k for k, v in table.items() if isinstance(v, dict) and key.startswith(f"{k}_")), None)
-            key = f"{inner}.{key.removeprefix(f'{inner}_')}" if inner else key
-        out.append(wrong(f"components.{name}.{key}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
+        out.append(
+            wrong(f"components.{name}.{_nested(key, table)}".rstrip("."), what, rule=one.rule, remedy=one.remedy)
+        )
     return together(out)
+
+
+def _nested(key: str, table: Mapping[str, Any]) -> str:
+    """Return a key that `Component` wrote flat as it stands in the tables inside a table."""
+    if key not in table:
+        for inner, value in table.items():
+            if isinstance(value, dict) and key.startswith(f"{inner}_"):
+                return f"{inner}.{_nested(key.removeprefix(f'{inner}_'), value)}"
+    return key
 
 
 def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
@@ -245,14 +271,16 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         unit = (mark.written or "") if isinstance(mark, Quantity) else "bar abs, bar gauge"
         takes = ", ".join(filter(None, (unit, "" if rule == "finite" else rule)))
         follows = parameter["follows"] and f"follows {parameter['follows']}"
-        default = follows or ("needed" if is_needed(parameter) else str(kind.default(kind.fields[key])))
+        needed = f"needed in {parameter['within']}" if parameter["within"] else "needed"
+        default = follows or (needed if _is_bare(parameter) else str(kind.default(kind.fields[key])))
         assumed = f" (assumed: {parameter['assumed']})" if parameter["assumed"] else ""
         out.append((key, takes, default + assumed, parameter["meaning"]))
         out += [(other, _SIZES[_last(other)].written or "", "", f"In place of {key}") for other in keys[1:]]
     for choice in entry["choices"]:
         out.append((choice["name"], " | ".join(choice["options"]), choice["default"], choice["meaning"]))
     if entry["friction"]:
-        out.append(("friction", "a table", "needed", "As [friction] of a drive file"))
+        needed = "needed" if entry["friction"] == "needed" else "none"
+        out.append(("friction", "a table", needed, "As [friction] of a drive file"))
     if COMMAND in kind.keys():  # noqa: SIM118 - a method of ours
         out.append((COMMAND, "V or mA", "", 'Range of the electrical input, "0 V .. 10 V"'))
     return out

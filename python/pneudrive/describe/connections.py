@@ -189,7 +189,7 @@ class Wiring:
         through = [one for one in ports if not (one.exhaust or one.optional)]
         if len(through) == 1:
             return through[0], through[0]
-        if len(through) == 2 and all(one.is_single for one in through):
+        if len(through) == 2 and all(one.is_single or one.kind == "axis" for one in through):
             return (None if first else through[0]), (None if last else through[1])
         listed = ", ".join(one.id for one in ports)
         raise wrong(key, f"{name} has {len(ports)} ports, and the connection names none", remedy=f"Name one: {listed}.")

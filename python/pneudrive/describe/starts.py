@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from pneudrive.describe.connections import Joint, Port, Wiring
     from pneudrive.describe.parts import Ambient
 
-PRESSURE, TEMPERATURE, POSITION = "pressure_pa", "temperature_k", "position_m"
+PRESSURE, TEMPERATURE, POSITION, VELOCITY = "pressure_pa", "temperature_k", "position_m", "velocity_m_s"
 #: Start values by the last part of their name in the core: their key, and how they are written.
 _MARKS: dict[str, tuple[str, Quantity | StatedPressure]] = {
     PRESSURE: ("pressure", StatedPressure()),
     TEMPERATURE: ("temperature", Quantity("K", "K", Bounds(above=0.0))),
     POSITION: ("position", Quantity("m", "mm")),
-    "velocity_m_s": ("velocity", Quantity("m/s", "mm/s")),
+    VELOCITY: ("velocity", Quantity("m/s", "mm/s")),
     "contact_age_s": ("contact_age", Quantity("s", "s", Bounds(at_least=0.0))),
 }
 
@@ -89,7 +89,11 @@ class Starts:
         for name in self.names:
             if name not in out:
                 of, _, last = name.rpartition(".")
-                out[name] = self._pressure(of, known, notes) if last == PRESSURE else self._otherwise(of, last)
+                if last == PRESSURE:
+                    out[name] = self._pressure(of, known, notes)
+                else:
+                    moves = last in (POSITION, VELOCITY)
+                    out[name] = self._moved(of, last, known) if moves else self._otherwise(of, last)
         return out, notes
 
     def _read(self, key: str, name: str, given: object) -> float:
@@ -117,6 +121,19 @@ class Starts:
         if last == TEMPERATURE:
             return self.ambient.temperature_k
         return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
+
+    def _moved(self, of: str, last: str, known: Mapping[str, float]) -> float:
+        """Return position or velocity of a mass: one without a stroke goes along with what it is coupled to."""
+        found = [of]
+        for name in found:  # grows as it is looked at
+            if f"{name}.{last}" in known:
+                return known[f"{name}.{last}"]
+            if self._stroke(name) is not None and f"{name}.{last}" in self.names:
+                return self._otherwise(name, last)
+            for port in self.wiring.ports(name):
+                joint = self.wiring.at.get(port) if port.kind == "axis" else None
+                found += [one.component for one in joint.ports if one.component not in found] if joint else []
+        return self._otherwise(of, last)
 
     def _pressure(self, of: str, known: Mapping[str, float], notes: list[str]) -> float:
         """Return the pressure to which gas has settled: the one given or held nearest by, over what is always open."""

@@ -64,7 +64,15 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));
         return refuse(format!("{name}: a {} has no parameter \"{key}\"; it has {keys}", table.key));
     }
+    // A table of its own, such as a cushion, is there where any of its numbers is.
+    let left_out = |within: &str| {
+        let own = |row: &&Row| row.within == within && spec.numbers.contains_key(row.key);
+        !within.is_empty() && !table.parameters.iter().any(|row| own(&row))
+    };
     let number = |parameter: &Row| {
+        if left_out(parameter.within) {
+            return Ok(None);
+        }
         let value = spec.numbers.get(parameter.key).copied().or(parameter.default);
         match value {
             Some(value) if !value.is_finite() || !parameter.bounds.contain(value) => refuse(format!(
@@ -273,7 +281,7 @@ where
                 if incline.is_some() {
                     let one = &self.each[component].name;
                     return refuse(format!(
-                        "{name} and {one} are cylinders on one axis: join one of them alone"
+                        "{name} and {one} move each on a line of its own: put a coupling between them"
                     ));
                 }
                 (incline, friction, name) = (own, rubs, self.each[component].name.clone());
@@ -281,7 +289,7 @@ where
         }
         let (Some(mass), Some(incline)) = (sum, incline) else {
             let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
-            return refuse(format!("no cylinder moves the joint of {}", names.join(", ")));
+            return refuse(format!("no cylinder or slide moves the joint of {}", names.join(", ")));
         };
         let inner: Vec<String> = (friction.iter())
             .flat_map(physics::friction::Contact::states)
@@ -410,8 +418,7 @@ impl Network {
         let joints = joints(spec, &each)?;
         let gas = IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k);
         let ambient = [spec.ambient.pressure_pa, spec.ambient.temperature_k];
-        let printed = |own: &Instance<f64>| own.kind().friction && own.choices[0] != 0;
-        if ledger && let Some(own) = each.iter().find(|own| printed(own)) {
+        if ledger && let Some(own) = each.iter().find(|own| own.chosen("chamber_law") == Some("as-printed")) {
             return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
         }
         let mut wired = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger)?;
@@ -426,14 +433,16 @@ impl Network {
             citations.extend(law.sources());
             let number = |key: &str| spec.numbers.get(key).copied().unwrap_or_default();
             let mut own_warnings = law.warnings(gauge, number("stroke"));
-            let piston = pistons.iter().find(|piston| piston.name == own.name).expect("a piston");
-            own_warnings.extend(stop_warning(
-                piston.ends.stop.stiffness,
-                [number("dead_volume_a"), number("dead_volume_b")],
-                piston.areas,
-                gauge,
-                ["end_stop_stiffness", "dead_volume_"],
-            ));
+            let piston = pistons.iter().find(|piston| piston.name == own.name);
+            own_warnings.extend(piston.and_then(|piston| {
+                stop_warning(
+                    piston.ends.stop.stiffness,
+                    [number("dead_volume_a"), number("dead_volume_b")],
+                    piston.areas,
+                    gauge,
+                    ["end_stop_stiffness", "dead_volume_"],
+                )
+            }));
             warnings.extend(own_warnings.into_iter().map(|text| format!("{}: {text}", own.name)));
         }
         citations.extend(["steinebach2023", "hairer1996"]);

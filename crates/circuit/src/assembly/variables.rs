@@ -3,7 +3,7 @@
 use super::timing::Timing;
 use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::net::Net;
-use crate::part::{Given, Input, InputId};
+use crate::part::{Given, Input, InputId, PartId};
 use math::{Lane, Real};
 use physics::Bounds;
 use std::sync::Arc;
@@ -65,8 +65,8 @@ pub enum Quantity {
     Flow([Option<Path>; 2]),
     /// Through all paths out of a reservoir.
     OutOf(GasId),
-    /// Of a link.
-    Force(usize),
+    /// Of a part that has one.
+    Force(PartId),
     /// Of the command of a valve; not a number while its edges are set by themselves.
     Command([InputId; 4]),
     /// One inner state of an axis' friction.
@@ -234,7 +234,7 @@ impl<P: Lane> Assembly<P> {
                     paths.into_iter().flatten().fold(R::zero(), |sum, path| sum + circuit.flow(path, net))
                 }
                 Quantity::OutOf(id) => circuit.flow_out_of(id, net),
-                Quantity::Force(link) => circuit.link_force(link, net),
+                Quantity::Force(part) => circuit.force_of(part, net),
                 Quantity::Command(edges) => command(circuit, edges),
                 Quantity::Inner(id, place) => circuit.inner_states(id, y)[place],
             };

@@ -59,11 +59,25 @@ impl<R: Lane> Circuit<R> {
         wall_temperature: R,
     ) -> GasId {
         let node = self.next_gas();
-        let mut part =
-            Volume { dead_volume, dead_wall, heat_transfer, wall_temperature, node, law, scales: [1.0; 2] };
+        let mut part = Volume {
+            dead_volume,
+            dead_wall,
+            heat_transfer,
+            wall_temperature,
+            node,
+            starts_as: node,
+            law,
+            scales: [1.0; 2],
+        };
         part.set_scales(self.common.gas.heat_capacity_ratio.get(0), self.common.gas.gas_constant.get(0));
         self.parts.volumes.push((Place::default(), part));
         GasId(node)
+    }
+
+    /// A volume starts with the pressure and temperature that another is given.
+    pub(crate) fn starts_as(&mut self, volume: GasId, other: GasId) {
+        let volume = self.parts.volumes.iter_mut().find(|(_, part)| part.node == volume.0);
+        volume.expect("a volume").1.starts_as = other.0;
     }
 
     fn is_reservoir(&self, id: GasId) -> bool {
@@ -149,16 +163,15 @@ impl<R: Lane> Circuit<R> {
         self.parts.springs.push((Place::default(), Spring { stiffness, rest_position, axis: axis.0 }));
     }
 
-    /// Spring and damper between two axes; returns its index among the links.
-    pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: R, damping: R) -> usize {
+    /// Spring and damper between two axes.
+    pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: R, damping: R) -> PartId {
         let driven = self.parts.carriages.iter().any(|(_, part)| part.node == from.0);
-        let part = Link { stiffness, damping, from: from.0, to: to.0, driven };
-        self.parts.links.push((Place::default(), part));
-        self.parts.links.len() - 1
+        self.add(Link { stiffness, damping, from: from.0, to: to.0, driven })
     }
 
     /// Joins each axis that stands between two chambers of its own, with end stops, into one part: the
-    /// same equations, evaluated together.
+    /// same equations, evaluated together. One with a cushion stays as it is, with the covers in its equations: part of
+    /// what its chambers leave goes to the volumes behind them.
     fn join_cylinders(&mut self) {
         let parts = &mut self.parts;
         for (_, axis) in std::mem::take(&mut parts.axes) {
@@ -173,9 +186,13 @@ impl<R: Lane> Circuit<R> {
                 let volume = parts.volumes.iter().position(|(_, volume)| volume.node == gas)?;
                 (faces.next().is_none() && alone).then_some((face, volume))
             };
-            let (Some((face_a, volume_a)), Some((face_b, volume_b)), Some(stops)) =
-                (chamber(true), chamber(false), stops)
+            let cushioned = parts.cushions.iter().any(|(_, cushion)| cushion.axis == axis.node);
+            let (Some((face_a, volume_a)), Some((face_b, volume_b)), Some(stops), false) =
+                (chamber(true), chamber(false), stops, cushioned)
             else {
+                if let Some(stops) = stops {
+                    (0..R::L).for_each(|lane| parts.end_stops[stops].1.meet(lane));
+                }
                 parts.axes.push((Place::default(), axis));
                 continue;
             };

@@ -1,44 +1,40 @@
 use super::{
-    Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, SUBSONIC_INDEX,
+    Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Row, SUBSONIC_INDEX,
     Terminals, axis, chamber, exhaust, table,
 };
 use crate::assembly::Quantity;
 use crate::assembly::end_stop::{Driven, ends};
 use crate::assembly::leak::leak;
 use crate::circuit::{AxisId, GasId, PistonSide};
-use crate::part::ChamberLaw;
+use crate::part::{ChamberLaw, Cushion};
 use crate::run::Error;
 use math::{Lane, Real};
+use physics::flow::Iso6358;
 use std::f64::consts::PI;
 
 /// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
 const PORTS: &[Port] = &[chamber("a"), chamber("b"), axis("rod", true)];
 
-/// What every cylinder has, and what a kind has beside that.
-macro_rules! parameters {
-    ($($more:tt)*) => {
-        table! {
-            bore: "m", physics::above(0.0), "Bore D";
-            rod_diameter: "m", physics::at_least(0.0), default 0.0, "Diameter of the rod d";
-            stroke: "m", physics::above(0.0), "Stroke";
-            dead_volume_a: "m3", physics::above(0.0), "Volume of chamber a at x = 0, port and line included";
-            dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
-            moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
-            incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
-            heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
-                "Heat-transfer coefficient to the wall";
-            wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
-            leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
-            end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
-                "Stiffness of the end stops";
-            end_stop_damping: "N s/m", physics::at_least(0.0), follows "the stiffness of the end stop",
-                "Damping of the end stops";
-            end_stop_damping_depth: "m", physics::above(0.0), follows "the dead volumes",
-                "Depth from which the damper acts fully";
-            $($more)*
-        }
-    };
-}
+/// What every cylinder has.
+const PARAMETERS: &[Row] = table! {
+    bore: "m", physics::above(0.0), "Bore D";
+    rod_diameter: "m", physics::at_least(0.0), default 0.0, "Diameter of the rod d";
+    stroke: "m", physics::above(0.0), "Stroke";
+    dead_volume_a: "m3", physics::above(0.0), "Volume of chamber a at x = 0, port and line included";
+    dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
+    moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
+    incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
+    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
+        "Heat-transfer coefficient to the wall";
+    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
+    leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
+    end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
+        "Stiffness of the end stops";
+    end_stop_damping: "N s/m", physics::at_least(0.0), follows "the stiffness of the end stop",
+        "Damping of the end stops";
+    end_stop_damping_depth: "m", physics::above(0.0), follows "the dead volumes",
+        "Depth from which the damper acts fully";
+};
 
 const KIND: Kind = Kind {
     key: "",
@@ -47,13 +43,52 @@ const KIND: Kind = Kind {
            stops. x grows from chamber a's end to chamber b's.",
     sources: &["bejan2016"],
     ports: PORTS,
-    parameters: parameters! {},
+    parameters: table! {
+        ..PARAMETERS;
+        cushion_a_length: "m", physics::above(0.0), within "cushion_a",
+                "Cushion at chamber a's end: distance from the end at which the plunger enters its bore";
+        cushion_a_plunger_diameter: "m", physics::above(0.0), within "cushion_a",
+                "Diameter of the plunger";
+        cushion_a_needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within "cushion_a",
+                "Sonic conductance of the needle as it is set, for air";
+        cushion_a_port_volume: "m3", physics::above(0.0), within "cushion_a",
+                "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
+        cushion_a_check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "of a lip seal of this size", within "cushion_a",
+                "Sonic conductance of the check valve that lets gas from the port into the chamber";
+        cushion_a_cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "of a lip seal", within "cushion_a",
+                "Cracking pressure of the check valve, a difference";
+        cushion_a_bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within "cushion_a",
+                "Sonic conductance of the bore without the plunger";
+        cushion_a_critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a needle", within "cushion_a",
+                "Critical pressure ratio of needle, check valve and bore";
+        cushion_a_transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within "cushion_a",
+                "Way over which the bore shuts";
+        cushion_b_length: "m", physics::above(0.0), within "cushion_b",
+                "Cushion at chamber b's end: distance from the end at which the plunger enters its bore";
+        cushion_b_plunger_diameter: "m", physics::above(0.0), within "cushion_b",
+                "Diameter of the plunger";
+        cushion_b_needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within "cushion_b",
+                "Sonic conductance of the needle as it is set, for air";
+        cushion_b_port_volume: "m3", physics::above(0.0), within "cushion_b",
+                "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
+        cushion_b_check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "of a lip seal of this size", within "cushion_b",
+                "Sonic conductance of the check valve that lets gas from the port into the chamber";
+        cushion_b_cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "of a lip seal", within "cushion_b",
+                "Cracking pressure of the check valve, a difference";
+        cushion_b_bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within "cushion_b",
+                "Sonic conductance of the bore without the plunger";
+        cushion_b_critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a needle", within "cushion_b",
+                "Critical pressure ratio of needle, check valve and bore";
+        cushion_b_transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within "cushion_b",
+                "Way over which the bore shuts";
+    },
     choices: &[Choice {
         name: "chamber_law",
         options: &["energy-balance", "as-printed"],
         meaning: "Balance of the chambers; as-printed breaks it and is for reproducing the source paper only",
     }],
     friction: true,
+    needs_friction: true,
     inputs: &[("load_force_n", "N", "external force in +x")],
     outputs: &[
         ("position_m", "m", "position"),
@@ -80,6 +115,19 @@ fn side<P: Real>(bore: P, rod: P) -> PistonSide<P> {
 
 fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
     if own.choices[0] == 0 { ChamberLaw::EnergyBalance } else { ChamberLaw::AsPrinted }
+}
+
+/// Whether there is a cushion at an end.
+fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
+    let key = format!("cushion_{end}_length");
+    own.kind().parameters.iter().any(|row| row.key == key) && own.given(&key).is_some()
+}
+
+/// What is at the port of a chamber: the chamber, or what lies behind its cushion.
+fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> Brings<P> {
+    let dead_volume =
+        if cushioned(own, end) { format!("cushion_{end}_port_volume") } else { format!("dead_volume_{end}") };
+    bring_chamber(own, &dead_volume, ambient_temperature)
 }
 
 /// What a chamber is, its dead volume having this key.
@@ -122,10 +170,110 @@ fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
     }
 }
 
+/// Area of the plunger at an end, m2.
+fn plunger<P: Lane>(own: &Instance<P>, end: &str) -> P {
+    let diameter = own.number(&format!("cushion_{end}_plunger_diameter"));
+    P::c(0.25 * PI) * diameter * diameter
+}
+
+/// Sonic conductance of a bore for each m2 of its area, m3/(s Pa): 0.2 dm3/(s bar) for each mm2.
+const BORE_CONDUCTANCE: f64 = 2e-3;
+
+fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error> {
+    if !cushioned(own, end) {
+        return Ok(());
+    }
+    let number = |key: &str| own.number(&format!("cushion_{end}_{key}"));
+    let refuse = |message: String| Err(Error::Specification(message));
+    let (diameter, bore) = (number("plunger_diameter"), own.number("bore"));
+    let (length, stroke) = (number("length"), own.number("stroke"));
+    if diameter >= bore {
+        return refuse(format!(
+            "{}.cushion_{end}_plunger_diameter = {diameter} m must be less than the bore, {bore} m",
+            own.name
+        ));
+    }
+    if length >= stroke {
+        return refuse(format!(
+            "{}.cushion_{end}_length = {length} m must be less than the stroke, {stroke} m",
+            own.name
+        ));
+    }
+    if chamber_law(own) == ChamberLaw::AsPrinted {
+        return refuse(format!("{}: chamber law \"as-printed\" takes no cushion", own.name));
+    }
+    Ok(())
+}
+
+/// The chamber at an end with this port: where there is a cushion a volume of its own, with the ways to the port.
+fn cushion<P: Lane>(
+    own: &Instance<P>,
+    end: &str,
+    (port, axis): (GasId, AxisId),
+    build: &mut Build<P>,
+) -> GasId {
+    if !cushioned(own, end) {
+        return port;
+    }
+    let brings = bring_chamber(own, &format!("dead_volume_{end}"), build.ambient[1]);
+    let Some(chamber) = build.volume(brings) else { return port };
+    build.circuit.starts_as(chamber, port);
+    let key = |key: &str| format!("cushion_{end}_{key}");
+    let number = |name: &str| own.number(&key(name));
+    let area = plunger(own, end);
+    let law = |conductance: P, build: &Build<P>| {
+        let (b, linear) = (number("critical_pressure_ratio"), P::c(physics::flow::LINEAR_ABOVE));
+        Iso6358::for_gas(conductance, b, P::c(0.5), linear, true, &build.gas, build.is_air)
+    };
+    for way in ["needle_conductance", "check_conductance"] {
+        let conductance = number(way);
+        if conductance.get(0) == 0.0 && !own.is_free(&key(way)) {
+            continue;
+        }
+        let law = law(conductance, build);
+        if way == "needle_conductance" {
+            build.passage(law, chamber, port);
+        } else {
+            build.check_valve(law, number("cracking_pressure"), port, chamber);
+        }
+    }
+    let conductance = own.given(&key("bore_conductance")).unwrap_or(P::c(BORE_CONDUCTANCE) * area);
+    let grows = end == "a";
+    let part = Cushion {
+        area,
+        length: number("length"),
+        transition: number("transition"),
+        offset: if grows { P::zero() } else { own.number("stroke") },
+        bore: law(conductance, build),
+        axis: axis.index(),
+        grows,
+        path: build.circuit.between(chamber, port),
+    };
+    build.flow_part(part, &[conductance]);
+    let columns =
+        [("port_pressure_pa", Quantity::Pressure(port)), ("port_mass_flow_kg_s", Quantity::MassFlow(port))];
+    for (name, quantity) in columns {
+        build.columns.push((format!("{}.{end}.{name}", own.name), quantity));
+    }
+    chamber
+}
+
+/// What an end stop may take up, m3: the dead volume, or so much that the plunger of a cushion is not through what lies
+/// behind it.
+fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
+    let chamber = own.number(&format!("dead_volume_{end}"));
+    if !cushioned(own, end) {
+        return chamber;
+    }
+    let behind = own.number(&format!("cushion_{end}_port_volume"));
+    chamber.min(behind / plunger(own, end) * area)
+}
+
 fn compose<P: Lane>(
     own: &Instance<P>,
     rods: [bool; 2],
     (a, b, axis): (GasId, GasId, AxisId),
+    widest: P,
     build: &mut Build<P>,
 ) {
     let (bore, stroke) = (own.number("bore"), own.number("stroke"));
@@ -147,7 +295,7 @@ fn compose<P: Lane>(
     let (mass, force) = build.masses[axis.index()];
     let ends = ends(&Driven {
         sides: &sides,
-        dead_volumes: ["dead_volume_a", "dead_volume_b"].map(|key| own.number(key)),
+        dead_volumes: [("a", sides[0].area), ("b", sides[1].area)].map(|(end, area)| room(own, end, area)),
         mass,
         stroke,
         incline: own.number("incline"),
@@ -155,7 +303,7 @@ fn compose<P: Lane>(
         hottest: build.hottest,
         forces: [force, spring],
         gas_constant: build.gas.gas_constant,
-        conductance: build.widest(a).max(build.widest(b)),
+        conductance: widest,
         given: ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"].map(|key| own.given(key)),
     });
     build.circuit.end_stops(axis, ends.stop.clone(), stroke);
@@ -201,19 +349,23 @@ macro_rules! cylinder {
 
             fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
                 match port {
-                    0 => bring_chamber(own, "dead_volume_a", ambient_temperature),
-                    1 => bring_chamber(own, "dead_volume_b", ambient_temperature),
+                    0 => bring_port(own, "a", ambient_temperature),
+                    1 => bring_port(own, "b", ambient_temperature),
                     _ => bring_rod(own),
                 }
             }
 
             fn check(own: &Instance<f64>) -> Result<(), Error> {
-                check(own, $rods != [false; 2])
+                check(own, $rods != [false; 2])?;
+                check_cushion(own, "a")?;
+                check_cushion(own, "b")
             }
 
             fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
                 let (Some(a), Some(b), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
-                compose(own, $rods, (a, b, axis), build);
+                let widest = build.widest(a).max(build.widest(b));
+                let [a, b] = [(a, "a"), (b, "b")].map(|(port, end)| cushion(own, end, (port, axis), build));
+                compose(own, $rods, (a, b, axis), widest, build);
             }
         }
     };
@@ -243,7 +395,8 @@ impl Component for SingleActing {
                chamber b, F = F_0 + k x towards chamber a, drives back. Chamber b breathes through a hole in its cover.",
         sources: &["bejan2016", "iso6358-2013"],
         ports: &[chamber("a"), exhaust("exhaust"), axis("rod", true)],
-        parameters: parameters! {
+        parameters: table! {
+        ..PARAMETERS;
             spring_stiffness: "N/m", physics::above(0.0), "Stiffness k of the spring";
             spring_preload: "N", physics::at_least(0.0), "Force F_0 of the spring at x = 0";
             breather_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the breather, for air";
@@ -270,10 +423,12 @@ impl Component for SingleActing {
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(a), Some(around), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
         let brings = bring_chamber(own, "dead_volume_b", build.ambient[1]);
-        let Some(b) = build.inner_volume(&format!("{}.b", own.name), brings) else { return };
+        let Some(b) = build.volume(brings) else { return };
+        build.gas_starts(b, &format!("{}.b", own.name));
         build.passage(own.path("breather_conductance", build), b, around);
         let stiffness = own.number("spring_stiffness");
         build.spring(axis, stiffness, -own.number("spring_preload") / stiffness);
-        compose(own, [false, true], (a, b, axis), build);
+        let widest = build.widest(a).max(build.widest(b));
+        compose(own, [false, true], (a, b, axis), widest, build);
     }
 }

@@ -228,7 +228,7 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
     fn begin(&self, given: &Given<P>, y: OwnMut<P>, net: &Net<P>, common: &Common<P>) {
         let (own, z) = y.split(INNER);
         for (volume, first) in self.volumes.iter().zip(CHAMBERS) {
-            if let Some(gas) = given.gas(volume.node) {
+            if let Some(gas) = given.gas(volume.starts_as) {
                 own[first..first + 2].copy_from_slice(&volume.start(gas, &net.gas[volume.node], common));
             }
         }

@@ -73,7 +73,10 @@ impl<P: Real> Part<P> for Face<P> {
         if self.held {
             return;
         }
-        self.enlarge(&net.axis[self.axis], &mut net.gas[self.gas]);
+        let node = &mut net.gas[self.gas];
+        self.enlarge(&net.axis[self.axis], node);
+        // Far behind the end of its stroke a piston has swept all of the wall.
+        node.wall = node.wall.max(S::zero());
     }
 
     #[inline(always)]

@@ -123,6 +123,13 @@ macro_rules! parts {
                 }
             }
 
+            /// The force of a part, N.
+            pub fn force<S: Over<P>>(&self, part: PartId, net: &Net<S>) -> S {
+                match part.kind {
+                    $(PartKind::$part => self.$field[part.index].1.force(net),)*
+                }
+            }
+
             /// Gives every part its place; the states' names and scales in that order, then the accounts.
             pub fn lay_out(&mut self) -> (Vec<(String, State)>, Vec<Channel>) {
                 let usual = [PartKind::Cylinder, PartKind::Reservoir, PartKind::Restriction];

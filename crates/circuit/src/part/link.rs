@@ -20,16 +20,14 @@ physics::parameters! {
     }
 }
 
-impl<P: Real> Link<P> {
+impl<P: Real> Part<P> for Link<P> {
     /// Force in +x on `to`, N.
     #[inline(always)]
-    pub fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
         let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
         S::from(self.stiffness) * (one.x - two.x) + S::from(self.damping) * (one.v - two.v)
     }
-}
 
-impl<P: Real> Part<P> for Link<P> {
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
         let force = self.force(net);

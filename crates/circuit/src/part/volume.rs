@@ -35,6 +35,8 @@ physics::parameters! {
         wall_temperature: "K", physics::above(0.0);
     } with {
         node: usize,
+        /// The node with whose gas it starts.
+        starts_as: usize,
         law: ChamberLaw,
         /// Absolute error scales of the two states
         scales: [f64; 2],
@@ -167,7 +169,7 @@ impl<P: Real> Part<P> for Volume<P> {
     }
 
     fn begin(&self, given: &Given<P>, mut y: OwnMut<P>, net: &Net<P>, common: &Common<P>) {
-        if let Some(gas) = given.gas(self.node) {
+        if let Some(gas) = given.gas(self.starts_as) {
             y.set(self.start(gas, &net.gas[self.node], common));
         }
     }

@@ -1,0 +1,70 @@
+use super::{Build, Choice, Component, Instance, Kind, Terminals, axis, table};
+use crate::assembly::Quantity;
+use crate::part::Bumper as Elastomer;
+use math::{Lane, Real};
+
+/// An elastomer that a mass runs into.
+pub struct Bumper;
+
+/// At which end of a line of motion something stands.
+pub(super) const SIDE: Choice = Choice {
+    name: "side",
+    options: &["b", "a"],
+    meaning: "Where it stands: b is met in +x, as the end of chamber b, a in -x",
+};
+
+/// Newton steps; each halves the distance at least, and squares it in the end.
+const STEPS: usize = 40;
+
+/// The product y of damping and speed of impact with which a contact F = k d^n (1 + lambda d') gives back the share e of
+/// the speed. From m v dv = -F dd on both ways,
+///
+///   y (1 + e) = ln((1 + y)/(1 - e y)),   or   y = g(y) = (1 - (1 + y) exp(-(1 + e) y))/e
+///
+/// whatever k, n and m are. Right of the root g is concave: Newton's method comes down to it from 1/e.
+fn damped<P: Real>(e: P) -> P {
+    let (one, a) = (P::one(), P::one() + e);
+    (0..STEPS).fold(one / e, |y, _| {
+        let decay = (-a * y).exp() / e;
+        let over = one / e - (one + y) * decay - y;
+        let slope = (a * (one + y) - one) * decay - one;
+        y - over / slope
+    })
+}
+
+impl Component for Bumper {
+    const KIND: Kind = Kind {
+        key: "bumper",
+        title: "Elastomer bumper",
+        text: "An elastomer at position x_0 that the mass runs into, by Hunt and Crossley: F = F_r (d/d_r)^n (1 + lambda d'), \
+               never pulling. lambda follows from the restitution: the share of the speed that a free mass leaves with.",
+        ports: &[axis("1", false)],
+        parameters: table! {
+            position: "m", physics::any(), "Position x_0 where it is touched";
+            rated_force: "N", physics::above(0.0), "Static force F_r at the depth d_r";
+            rated_depth: "m", physics::above(0.0), "Depth d_r";
+            exponent: "1", physics::at_least(1.0), default 1.5, assumed "of a round body", "Exponent n";
+            restitution: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a usual elastomer",
+                "Speed after a free impact over speed before it";
+            impact_speed: "m/s", physics::above(0.0), default 0.5, assumed "a usual speed of impact",
+                "Speed of impact at which that is so; a faster one gives back less";
+        },
+        choices: &[SIDE],
+        outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],
+        ..Kind::PLAIN
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let Some(axis) = at.axis(0) else { return };
+        let part = build.circuit.add(Elastomer {
+            position: own.number("position"),
+            rated_force: own.number("rated_force"),
+            rated_depth: own.number("rated_depth"),
+            exponent: own.number("exponent"),
+            damping: damped(own.number("restitution")) / own.number("impact_speed"),
+            ahead: own.choices[0] == 0,
+            axis: axis.index(),
+        });
+        build.column(own, 0, Quantity::Force(part));
+    }
+}

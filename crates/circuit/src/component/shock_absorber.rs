@@ -1,0 +1,55 @@
+use super::bumper::SIDE;
+use super::{Build, Component, Instance, Kind, Terminals, axis, table};
+use crate::assembly::Quantity;
+use crate::part::ShockAbsorber as Oil;
+use math::Lane;
+
+/// A hydraulic shock absorber that a mass runs into.
+pub struct ShockAbsorber;
+
+impl Component for ShockAbsorber {
+    const KIND: Kind = Kind {
+        key: "shock-absorber",
+        title: "Hydraulic shock absorber",
+        text: "A shock absorber at position x_0 that the mass runs into: F = F_0 + k s + c(s) v^2 while it is pushed in, \
+               F_0 + k s while it comes out. c goes in a straight line from its value at the begin of the stroke to that \
+               at its end. Behind the stroke lies its body.",
+        ports: &[axis("1", false)],
+        parameters: table! {
+            position: "m", physics::any(), "Position x_0 where it is touched";
+            stroke: "m", physics::above(0.0), "Stroke S";
+            damping: "kg/m", physics::at_least(0.0), "Damping c at the begin of the stroke";
+            end_damping: "kg/m", physics::at_least(0.0), follows "the damping at the begin of the stroke",
+                "Damping c at the end of the stroke";
+            preload: "N", physics::at_least(0.0), default 10.0, assumed "of a small absorber",
+                "Force F_0 of its spring when it is out";
+            stiffness: "N/m", physics::at_least(0.0), default 500.0, assumed "of a small absorber",
+                "Stiffness k of its spring";
+            body_stiffness: "N/m", physics::above(0.0), default 1e7, assumed "of a body of steel",
+                "Stiffness of its body";
+            contact_depth: "m", physics::above(0.0), default 1e-4, assumed "a modelling parameter",
+                "Depth over which the force comes at the first touch";
+        },
+        choices: &[SIDE],
+        outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],
+        ..Kind::PLAIN
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let Some(axis) = at.axis(0) else { return };
+        let damping = own.number("damping");
+        let part = build.circuit.add(Oil {
+            position: own.number("position"),
+            stroke: own.number("stroke"),
+            damping,
+            end_damping: own.given("end_damping").unwrap_or(damping),
+            preload: own.number("preload"),
+            stiffness: own.number("stiffness"),
+            body_stiffness: own.number("body_stiffness"),
+            contact_depth: own.number("contact_depth"),
+            ahead: own.choices[0] == 0,
+            axis: axis.index(),
+        });
+        build.column(own, 0, Quantity::Force(part));
+    }
+}

@@ -1,0 +1,43 @@
+use super::{Acts, Brings, Build, Component, Instance, Kind, Terminals, axis, table};
+use math::Lane;
+
+/// A mass on a line of its own.
+pub struct Slide;
+
+impl Component for Slide {
+    const KIND: Kind = Kind {
+        key: "slide",
+        title: "Slide",
+        text: "A mass on a line of its own, with friction if it has any: what a coupling moves, or what is run into.",
+        ports: &[axis("1", false)],
+        parameters: table! {
+            mass: "kg", physics::above(0.0), "Mass";
+            incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
+        },
+        friction: true,
+        inputs: &[("load_force_n", "N", "external force in +x")],
+        outputs: &[
+            ("position_m", "m", "position"),
+            ("velocity_m_s", "m/s", "velocity"),
+            ("acceleration_m_s2", "m/s2", "acceleration"),
+            ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
+        ],
+        ..Kind::PLAIN
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Mass {
+            mass: own.number("mass"),
+            incline: Some(own.number("incline")),
+            force: P::zero(),
+            friction: own.friction.clone(),
+        }
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let Some(axis) = at.axis(0) else { return };
+        build.input(own, 0, Acts::Force(axis));
+        build.motion(own, axis);
+        build.inner_states(own, axis);
+    }
+}

@@ -1,0 +1,98 @@
+use super::path::{clip, gathered};
+use super::{Common, Own, Part};
+use crate::ledger::Kind;
+use crate::net::Net;
+use math::{Over, Real};
+
+gathered! {
+    /// A shock absorber: oil through holes while it is pushed in, a spring that pushes it out, and its body behind.
+    ///
+    ///   F = (F_0 + c v^2 [v > 0]) min(s/s_0, 1) + k s + k_b (s - S) [s > S],   c = c_0 + (c_1 - c_0) s/S      [N]
+    ///
+    /// s          how far it is pushed in, from x_0 on in +x or in -x      m
+    /// v          speed at which it is pushed in                           m/s
+    /// F_0, k     force of its spring at first, and stiffness              N, N/m
+    /// s_0        depth over which the force comes at the first touch       m
+    /// c_0, c_1   damping at the begin and at the end of its stroke S      N s2/m2
+    /// k_b        stiffness of its body                                    N/m
+    ///
+    /// The mass is not tied to it: one that comes back leaves it behind, and it is out again when the mass comes next.
+    pub struct ShockAbsorber {
+        numbers { position, stroke, preload, contact_depth, stiffness, damping, end_damping, body_stiffness }
+        laws {}
+        same {
+            /// It is met in +x.
+            ahead: bool,
+            axis: usize,
+        }
+    }
+}
+
+impl<P: Real> ShockAbsorber<P> {
+    /// How far it is pushed in, and how fast.
+    fn contact<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
+        let axis = &net.axis[self.axis];
+        let depth = axis.x - S::from(self.position);
+        if self.ahead { (depth, axis.v) } else { (-depth, -axis.v) }
+    }
+
+    /// How far it is pushed in beyond its stroke.
+    fn beyond<S: Over<P>>(&self, depth: S) -> S {
+        (depth - S::from(self.stroke)).max(S::zero())
+    }
+
+    /// Force that pushes back, N.
+    fn pushes<S: Over<P>>(&self, (depth, closing): (S, S)) -> S {
+        let (s, v) = (depth.max(S::zero()), closing.max(S::zero()));
+        let [preload, k, c, c_end, body] =
+            [self.preload, self.stiffness, self.damping, self.end_damping, self.body_stiffness].map(S::from);
+        let along = clip(s / S::from(self.stroke));
+        let first = clip(s / S::from(self.contact_depth));
+        first * (preload + (c + (c_end - c) * along) * v * v) + k * s + body * self.beyond(s)
+    }
+
+    fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let s = self.contact(net).0.max(S::zero());
+        let half = S::c(0.5);
+        let [preload, k, body, w] =
+            [self.preload, self.stiffness, self.body_stiffness, self.contact_depth].map(S::from);
+        let first = s.min(w);
+        let beyond = self.beyond(s);
+        preload * (half * first * first / w + (s - first)) + half * (k * s * s + body * beyond * beyond)
+    }
+}
+
+impl<P: Real> Part<P> for ShockAbsorber<P> {
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let force = self.pushes(self.contact(net));
+        if self.ahead { force } else { -force }
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let force = self.force(net);
+        net.axis[self.axis].force -= force;
+    }
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        [S::zero(), self.spring_energy(net), S::zero()]
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
+    }
+
+    /// The work done on it: what its springs hold of that is no integral.
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let contact = self.contact(net);
+        let work = self.pushes(contact) * contact.1;
+        out[0] = -work;
+        out[1] = work / S::from(common.ambient_temperature);
+    }
+
+    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let spring = self.spring_energy(net);
+        out[0] = spring;
+        out[1] = -spring / S::from(common.ambient_temperature);
+    }
+}
