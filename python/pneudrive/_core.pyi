@@ -224,6 +224,12 @@ class ComponentVariable(TypedDict):
     meaning: str
 
 @type_check_only
+class ComponentSymbol(TypedDict):
+    strokes: list[Any]
+    when: list[tuple[str, list[Any]]]
+    ports: list[list[float]]
+
+@type_check_only
 class Component(TypedDict):
     kind: str
     title: str
@@ -236,6 +242,7 @@ class Component(TypedDict):
     friction: bool
     inputs: list[ComponentVariable]
     outputs: list[ComponentVariable]
+    symbol: ComponentSymbol
 
 def components() -> list[Component]: ...
 

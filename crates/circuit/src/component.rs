@@ -15,6 +15,7 @@ mod shock_absorber;
 mod silencer;
 mod slide;
 mod switching;
+mod symbol;
 mod tank;
 mod tube;
 mod valve;
@@ -29,6 +30,8 @@ use physics::flow::Iso6358;
 use physics::friction::Contact;
 use physics::{Bounds, IdealGas, Parameter};
 use std::ops::Deref;
+
+pub use symbol::{Stroke, Symbol};
 
 /// What may be joined to a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,6 +148,8 @@ pub struct Kind {
     pub needs_friction: bool,
     pub inputs: &'static [Variable],
     pub outputs: &'static [Variable],
+    /// How it is drawn.
+    pub symbol: Symbol,
 }
 
 impl Kind {
@@ -162,6 +167,7 @@ impl Kind {
         needs_friction: false,
         inputs: &[],
         outputs: &[],
+        symbol: Symbol::BOX,
     };
 }
 
@@ -601,6 +607,16 @@ const LINEAR_ABOVE: Row = table! {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_symbol_has_a_place_for_each_port_and_options_that_there_are() {
+        for kind in KINDS.iter().filter(|kind| !kind.symbol.strokes.is_empty()) {
+            assert_eq!(kind.symbol.ports.len(), kind.ports.len(), "{}", kind.key);
+            assert!(kind.symbol.ports.iter().flatten().all(|x| x.fract() == 0.0), "{}", kind.key);
+            let options: Vec<_> = kind.choices.iter().flat_map(|choice| choice.options).collect();
+            assert!(kind.symbol.when.iter().all(|(option, _)| options.contains(&option)), "{}", kind.key);
+        }
+    }
 
     #[test]
     fn a_port_holds_what_its_component_brings() {

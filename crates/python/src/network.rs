@@ -2,7 +2,7 @@
 
 use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
 use crate::session::PySession;
-use circuit::{Holds, KINDS, Network, PortKind, specification};
+use circuit::{Holds, KINDS, Network, PortKind, Stroke, specification};
 use ode::Options;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -117,6 +117,25 @@ impl PyCircuit {
     }
 }
 
+/// The strokes of a symbol, each a word and its points and numbers.
+fn strokes<'py>(py: Python<'py>, strokes: &[Stroke]) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let each = strokes.iter().map(|stroke| {
+        let any = match *stroke {
+            Stroke::Line(points) => ("line", points).into_pyobject(py)?.into_any(),
+            Stroke::Dashed(points) => ("dashed", points).into_pyobject(py)?.into_any(),
+            Stroke::Arc(centre, radius, angles) => {
+                ("arc", centre, radius, angles).into_pyobject(py)?.into_any()
+            }
+            Stroke::Dot(centre, radius) => ("dot", centre, radius).into_pyobject(py)?.into_any(),
+            Stroke::Triangle(corners) => ("triangle", corners).into_pyobject(py)?.into_any(),
+            Stroke::Head(corners) => ("head", corners).into_pyobject(py)?.into_any(),
+            Stroke::Text(place, text) => ("text", place, text).into_pyobject(py)?.into_any(),
+        };
+        Ok(any)
+    });
+    each.collect()
+}
+
 /// Every kind of component: its ports, parameters, choices, inputs and outputs.
 #[pyfunction]
 pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
@@ -177,6 +196,12 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         out.set_item("friction", if kind.friction { friction } else { "" })?;
         out.set_item("inputs", variables(kind.inputs)?)?;
         out.set_item("outputs", variables(kind.outputs)?)?;
+        let symbol = PyDict::new(py);
+        symbol.set_item("strokes", strokes(py, kind.symbol.strokes)?)?;
+        let when = kind.symbol.when.iter().map(|(option, own)| Ok((option, strokes(py, own)?)));
+        symbol.set_item("when", when.collect::<PyResult<Vec<_>>>()?)?;
+        symbol.set_item("ports", kind.symbol.ports)?;
+        out.set_item("symbol", symbol)?;
         Ok(out)
     });
     each.collect()

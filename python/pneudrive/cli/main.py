@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "simulate": "pneudrive.cli.simulate",
     "check": "pneudrive.cli.check",
+    "draw": "pneudrive.cli.draw",
     "characterise": "pneudrive.cli.characterise",
     "identify": "pneudrive.cli.identify",
     "apply": "pneudrive.cli.apply",

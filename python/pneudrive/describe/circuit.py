@@ -316,9 +316,14 @@ class Circuit(Described):
     def assumed(self) -> list[str]:
         """Return what was assumed because no source backs it."""
         own = [f"{name}.{line}" for name, one in self.components.items() for line in one.assumed()]
-        joints = compiled(self.core_json()).joint_volumes
-        own += [f"the joint of {name} has {1e6 * volume:.3g} cm3, from what is joined there" for name, volume in joints]
+        for name, volume in self.joint_volumes:
+            own.append(f"the joint of {name} has {1e6 * volume:.3g} cm3, from what is joined there")
         return own + self._starts()[1]
+
+    @property
+    def joint_volumes(self) -> list[tuple[str, float]]:
+        """Joints of gas whose volume is no component's: a port of each, and what its ports bring, m3."""
+        return compiled(self.core_json()).joint_volumes
 
     @property
     def notes(self) -> list[str]:

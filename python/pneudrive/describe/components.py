@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
@@ -11,7 +12,16 @@ from pydantic import Field, create_model, model_validator
 
 from pneudrive import units
 from pneudrive.describe import sourced, valve_flow
-from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, inline, wrong
+from pneudrive.describe.base import (
+    Bounds,
+    Described,
+    Quantity,
+    StatedPressure,
+    WrongValueError,
+    inline,
+    number,
+    wrong,
+)
 from pneudrive.describe.friction import Friction
 from pneudrive.describe.parameters import parameter_quantity
 from pneudrive.describe.parts import FlowCoefficient
@@ -26,6 +36,8 @@ STATED = "Pa abs"
 #: Input of a component that takes a command in -1 .. 1.
 COMMAND = "command"
 #: What a flow path needs beside its size, where that may be given in other ways than by its conductance.
+#: A place in a drawing is not farther away than this, in modules.
+MOST_MODULES = 1000.0
 _FLOW = ("critical_pressure_ratio", "subsonic_index")
 
 
@@ -57,6 +69,28 @@ def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
     return (key,)
 
 
+@dataclass(frozen=True)
+class _OnPaper(Quantity):
+    """Annotation of a field that takes a place in a drawing."""
+
+    def read(self, given: object) -> tuple[float, float] | None:  # type: ignore[override]
+        """Check the form."""
+        if given is None:
+            return None
+        if not isinstance(given, list | tuple) or len(given) != 2:
+            raise WrongValueError(f"{given!r} is no place", remedy="Write at = [12, 0].")
+        x, y = (number(one, Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)) for one in given)
+        return x, y
+
+    def show(self, value: tuple[float, float]) -> list[float]:  # type: ignore[override]
+        """Write it."""
+        return list(value)
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form."""
+        return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+
+
 class Component(Described):
     """One component of a circuit.
 
@@ -67,6 +101,9 @@ class Component(Described):
     entry: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
     kind: str
+    at: Annotated[tuple[float, float] | None, _OnPaper("")] = Field(
+        default=None, description="Place in a drawing, [x, y] in modules"
+    )
 
     @model_validator(mode="wrap")
     @classmethod

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pneudrive.report.campaign import write_campaign_report as write_campaign_report
+    from pneudrive.report.circuit_drawing import draw_circuit as draw_circuit
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
     from pneudrive.report.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "plot": "trajectory",
+    "draw_circuit": "circuit_drawing",
     "plot_pressure": "pressure",
     "write_report": "write",
     "reproduce": "write",
@@ -25,6 +27,7 @@ _HOME = {
 }
 __all__ = [
     "Reproduction",
+    "draw_circuit",
     "plot",
     "plot_pressure",
     "reproduce",

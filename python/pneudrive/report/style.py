@@ -21,8 +21,10 @@ BLACK, BLUE, ORANGE, GREEN, GREY = "#111111", "#1f5f99", "#d97706", "#5b8c5a", "
 BAND = "#dfe6ee"  # prediction bands and shaded strokes: light enough to print as a tint
 SHADE = "#ececec"
 
+FONT = "DejaVu Sans"  # comes with matplotlib: the same letters on every machine
+
 _SETTINGS: dict[str, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
+    "font.family": FONT,
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.titlelocation": "left",

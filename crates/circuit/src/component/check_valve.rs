@@ -1,4 +1,6 @@
-use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, gas, table};
+use super::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, table,
+};
 use crate::assembly::Quantity;
 use math::Lane;
 
@@ -22,6 +24,7 @@ impl Component for CheckValve {
                 "Cracking pressure p_c, a difference";
         },
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -32,3 +35,22 @@ impl Component for CheckValve {
         build.column(own, 0, Quantity::Flow([Some(path), None]));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 1.2]]),
+        Stroke::Line(&[[-0.9, 2.1], [0.0, 1.2], [0.9, 2.1]]),
+        Stroke::Arc([0.0, 2.05], 0.6, [0.0, 360.0]),
+        Stroke::Line(&[
+            [0.0, 2.65],
+            [0.35, 2.75],
+            [-0.35, 2.95],
+            [0.35, 3.15],
+            [-0.35, 3.35],
+            [0.0, 3.45],
+            [0.0, 4.0],
+        ]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

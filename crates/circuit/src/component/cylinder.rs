@@ -1,6 +1,6 @@
 use super::{
     Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Row, SUBSONIC_INDEX,
-    Terminals, axis, chamber, exhaust, table,
+    Stroke, Symbol, Terminals, axis, chamber, exhaust, table,
 };
 use crate::assembly::Quantity;
 use crate::assembly::end_stop::{Driven, ends};
@@ -339,13 +339,34 @@ fn compose<P: Lane>(
     }
 }
 
+const BARREL: Stroke = Stroke::Line(&[[0.0, 0.0], [0.0, 4.0], [12.0, 4.0], [12.0, 0.0], [0.0, 0.0]]);
+const PISTON: Stroke = Stroke::Line(&[[3.0, 0.0], [3.0, 4.0], [3.8, 4.0], [3.8, 0.0]]);
+const PORT_A: Stroke = Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]);
+const PORT_B: Stroke = Stroke::Line(&[[11.0, 0.0], [11.0, -1.0]]);
+const ROD: Stroke = Stroke::Line(&[[3.8, 2.3], [15.0, 2.3], [15.0, 1.7], [3.8, 1.7]]);
+const ROD_BEHIND: Stroke = Stroke::Line(&[[3.0, 2.3], [-3.0, 2.3], [-3.0, 1.7], [3.0, 1.7]]);
+const CARRIAGE: Stroke = Stroke::Line(&[[1.0, 4.5], [1.0, 6.0], [5.0, 6.0], [5.0, 4.5], [1.0, 4.5]]);
+
+const SINGLE_ROD: Symbol = Symbol {
+    strokes: &[BARREL, PISTON, PORT_A, PORT_B, ROD],
+    when: &[],
+    ports: &[[1.0, -1.0], [11.0, -1.0], [15.0, 2.0]],
+};
+const THROUGH_ROD: Symbol =
+    Symbol { strokes: &[BARREL, PISTON, PORT_A, PORT_B, ROD, ROD_BEHIND], ..SINGLE_ROD };
+const RODLESS: Symbol = Symbol {
+    strokes: &[BARREL, PISTON, PORT_A, PORT_B, CARRIAGE, Stroke::Line(&[[3.4, 4.0], [3.4, 4.5]])],
+    when: &[],
+    ports: &[[1.0, -1.0], [11.0, -1.0], [3.0, 6.0]],
+};
+
 macro_rules! cylinder {
-    ($(#[$attribute:meta])* $name:ident = $key:literal, $title:literal, rods $rods:expr) => {
+    ($(#[$attribute:meta])* $name:ident = $key:literal, $title:literal, rods $rods:expr, $symbol:expr) => {
         $(#[$attribute])*
         pub struct $name;
 
         impl Component for $name {
-            const KIND: Kind = Kind { key: $key, title: $title, ..KIND };
+            const KIND: Kind = Kind { key: $key, title: $title, symbol: $symbol, ..KIND };
 
             fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
                 match port {
@@ -373,15 +394,15 @@ macro_rules! cylinder {
 
 cylinder! {
     /// No rod on either side.
-    Rodless = "cylinder/rodless", "Rodless cylinder", rods [false, false]
+    Rodless = "cylinder/rodless", "Rodless cylinder", rods [false, false], RODLESS
 }
 cylinder! {
     /// A rod on both sides.
-    ThroughRod = "cylinder/through-rod", "Cylinder with a through rod", rods [true, true]
+    ThroughRod = "cylinder/through-rod", "Cylinder with a through rod", rods [true, true], THROUGH_ROD
 }
 cylinder! {
     /// A rod on the side of chamber b.
-    SingleRod = "cylinder/single-rod", "Cylinder with a rod on the side of chamber b", rods [false, true]
+    SingleRod = "cylinder/single-rod", "Cylinder with a rod on the side of chamber b", rods [false, true], SINGLE_ROD
 }
 
 /// Pressure in chamber a pushes the rod out, a spring in chamber b pushes it back.
@@ -391,6 +412,27 @@ impl Component for SingleActing {
     const KIND: Kind = Kind {
         key: "cylinder/single-acting",
         title: "Single-acting cylinder with a spring",
+        symbol: Symbol {
+            strokes: &[
+                BARREL,
+                PISTON,
+                PORT_A,
+                PORT_B,
+                ROD,
+                Stroke::Line(&[
+                    [3.8, 3.2],
+                    [4.6, 3.8],
+                    [5.8, 2.6],
+                    [7.0, 3.8],
+                    [8.2, 2.6],
+                    [9.4, 3.8],
+                    [10.6, 2.6],
+                    [11.4, 3.8],
+                    [12.0, 3.2],
+                ]),
+            ],
+            ..SINGLE_ROD
+        },
         text: "A cylinder with a rod on the side of chamber b that pressure in chamber a drives out, and a spring in \
                chamber b, F = F_0 + k x towards chamber a, drives back. Chamber b breathes through a hole in its cover.",
         sources: &["bejan2016", "iso6358-2013"],

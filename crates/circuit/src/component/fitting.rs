@@ -1,4 +1,6 @@
-use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, gas, table};
+use super::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, table,
+};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
@@ -21,6 +23,7 @@ impl Component for Fitting {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -31,3 +34,13 @@ impl Component for Fitting {
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
+        Stroke::Arc([-1.4, 2.0], 1.0, [-55.0, 55.0]),
+        Stroke::Arc([1.4, 2.0], 1.0, [125.0, 235.0]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

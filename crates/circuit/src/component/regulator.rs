@@ -1,6 +1,6 @@
 use super::{
-    Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, SUBSONIC_INDEX, Terminals,
-    exhaust, gas, table,
+    Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, SUBSONIC_INDEX, Stroke,
+    Symbol, Terminals, exhaust, gas, table,
 };
 use crate::assembly::Quantity;
 use crate::circuit::Path;
@@ -46,6 +46,7 @@ impl Component for PressureRegulator {
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
             ("relief_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
         ],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -73,3 +74,26 @@ impl Component for PressureRegulator {
         }
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-2.0, 1.0], [-2.0, 5.0], [2.0, 5.0], [2.0, 1.0], [-2.0, 1.0]]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, 6.0]]),
+        Stroke::Head([[0.0, 5.0], [-0.35, 4.2], [0.35, 4.2]]),
+        Stroke::Line(&[
+            [-2.0, 3.0],
+            [-2.15, 3.5],
+            [-2.4, 2.5],
+            [-2.65, 3.5],
+            [-2.9, 2.5],
+            [-3.15, 3.5],
+            [-3.3, 3.0],
+        ]),
+        Stroke::Line(&[[-3.2, 1.9], [-2.3, 3.9]]),
+        Stroke::Head([[-2.1, 4.3], [-2.6, 3.9], [-2.1, 3.7]]),
+        Stroke::Dashed(&[[0.0, 5.5], [2.6, 5.5], [2.6, 4.0], [2.0, 4.0]]),
+        Stroke::Line(&[[2.0, 2.0], [3.0, 2.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 6.0], [3.0, 2.0]],
+};

@@ -1,4 +1,6 @@
-use super::{Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Terminals, gas, table};
+use super::{
+    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Stroke, Symbol, Terminals, gas, table,
+};
 use crate::assembly::Quantity;
 use math::Lane;
 
@@ -17,6 +19,7 @@ impl Component for Reservoir {
         },
         inputs: &[("pressure_pa", "Pa", "absolute pressure"), ("temperature_k", "K", "temperature")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of the reservoir")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -32,3 +35,12 @@ impl Component for Reservoir {
         build.column(own, 0, Quantity::OutOf(node));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Triangle([[0.0, 1.6], [-1.0, 0.0], [1.0, 0.0]]),
+        Stroke::Line(&[[0.0, 1.6], [0.0, 3.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 3.0]],
+};

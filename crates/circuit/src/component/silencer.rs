@@ -1,4 +1,7 @@
-use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, exhaust, gas, table};
+use super::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, exhaust, gas,
+    table,
+};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
@@ -22,6 +25,7 @@ impl Component for Silencer {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow into the ambient air")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -33,3 +37,16 @@ impl Component for Silencer {
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 4.0], [0.0, 3.0]]),
+        Stroke::Line(&[[-0.9, 1.0], [-0.9, 3.0], [0.9, 3.0], [0.9, 1.0], [-0.9, 1.0]]),
+        Stroke::Line(&[[-0.9, 2.5], [0.9, 2.5]]),
+        Stroke::Line(&[[-0.9, 2.0], [0.9, 2.0]]),
+        Stroke::Line(&[[-0.9, 1.5], [0.9, 1.5]]),
+        Stroke::Line(&[[0.0, 1.0], [0.0, 0.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 4.0], [0.0, 0.0]],
+};

@@ -1,6 +1,6 @@
 use super::{
-    Acts, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Row, SUBSONIC_INDEX, Terminals, exhaust,
-    gas, table,
+    Acts, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Row, SUBSONIC_INDEX, Stroke, Symbol,
+    Terminals, exhaust, gas, table,
 };
 use crate::assembly::{Pulses, Quantity, Timing};
 use crate::circuit::{GasId, Path};
@@ -117,6 +117,7 @@ impl Component for Switching22 {
     const KIND: Kind = Kind {
         key: "valve/switching-2/2",
         title: "2/2 switching valve",
+        symbol: TWO_TWO,
         text: text!("One path between ports 1 and 2 that the command opens, or shuts."),
         ports: &[gas("1"), gas("2")],
         parameters: table! {
@@ -153,6 +154,7 @@ impl Component for Switching32 {
     const KIND: Kind = Kind {
         key: "valve/switching-3/2",
         title: "3/2 switching valve",
+        symbol: THREE_TWO,
         text: text!(
             "Port 2 is open to the exhaust 3, and to the supply 1 under a command; normally open: the other way round."
         ),
@@ -242,6 +244,7 @@ impl Component for Switching52 {
     const KIND: Kind = Kind {
         key: "valve/switching-5/2",
         title: "5/2 switching valve",
+        symbol: FIVE_TWO,
         text: text!("1 to 2 and 4 to 5 are open; under a command 1 to 4 and 2 to 3."),
         ..FIVE
     };
@@ -258,6 +261,7 @@ impl Component for Switching53 {
     const KIND: Kind = Kind {
         key: "valve/switching-5/3",
         title: "5/3 switching valve",
+        symbol: FIVE_THREE,
         text: text!(
             "Under command 1, 1 to 4 and 2 to 3 are open; under -1, 1 to 2 and 4 to 5; under 0 what the centre says."
         ),
@@ -280,3 +284,192 @@ impl Component for Switching53 {
         five(own, at, (-1.0, edges), build);
     }
 }
+
+const TWO_TWO: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-4.0, 0.0], [-4.0, 4.0], [4.0, 4.0], [4.0, 0.0], [-4.0, 0.0]]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
+        Stroke::Line(&[[-4.0, 1.0], [-6.0, 1.0], [-6.0, 3.0], [-4.0, 3.0]]),
+        Stroke::Line(&[[-5.3, 3.0], [-4.7, 1.0]]),
+        Stroke::Line(&[[4.0, 2.0], [4.2, 2.6], [4.6, 1.4], [5.0, 2.6], [5.4, 1.4], [5.8, 2.6], [6.0, 2.0]]),
+        Stroke::Line(&[[2.0, 0.0], [2.0, -1.0]]),
+        Stroke::Line(&[[2.0, 4.0], [2.0, 5.0]]),
+    ],
+    when: &[
+        (
+            "closed",
+            &[
+                Stroke::Line(&[[2.0, 0.0], [2.0, 0.7]]),
+                Stroke::Line(&[[1.7, 0.7], [2.3, 0.7]]),
+                Stroke::Line(&[[2.0, 4.0], [2.0, 3.3]]),
+                Stroke::Line(&[[1.7, 3.3], [2.3, 3.3]]),
+                Stroke::Line(&[[-2.0, 0.0], [-2.0, 4.0]]),
+                Stroke::Head([[-2.0, 4.0], [-2.35, 3.15], [-1.65, 3.15]]),
+            ],
+        ),
+        (
+            "open",
+            &[
+                Stroke::Line(&[[2.0, 0.0], [2.0, 4.0]]),
+                Stroke::Head([[2.0, 4.0], [1.65, 3.15], [2.35, 3.15]]),
+                Stroke::Line(&[[-2.0, 0.0], [-2.0, 0.7]]),
+                Stroke::Line(&[[-2.3, 0.7], [-1.7, 0.7]]),
+                Stroke::Line(&[[-2.0, 4.0], [-2.0, 3.3]]),
+                Stroke::Line(&[[-2.3, 3.3], [-1.7, 3.3]]),
+            ],
+        ),
+    ],
+    ports: &[[2.0, -1.0], [2.0, 5.0]],
+};
+
+const THREE_TWO: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-4.0, 0.0], [-4.0, 4.0], [4.0, 4.0], [4.0, 0.0], [-4.0, 0.0]]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
+        Stroke::Line(&[[-4.0, 1.0], [-6.0, 1.0], [-6.0, 3.0], [-4.0, 3.0]]),
+        Stroke::Line(&[[-5.3, 3.0], [-4.7, 1.0]]),
+        Stroke::Line(&[[4.0, 2.0], [4.2, 2.6], [4.6, 1.4], [5.0, 2.6], [5.4, 1.4], [5.8, 2.6], [6.0, 2.0]]),
+        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
+        Stroke::Line(&[[1.0, 4.0], [1.0, 5.0]]),
+        Stroke::Line(&[[3.0, 0.0], [3.0, -1.0]]),
+    ],
+    when: &[
+        (
+            "closed",
+            &[
+                Stroke::Line(&[[1.0, 4.0], [3.0, 0.0]]),
+                Stroke::Head([[3.0, 0.0], [2.93, 0.92], [2.31, 0.60]]),
+                Stroke::Line(&[[1.0, 0.0], [1.0, 0.7]]),
+                Stroke::Line(&[[0.7, 0.7], [1.3, 0.7]]),
+                Stroke::Line(&[[-3.0, 0.0], [-3.0, 4.0]]),
+                Stroke::Head([[-3.0, 4.0], [-3.35, 3.15], [-2.65, 3.15]]),
+                Stroke::Line(&[[-1.0, 0.0], [-1.0, 0.7]]),
+                Stroke::Line(&[[-1.3, 0.7], [-0.7, 0.7]]),
+            ],
+        ),
+        (
+            "open",
+            &[
+                Stroke::Line(&[[1.0, 0.0], [1.0, 4.0]]),
+                Stroke::Head([[1.0, 4.0], [0.65, 3.15], [1.35, 3.15]]),
+                Stroke::Line(&[[3.0, 0.0], [3.0, 0.7]]),
+                Stroke::Line(&[[2.7, 0.7], [3.3, 0.7]]),
+                Stroke::Line(&[[-3.0, 4.0], [-1.0, 0.0]]),
+                Stroke::Head([[-1.0, 0.0], [-1.07, 0.92], [-1.69, 0.60]]),
+                Stroke::Line(&[[-3.0, 0.0], [-3.0, 0.7]]),
+                Stroke::Line(&[[-3.3, 0.7], [-2.7, 0.7]]),
+            ],
+        ),
+    ],
+    ports: &[[1.0, -1.0], [1.0, 5.0], [3.0, -1.0]],
+};
+
+const FIVE_TWO: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-4.0, 0.0], [-4.0, 4.0], [4.0, 4.0], [4.0, 0.0], [-4.0, 0.0]]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
+        Stroke::Line(&[[-4.0, 1.0], [-6.0, 1.0], [-6.0, 3.0], [-4.0, 3.0]]),
+        Stroke::Line(&[[-5.3, 3.0], [-4.7, 1.0]]),
+        Stroke::Line(&[[4.0, 2.0], [4.2, 2.6], [4.6, 1.4], [5.0, 2.6], [5.4, 1.4], [5.8, 2.6], [6.0, 2.0]]),
+        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
+        Stroke::Line(&[[2.0, 0.0], [2.0, -1.0]]),
+        Stroke::Line(&[[3.0, 0.0], [3.0, -1.0]]),
+        Stroke::Line(&[[1.0, 4.0], [1.0, 5.0]]),
+        Stroke::Line(&[[3.0, 4.0], [3.0, 5.0]]),
+        Stroke::Line(&[[2.0, 0.0], [3.0, 4.0]]),
+        Stroke::Head([[3.0, 4.0], [2.45, 3.26], [3.13, 3.09]]),
+        Stroke::Line(&[[1.0, 4.0], [1.0, 0.0]]),
+        Stroke::Head([[1.0, 0.0], [1.35, 0.85], [0.65, 0.85]]),
+        Stroke::Line(&[[3.0, 0.0], [3.0, 0.7]]),
+        Stroke::Line(&[[2.7, 0.7], [3.3, 0.7]]),
+        Stroke::Line(&[[-2.0, 0.0], [-3.0, 4.0]]),
+        Stroke::Head([[-3.0, 4.0], [-3.13, 3.09], [-2.45, 3.26]]),
+        Stroke::Line(&[[-1.0, 4.0], [-1.0, 0.0]]),
+        Stroke::Head([[-1.0, 0.0], [-0.65, 0.85], [-1.35, 0.85]]),
+        Stroke::Line(&[[-3.0, 0.0], [-3.0, 0.7]]),
+        Stroke::Line(&[[-3.3, 0.7], [-2.7, 0.7]]),
+    ],
+    when: &[],
+    ports: &[[2.0, -1.0], [1.0, 5.0], [3.0, 5.0], [1.0, -1.0], [3.0, -1.0]],
+};
+
+const FIVE_THREE: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-6.0, 0.0], [-6.0, 4.0], [6.0, 4.0], [6.0, 0.0], [-6.0, 0.0]]),
+        Stroke::Line(&[[-2.0, 0.0], [-2.0, 4.0]]),
+        Stroke::Line(&[[2.0, 0.0], [2.0, 4.0]]),
+        Stroke::Line(&[[-6.0, 1.0], [-8.0, 1.0], [-8.0, 3.0], [-6.0, 3.0]]),
+        Stroke::Line(&[[-7.3, 3.0], [-6.7, 1.0]]),
+        Stroke::Line(&[[6.0, 1.0], [8.0, 1.0], [8.0, 3.0], [6.0, 3.0]]),
+        Stroke::Line(&[[7.3, 3.0], [6.7, 1.0]]),
+        Stroke::Line(&[
+            [-8.0, 2.0],
+            [-8.2, 2.6],
+            [-8.6, 1.4],
+            [-9.0, 2.6],
+            [-9.4, 1.4],
+            [-9.8, 2.6],
+            [-10.0, 2.0],
+        ]),
+        Stroke::Line(&[[8.0, 2.0], [8.2, 2.6], [8.6, 1.4], [9.0, 2.6], [9.4, 1.4], [9.8, 2.6], [10.0, 2.0]]),
+        Stroke::Line(&[[-1.0, 0.0], [-1.0, -1.0]]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, -1.0]]),
+        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
+        Stroke::Line(&[[-1.0, 4.0], [-1.0, 5.0]]),
+        Stroke::Line(&[[1.0, 4.0], [1.0, 5.0]]),
+        Stroke::Line(&[[-4.0, 0.0], [-5.0, 4.0]]),
+        Stroke::Head([[-5.0, 4.0], [-5.13, 3.09], [-4.45, 3.26]]),
+        Stroke::Line(&[[-3.0, 4.0], [-3.0, 0.0]]),
+        Stroke::Head([[-3.0, 0.0], [-2.65, 0.85], [-3.35, 0.85]]),
+        Stroke::Line(&[[-5.0, 0.0], [-5.0, 0.7]]),
+        Stroke::Line(&[[-5.3, 0.7], [-4.7, 0.7]]),
+        Stroke::Line(&[[4.0, 0.0], [5.0, 4.0]]),
+        Stroke::Head([[5.0, 4.0], [4.45, 3.26], [5.13, 3.09]]),
+        Stroke::Line(&[[3.0, 4.0], [3.0, 0.0]]),
+        Stroke::Head([[3.0, 0.0], [3.35, 0.85], [2.65, 0.85]]),
+        Stroke::Line(&[[5.0, 0.0], [5.0, 0.7]]),
+        Stroke::Line(&[[4.7, 0.7], [5.3, 0.7]]),
+    ],
+    when: &[
+        (
+            "closed",
+            &[
+                Stroke::Line(&[[-1.0, 0.0], [-1.0, 0.7]]),
+                Stroke::Line(&[[-1.3, 0.7], [-0.7, 0.7]]),
+                Stroke::Line(&[[0.0, 0.0], [0.0, 0.7]]),
+                Stroke::Line(&[[-0.3, 0.7], [0.3, 0.7]]),
+                Stroke::Line(&[[1.0, 0.0], [1.0, 0.7]]),
+                Stroke::Line(&[[0.7, 0.7], [1.3, 0.7]]),
+                Stroke::Line(&[[-1.0, 4.0], [-1.0, 3.3]]),
+                Stroke::Line(&[[-1.3, 3.3], [-0.7, 3.3]]),
+                Stroke::Line(&[[1.0, 4.0], [1.0, 3.3]]),
+                Stroke::Line(&[[0.7, 3.3], [1.3, 3.3]]),
+            ],
+        ),
+        (
+            "exhaust",
+            &[
+                Stroke::Line(&[[-1.0, 4.0], [-1.0, 0.0]]),
+                Stroke::Head([[-1.0, 0.0], [-0.65, 0.85], [-1.35, 0.85]]),
+                Stroke::Line(&[[1.0, 4.0], [1.0, 0.0]]),
+                Stroke::Head([[1.0, 0.0], [1.35, 0.85], [0.65, 0.85]]),
+                Stroke::Line(&[[0.0, 0.0], [0.0, 0.7]]),
+                Stroke::Line(&[[-0.3, 0.7], [0.3, 0.7]]),
+            ],
+        ),
+        (
+            "pressure",
+            &[
+                Stroke::Line(&[[0.0, 0.0], [-1.0, 4.0]]),
+                Stroke::Head([[-1.0, 4.0], [-1.13, 3.09], [-0.45, 3.26]]),
+                Stroke::Line(&[[0.0, 0.0], [1.0, 4.0]]),
+                Stroke::Head([[1.0, 4.0], [0.45, 3.26], [1.13, 3.09]]),
+                Stroke::Line(&[[-1.0, 0.0], [-1.0, 0.7]]),
+                Stroke::Line(&[[-1.3, 0.7], [-0.7, 0.7]]),
+                Stroke::Line(&[[1.0, 0.0], [1.0, 0.7]]),
+                Stroke::Line(&[[0.7, 0.7], [1.3, 0.7]]),
+            ],
+        ),
+    ],
+    ports: &[[0.0, -1.0], [-1.0, 5.0], [1.0, 5.0], [-1.0, -1.0], [1.0, -1.0]],
+};

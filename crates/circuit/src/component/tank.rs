@@ -1,4 +1,4 @@
-use super::{Brings, Build, Component, Instance, Kind, Terminals, chamber, table};
+use super::{Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, chamber, table};
 use crate::assembly::Quantity;
 use crate::part::ChamberLaw;
 use math::Lane;
@@ -25,6 +25,7 @@ impl Component for Tank {
             ("temperature_k", "K", "temperature"),
             ("mass_flow_kg_s", "kg/s", "net mass flow into the tank"),
         ],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -46,3 +47,15 @@ impl Component for Tank {
         }
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-2.0, 3.0], [2.0, 3.0]]),
+        Stroke::Line(&[[-2.0, 1.0], [2.0, 1.0]]),
+        Stroke::Arc([-2.0, 2.0], 1.0, [90.0, 270.0]),
+        Stroke::Arc([2.0, 2.0], 1.0, [-90.0, 90.0]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, 1.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0]],
+};

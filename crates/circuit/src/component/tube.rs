@@ -1,4 +1,6 @@
-use super::{Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Terminals, gas, table};
+use super::{
+    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Stroke, Symbol, Terminals, gas, table,
+};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
@@ -28,6 +30,7 @@ impl Component for Tube {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -55,3 +58,13 @@ impl Component for Tube {
 
 /// Critical pressure ratio of an ideal nozzle: no tube has a larger one.
 const MOST_RATIO: f64 = 0.528;
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Dot([0.0, 0.0], 0.2),
+        Stroke::Arc([1.5, 2.0], 2.5, [126.87, 233.13]),
+        Stroke::Dot([0.0, 4.0], 0.2),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

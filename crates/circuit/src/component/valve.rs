@@ -1,5 +1,6 @@
 use super::{
-    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Row, SUBSONIC_INDEX, Terminals, exhaust, gas, table,
+    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals,
+    exhaust, gas, table,
 };
 use crate::assembly::{Quantity, Timing};
 use crate::circuit::{GasId, Path};
@@ -112,6 +113,7 @@ impl Component for Proportional53 {
             ("mass_flow_4_kg_s", "kg/s", "mass flow out of port 4"),
             ("mass_flow_2_kg_s", "kg/s", "mass flow out of port 2"),
         ],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -178,3 +180,50 @@ impl Component for Proportional32 {
         build.column(own, 2, Quantity::Flow([Some(to), Some(from.backward())]));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-6.0, 0.0], [-6.0, 4.0], [6.0, 4.0], [6.0, 0.0], [-6.0, 0.0]]),
+        Stroke::Line(&[[-2.0, 0.0], [-2.0, 4.0]]),
+        Stroke::Line(&[[2.0, 0.0], [2.0, 4.0]]),
+        // Its positions have no bounds between them: it is proportional.
+        Stroke::Line(&[[-6.0, 4.4], [6.0, 4.4]]),
+        Stroke::Line(&[[-6.0, -0.4], [6.0, -0.4]]),
+        // In the middle all ports are shut.
+        Stroke::Line(&[[0.0, -1.0], [0.0, 0.7]]),
+        Stroke::Line(&[[-0.3, 0.7], [0.3, 0.7]]),
+        Stroke::Line(&[[-1.0, -1.0], [-1.0, 0.7]]),
+        Stroke::Line(&[[-1.3, 0.7], [-0.7, 0.7]]),
+        Stroke::Line(&[[1.0, -1.0], [1.0, 0.7]]),
+        Stroke::Line(&[[0.7, 0.7], [1.3, 0.7]]),
+        Stroke::Line(&[[-1.0, 5.0], [-1.0, 3.3]]),
+        Stroke::Line(&[[-1.3, 3.3], [-0.7, 3.3]]),
+        Stroke::Line(&[[1.0, 5.0], [1.0, 3.3]]),
+        Stroke::Line(&[[0.7, 3.3], [1.3, 3.3]]),
+        // u > 0: 1 to 4, 2 to 3.
+        Stroke::Line(&[[-4.0, 0.0], [-5.0, 4.0]]),
+        Stroke::Head([[-5.0, 4.0], [-5.15, 3.15], [-4.5, 3.3]]),
+        Stroke::Line(&[[-3.0, 4.0], [-3.0, 0.0]]),
+        Stroke::Head([[-3.0, 0.0], [-3.35, 0.8], [-2.65, 0.8]]),
+        Stroke::Line(&[[-5.0, 0.0], [-5.0, 0.7]]),
+        Stroke::Line(&[[-5.3, 0.7], [-4.7, 0.7]]),
+        // u < 0: 1 to 2, 4 to 5.
+        Stroke::Line(&[[4.0, 0.0], [5.0, 4.0]]),
+        Stroke::Head([[5.0, 4.0], [5.15, 3.15], [4.5, 3.3]]),
+        Stroke::Line(&[[3.0, 4.0], [3.0, 0.0]]),
+        Stroke::Head([[3.0, 0.0], [2.65, 0.8], [3.35, 0.8]]),
+        Stroke::Line(&[[5.0, 0.0], [5.0, 0.7]]),
+        Stroke::Line(&[[4.7, 0.7], [5.3, 0.7]]),
+        // Proportional solenoids.
+        Stroke::Line(&[[-6.0, 1.0], [-8.0, 1.0], [-8.0, 3.0], [-6.0, 3.0]]),
+        Stroke::Line(&[[-7.3, 3.0], [-6.7, 1.0]]),
+        Stroke::Line(&[[-8.0, 0.6], [-6.6, 3.2]]),
+        Stroke::Head([[-6.3, 3.7], [-6.85, 3.25], [-6.4, 3.0]]),
+        Stroke::Line(&[[6.0, 1.0], [8.0, 1.0], [8.0, 3.0], [6.0, 3.0]]),
+        Stroke::Line(&[[7.3, 3.0], [6.7, 1.0]]),
+        Stroke::Line(&[[6.3, 0.6], [7.7, 3.2]]),
+        Stroke::Head([[8.0, 3.7], [7.45, 3.25], [7.9, 3.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, -1.0], [-1.0, 5.0], [1.0, 5.0], [-1.0, -1.0], [1.0, -1.0]],
+};

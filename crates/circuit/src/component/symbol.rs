@@ -1,0 +1,33 @@
+/// A stroke of a symbol; lengths in modules, x to the right, y up.
+#[derive(Clone, Copy, Debug)]
+pub enum Stroke {
+    /// From point to point.
+    Line(&'static [[f64; 2]]),
+    /// The same, dashed: a pilot line.
+    Dashed(&'static [[f64; 2]]),
+    /// Centre, radius, and the angles, deg, from which to which it goes counterclockwise.
+    Arc([f64; 2], f64, [f64; 2]),
+    /// Centre and radius, filled.
+    Dot([f64; 2], f64),
+    /// Three corners, empty.
+    Triangle([[f64; 2]; 3]),
+    /// Three corners, filled: the head of an arrow that begins at the first one.
+    Head([[f64; 2]; 3]),
+    /// About this point.
+    Text([f64; 2], &'static str),
+}
+
+/// How a component is drawn, after ISO 1219: supply below, consumers above.
+#[derive(Clone, Copy, Debug)]
+pub struct Symbol {
+    pub strokes: &'static [Stroke],
+    /// Strokes that are drawn where a choice has this option.
+    pub when: &'static [(&'static str, &'static [Stroke])],
+    /// Places of the ports in their order, on whole modules at the rim of the symbol.
+    pub ports: &'static [[f64; 2]],
+}
+
+impl Symbol {
+    /// No symbol: a box with the title of the kind is drawn.
+    pub const BOX: Symbol = Symbol { strokes: &[], when: &[], ports: &[] };
+}

@@ -1,0 +1,36 @@
+"""``pneudrive draw``: the circuit of a drive, or a circuit, as a drawing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pneudrive.cli.options import CatalogueFolders
+
+
+def draw(
+    drive: Annotated[
+        str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
+    ],
+    out: Annotated[Path, typer.Option(help="Picture: .svg, .png or .pdf.")] = Path("circuit.svg"),
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Draw a drive or a circuit: supply below, actuators above, symbols after ISO 1219."""
+    from pneudrive.cli.described import circuit_of, load
+    from pneudrive.describe import toml
+    from pneudrive.errors import DescriptionError
+    from pneudrive.files.content import read_text
+    from pneudrive.report.circuit_drawing import PICTURES, draw_circuit
+    from pneudrive.trajectory import check_target
+
+    check_target(out, PICTURES)
+    circuit = circuit_of(load(drive))
+    try:
+        draw_circuit(circuit, out)
+    except DescriptionError as error:
+        raise toml.located(error, drive, read_text(Path(drive), DescriptionError, folder="")) from None
+    typer.echo(str(out))
+    for name, volume in circuit.joint_volumes:
+        typer.echo(f"joint of {name}: {1e6 * volume:.3g} cm3")

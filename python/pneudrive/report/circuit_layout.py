@@ -1,0 +1,242 @@
+"""Where the components of a circuit stand in a drawing: supply below, actuators above, in ranks between them."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from pneudrive.errors import DescriptionError
+from pneudrive.report.circuit_blocks import Block, blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from pneudrive.describe import Circuit
+    from pneudrive.describe.connections import Joint, Wiring
+    from pneudrive.report.circuit_blocks import Place
+
+SWEEPS = 12
+GAP = 3.0  # between blocks of a rank
+
+
+class Net(NamedTuple):
+    """Ports that one line joins."""
+
+    pins: tuple[tuple[str, str], ...]  # component, port
+    kind: str  # "gas" or "axis"
+
+    def points(self, placed: Mapping[str, Block]) -> list[Place]:
+        """Return where the ports are."""
+        return [placed[name].port(port) for name, port in self.pins]
+
+
+def nets(circuit: Circuit, placed: Mapping[str, Block]) -> list[Net]:
+    """Return the lines between ports; a port open to the ambient air, or shut, gets a mark at its block."""
+    out = []
+    for joint in circuit.wiring.joints:
+        pins = tuple((port.component, port.name) for port in joint.ports)
+        if joint.ambient:
+            for name, port in pins:
+                placed[name].marks[port] = "exhaust"
+        elif len(pins) > 1:
+            out.append(Net(pins, joint.ports[0].kind))
+        elif pins and joint.ports[0].kind == "gas":
+            placed[pins[0][0]].marks[pins[0][1]] = "shut"
+    return out
+
+
+def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]:
+    """Place the components of a circuit; `spread` widens the room for lines between them.
+
+    Raises
+    ------
+    DescriptionError
+        Two components with a place of their own (`at`) lie on each other.
+    """
+    placed = blocks(circuit)
+    lines = nets(circuit, placed)
+    beside = _beside(lines, circuit)
+    ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside])
+    for name, rank in ranks.items():
+        placed[name].rank = rank
+    groups = {name: [name, *(other for other, of in beside.items() if of == name)] for name in ranks}
+    rows: dict[int, list[str]] = {}
+    for name, rank in sorted(ranks.items(), key=lambda item: item[1]):
+        rows.setdefault(rank, []).append(name)
+    extent = {name: _group_extent(groups[name], placed) for name in ranks}
+    _order(rows, extent, lines, placed, spread)
+    y = 0.0
+    for rank in sorted(rows):
+        row = [placed[name] for name in rows[rank]]
+        between = sum(_parts(line, rows[rank], ranks) for line in lines)
+        y += -min(block.box[1] for block in row)
+        for block in row:
+            block.y = round(y)
+        y = math.ceil(y) + max(block.box[3] for block in row) + 3.0 * spread + 0.5 * spread * between
+    for name, of in beside.items():
+        _put_beside(placed[name], placed[of], [other for other in groups[of][1:] if other != name], placed)
+    _fix(circuit, placed)
+    return placed, lines
+
+
+def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
+    """Whether a line leaves a row for a higher one: it may need a track of its own there."""
+    found = [ranks[name] for name, _ in line.pins if name in ranks]
+    return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
+
+
+def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, str]:
+    """Return what moves with an actuator and has no gas, and the actuator beside which it stands."""
+    has_gas = {name for name in circuit.components if any(p.kind == "gas" for p in circuit.wiring.ports(name))}
+    out: dict[str, str] = {}
+    found = {name: name for name in has_gas}
+    grows = True
+    while grows:
+        grows = False
+        for line in (line for line in lines if line.kind == "axis"):
+            known = next((name for name, _ in line.pins if name in found), None)
+            new = {name for name, _ in line.pins if name not in found}
+            if known is not None and new:
+                found |= dict.fromkeys(new, found[known])
+                out |= dict.fromkeys((name for name, _ in line.pins if name in new), found[known])
+                grows = True
+    return out
+
+
+def _put_beside(block: Block, of: Block, others: Iterable[str], placed: Mapping[str, Block]) -> None:
+    """Stand a load to the right of its actuator, at the height of its rod, above what stands there."""
+    done = [placed[name] for name in others if placed[name].rank < 0]
+    block.rank = -1  # it stands
+    block.x = math.ceil(of.x + of.box[2] - block.box[0] + 3)
+    rods = [place[1] for port, place in of.ports.items() if of.directions[port] == "right"]
+    own = next(iter(block.ports.values()))[1]
+    first = of.y + (rods[0] - own if rods else math.ceil(of.symbol[1]) + 1)
+    block.y = max([first, *(math.ceil(one.y + one.box[3] + 1 - block.box[1]) for one in done)])
+
+
+def _group_extent(names: Sequence[str], placed: Mapping[str, Block]) -> tuple[float, float]:
+    """Return how far a block reaches to the left and to the right of its origin, with what stands beside it."""
+    own = placed[names[0]]
+    extra = max((placed[name].box[2] - placed[name].box[0] + 4 for name in names[1:]), default=0.0)
+    marked = 1.0 if own.marks else 0.0
+    return own.box[0] - marked, own.box[2] + extra + marked
+
+
+def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
+    """Return how far each component is from the supply; what is behind exhausts lies below, actuators on top."""
+    known: dict[str, int] = {}
+    ports = {name: [port for port in wiring.ports(name) if port.kind == "gas"] for name in names}
+    first = [name for name in names if any(port.holds == "pressure" for port in ports[name])] or list(names[:1])
+    todo = list(first)
+    known |= dict.fromkeys(first, 0)
+    while len(known) < len(names):
+        for name in todo:  # grows as it is looked at
+            for port in ports[name]:
+                joint = wiring.at.get(port)
+                for other in joint.ports if joint is not None and not port.exhaust else ():
+                    if other.component not in known and not other.exhaust:
+                        known[other.component] = known[name] + 1
+                        todo.append(other.component)
+        left = [name for name in names if name not in known]
+        if left:
+            name = next((one for one in left if _behind(one, ports, wiring, known) is not None), left[0])
+            known[name] = _behind(name, ports, wiring, known) or 0
+            todo = [name] if _behind(name, ports, wiring, known) is None else []
+    actuators = [name for name in names if len(ports[name]) and any(p.kind == "axis" for p in wiring.ports(name))]
+    top = max([known[name] for name in actuators] + [rank + 1 for name, rank in known.items() if name not in actuators])
+    return known | dict.fromkeys(actuators, top)
+
+
+def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, known: Mapping[str, int]) -> int | None:
+    """Return the rank of what is joined to an exhaust: below the component that has it."""
+    for port in ports[name]:
+        joint: Joint | None = wiring.at.get(port)  # type: ignore[call-overload]
+        for other in joint.ports if joint is not None else ():
+            if other.component in known and (other.exhaust or port.exhaust):  # type: ignore[attr-defined]
+                return known[other.component] - 1
+    return None
+
+
+def _order(
+    rows: Mapping[int, list[str]],
+    extent: Mapping[str, tuple[float, float]],
+    lines: Sequence[Net],
+    placed: Mapping[str, Block],
+    spread: float,
+) -> None:
+    """Bring blocks near to what they are joined to, row by row, upward and downward."""
+    pulls: dict[str, list[tuple[str, str, str]]] = {}
+    for line in lines:
+        for name, port in line.pins:
+            pulls.setdefault(name, []).extend((port, other, end) for other, end in line.pins if other != name)
+    for row in rows.values():
+        x = 0.0
+        for name in row:
+            placed[name].x = round(x - extent[name][0])
+            x += extent[name][1] - extent[name][0] + GAP * spread
+    for sweep in range(SWEEPS):
+        for rank in sorted(rows, reverse=sweep % 2 == 0):
+            row, want = rows[rank], {}
+            for name in row:
+                aims = [
+                    placed[other].port(end)[0] - placed[name].ports[port][0]
+                    for port, other, end in pulls.get(name, ())
+                    if other in placed and placed[other].rank != rank and other in extent
+                ]
+                want[name] = sum(aims) / len(aims) if aims else float(placed[name].x)
+            row.sort(key=lambda name: (want[name], placed[name].x))
+            for name, x in zip(
+                row, _apart([want[n] for n in row], [extent[n] for n in row], GAP * spread), strict=True
+            ):
+                placed[name].x = x
+
+
+def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: float) -> list[int]:
+    """Return places in this order, nearest to those wanted by least squares, that keep blocks apart."""
+    offsets = [0.0]
+    for (_, right), (left, _) in pairwise(extents):
+        offsets.append(offsets[-1] + math.ceil(right - left + gap))
+    pools: list[tuple[float, int]] = []  # mean, number: pool adjacent violators
+    for value in (w - o for w, o in zip(want, offsets, strict=True)):
+        mean, count = value, 1
+        while pools and pools[-1][0] > mean:
+            before, many = pools.pop()
+            mean, count = (before * many + mean * count) / (many + count), many + count
+        pools.append((mean, count))
+    free = [mean for mean, count in pools for _ in range(count)]
+    return [round(value) + round(offset) for value, offset in zip(free, offsets, strict=True)]
+
+
+def _fix(circuit: Circuit, placed: Mapping[str, Block]) -> None:
+    """Put components where their description says; others make room."""
+    for name, block in placed.items():
+        at = circuit.components[name].at
+        if at is not None:
+            block.x, block.y, block.is_fixed = round(at[0]), round(at[1]), True
+    fixed = [block for block in placed.values() if block.is_fixed]
+    for number, block in enumerate(fixed):
+        for other in fixed[:number]:
+            if _overlap(block, other):
+                remedy = (
+                    f"Give {block.name} another place; {other.name} takes x {_range(other, 0)}, y {_range(other, 1)}."
+                )
+                error = DescriptionError(f"{other.name} and {block.name} lie on each other", remedy=remedy)
+                error.key = f"components.{block.name}.at"
+                raise error
+    standing = list(fixed)
+    for block in placed.values() if fixed else ():
+        if not block.is_fixed:
+            while any(_overlap(block, other) for other in standing):
+                block.x += 1
+            standing.append(block)
+
+
+def _range(block: Block, axis: int) -> str:
+    rectangle = block.rectangle()
+    return f"{rectangle[axis]:.0f} .. {rectangle[axis + 2]:.0f}"
+
+
+def _overlap(one: Block, other: Block) -> bool:
+    a, b = one.rectangle(), other.rectangle()
+    return a[0] - 1 < b[2] and b[0] - 1 < a[2] and a[1] - 1 < b[3] and b[1] - 1 < a[3]

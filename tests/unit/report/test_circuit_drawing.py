@@ -1,0 +1,206 @@
+"""Drawings of circuits: no block, line or text on another, nothing outside, every port joined as it is described."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+import pneudrive as pn
+from pneudrive.cli.main import run
+from pneudrive.describe.components import component_kinds
+from pneudrive.report import circuit_blocks as blocks
+from pneudrive.report.circuit_drawing import arranged, draw_circuit
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+SIZE = {"conductance": "1 dm3/(s bar)"}
+FLOW = SIZE | {"critical_pressure_ratio": 0.3}
+FRICTION = {"law": "coulomb", "coulomb": "10 N"}
+TUBE = {"kind": "tube", "length": "1 m", "diameter": "4 mm"}
+
+
+def axis(number, kind):
+    """Return an axis with all there is: silencer, tubes, flow controls or a quick exhaust valve, load, spring."""
+    names = {key: f"{key}{number}" for key in ("valve", "quiet", "ta", "tb", "fa", "fb", "axis", "mass", "spring")}
+    rod = {} if kind == "rodless" else {"rod_diameter": "12 mm"}
+    cylinder = {"kind": f"cylinder/{kind}", "bore": "32 mm", "stroke": "100 mm", "moving_mass": "1 kg"} | rod
+    near = {"kind": "quick-exhaust", "exhaust_conductance": "2 dm3/(s bar)"} if number % 2 else {}
+    needle = {
+        "kind": "flow-control",
+        "needle_conductance": "0.1 dm3/(s bar)",
+        "throttles": ["out", "in", "both"][number],
+    }
+    parts = {
+        "valve": {"kind": "valve/proportional-5/3"} | FLOW,
+        "quiet": {"kind": "silencer"} | FLOW,
+        "ta": TUBE,
+        "tb": TUBE,
+        "fa": SIZE | (near or needle),
+        "fb": SIZE | needle,
+        "axis": cylinder | {"dead_volume": {"a": "8 cm3", "b": "8 cm3"}, "friction": FRICTION},
+        "mass": {"kind": "load", "mass": "3 kg"},
+        "spring": {"kind": "spring", "stiffness": "100 N/m", "rest_position": "0 mm"},
+    }
+    chains = [
+        "tank -> {valve}.1",
+        "{valve}.4 -> {ta} -> {fa} -> {axis}.a",
+        "{valve}.2 -> {tb} -> {fb} -> {axis}.b",
+        "{valve}.5 -> {quiet}",
+        "{mass} -> {axis}.rod",
+        "{spring} -> {axis}.rod",
+    ]
+    return {names[key]: table for key, table in parts.items()}, [chain.format(**names) for chain in chains]
+
+
+def dense():
+    components = {
+        "mains": {"kind": "reservoir", "pressure": "9 bar gauge"},
+        "regulator": {"kind": "regulator", "set_pressure": "6 bar gauge"} | SIZE,
+        "tank": {"kind": "tank", "volume": "5 l"},
+        "bleed": {"kind": "fitting"} | FLOW,
+        "check": {"kind": "check-valve"} | FLOW,
+        "behind": {"kind": "tank", "volume": "1 l"},
+    }
+    connections = ["mains -> regulator -> tank -> check -> behind", "behind -> bleed -> ambient"]
+    for number, kind in enumerate(("single-rod", "through-rod", "rodless")):
+        parts, chains = axis(number, kind)
+        components |= parts
+        connections += chains
+    return pn.Circuit(name="three axes, everything", components=components, connections=connections)
+
+
+def simple():
+    drive = pn.Drive.load("catalogue:parker-osp-p25-sy5000")
+    line = {key: TUBE[key] for key in ("length", "diameter")}
+    return drive.replace({"tubing": {"a": line}, "load": {"mass": "3 kg"}}).circuit
+
+
+CIRCUITS = {
+    "two cylinders": lambda: pn.Circuit.load(EXAMPLES / "two_cylinders.toml"),
+    "lines": lambda: pn.Circuit.load(EXAMPLES / "one_cylinder_with_lines.toml"),
+    "cushions": lambda: pn.Circuit.load(EXAMPLES / "cushioned_axis.toml"),
+    "pulses": lambda: pn.Circuit.load(EXAMPLES / "pwm_axis.toml"),
+    "drive": simple,
+    "dense": dense,
+}
+
+
+@pytest.mark.parametrize("name", CIRCUITS)
+def test_nothing_lies_on_anything_and_everything_is_joined(name):
+    circuit = CIRCUITS[name]()
+    placed, nets, routes = arranged(circuit)
+    for one, other in combinations(placed.values(), 2):
+        a, b = one.rectangle(), other.rectangle()
+        assert a[0] >= b[2] or b[0] >= a[2] or a[1] >= b[3] or b[1] >= a[3], (one.name, other.name)
+    cells = {cell for block in placed.values() for cell in block.cells()}
+    for number, net in enumerate(nets):
+        pins, steps = set(net.points(placed)), routes.lines[number]
+        points = {point for step in steps for point in step}
+        assert points & cells <= pins
+        found, todo = set(), [next(iter(pins))]
+        while todo:
+            at = todo.pop()
+            found.add(at)
+            todo += [p for step in steps if at in step for p in step if p not in found]
+        assert pins <= found
+    for (one, way), (other, across) in combinations(enumerate(routes.lines), 2):
+        assert not way & across
+        shared = {p for step in way for p in step} & {p for step in across for p in step}
+        assert all({routes.through[p][one], routes.through[p][other]} == {"h", "v"} for p in shared)
+    joined = sorted(sorted(f"{c}.{p}" for c, p in net.pins) for net in nets)
+    described = [joint for joint in circuit.wiring.joints if len(joint.ports) > 1 and not joint.ambient]
+    assert joined == sorted(sorted(port.id for port in joint.ports) for joint in described)
+    marks = {f"{name}.{port}" for name, block in placed.items() for port, m in block.marks.items() if m == "exhaust"}
+    assert marks == {port.id for joint in circuit.wiring.joints if joint.ambient for port in joint.ports}
+
+
+@pytest.mark.parametrize("name", CIRCUITS)
+def test_no_text_lies_outside_or_on_another(name):
+    circuit = CIRCUITS[name]()
+    figure = draw_circuit(circuit)
+    figure.canvas.draw()
+    paper = figure.bbox
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts if text.get_text().strip()]
+    for box in boxes:
+        assert paper.x0 <= box.x0 <= box.x1 <= paper.x1
+        assert paper.y0 <= box.y0 <= box.y1 <= paper.y1
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    words = " ".join(text.get_text() for text in figure.axes[0].texts)
+    assert all(f"{name} " in f"{words} " for name in circuit.components)
+    assert all(volume in words for volume, _ in circuit.joint_volumes)
+    assert words.endswith("after ISO 1219.")
+
+
+def test_supply_stands_below_and_actuators_above():
+    placed, *_ = arranged(dense())
+    assert placed["mains"].y == min(block.y for block in placed.values())
+    assert all(placed[f"axis{k}"].y > placed[f"fa{k}"].y > placed[f"ta{k}"].y > placed[f"valve{k}"].y for k in range(3))
+    assert placed["quiet0"].y < placed["valve0"].y
+
+
+@pytest.mark.parametrize("kind", component_kinds())
+def test_every_kind_has_a_symbol_or_a_box(kind):
+    """Ports lie on whole modules at the rim, each at a place of its own; also of a kind without strokes."""
+    entry = component_kinds()[kind]
+    drawn = [blocks._plain(entry)]
+    if entry["symbol"]["strokes"]:
+        drawn.append((entry["symbol"]["strokes"], [tuple(place) for place in entry["symbol"]["ports"]]))
+    for strokes, places in drawn:
+        assert len(set(places)) == len(entry["ports"])
+        box = blocks._bounds([*(point for stroke in strokes for point in blocks._points(stroke)), *places])
+        for x, y in places:
+            assert min(x - box[0], box[2] - x, y - box[1], box[3] - y) == 0
+
+
+def test_a_place_of_ones_own(tmp_path, capsys):
+    text = (EXAMPLES / "two_cylinders.toml").read_text()
+    tank = 'kind = "tank"\nat = [40, 4]'
+    path = tmp_path / "circuit.toml"
+    path.write_text(text.replace('kind = "tank"', tank))
+    placed, *_ = arranged(pn.Circuit.load(path))
+    assert (placed["tank"].x, placed["tank"].y) == (40, 4)
+    assert pn.Circuit.load(pn.Circuit.load(path).to_toml()).components["tank"].at == (40.0, 4.0)
+    out = tmp_path / "circuit.svg"
+    assert run(["draw", str(path), "--out", str(out)]) == 0
+    assert "joint of valve_l.4: 0.4 cm3" in capsys.readouterr().out
+    assert out.read_text().startswith("<?xml")
+    before = out.read_bytes()
+    assert run(["draw", str(path), "--out", str(out)]) == 0
+    assert out.read_bytes() == before
+    assert run(["draw", "catalogue:reference", "--out", str(tmp_path / "drive.png")]) == 0
+    assert (tmp_path / "drive.png").read_bytes()[:4] == b"\x89PNG"
+
+
+FAULTS = {
+    "together": (
+        'kind = "reservoir"\nat = [41, 5]',
+        "mains and tank lie on each other",
+        'kind = "tank"',
+        "another place",
+    ),
+    "form": ('kind = "reservoir"\nat = "left"', "mains.at: 'left' is no place", "at = ", "at = [12, 0]"),
+    "number": ('kind = "reservoir"\nat = [1, "2 m"]', "mains.at: '2 m' is not a number", "at = ", "without unit"),
+    "far": ('kind = "reservoir"\nat = [1, 1e9]', "mains.at: 1000000000.0 is out of bounds", "at = ", "not more"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_a_place_is_told(tmp_path, capsys, fault):
+    new, what, mark, rest = FAULTS[fault]
+    text = (EXAMPLES / "two_cylinders.toml").read_text().replace('kind = "reservoir"', new)
+    text = text.replace('kind = "tank"', 'kind = "tank"\nat = [40, 4]')
+    path = tmp_path / "circuit.toml"
+    path.write_text(text)
+    assert run(["draw", str(path), "--out", str(tmp_path / "x.svg")]) == 2
+    said = capsys.readouterr().err
+    line = next(n for n, one in enumerate(text.splitlines(), start=1) if mark in one)
+    assert what in said
+    assert f"{path}:{line + (fault == 'together')}" in said
+    assert rest in said
+    assert not (tmp_path / "x.svg").exists()
+
+
+def test_other_files_than_pictures_are_refused(tmp_path, capsys):
+    assert run(["draw", "catalogue:reference", "--out", str(tmp_path / "x.txt")]) == 2
+    assert ".svg" in capsys.readouterr().err
