@@ -114,6 +114,50 @@ def test_the_example_with_lines_empties_fast_through_the_quick_exhaust():
     assert run["cylinder.position"][680] < slow["cylinder.position"][680] - 0.02
 
 
+def test_a_tube_rings_at_a_quarter_of_a_wave_length():
+    # c/(4 L), open at one end: of a wide tube, whose mouth chokes nothing, without friction and heat.
+    tube = {
+        "kind": "tube/distributed",
+        "length": "2 m",
+        "diameter": "40 mm",
+        "friction_scale": 0,
+        "heat_transfer": "0 W/(m2 K)",
+    }
+    circuit = pn.Circuit(
+        components={
+            "room": {"kind": "reservoir", "pressure": "1 bar abs"},
+            "hose": tube | {"cells": 10},
+            "end": {"kind": "tank", "volume": "0.001 cm3"},
+        },
+        connections=["room -> hose -> end"],
+        initial={"end": "1 bar abs"},
+    )
+    rates = np.linalg.eigvals(np.asarray(circuit.start().linearise().A))
+    frequencies = np.sort(np.abs(rates.imag)) / (2.0 * math.pi)
+    first = frequencies[frequencies > 1.0][0]
+    assert first == pytest.approx(math.sqrt(1.4 * 287.05 * 293.15) / 8.0, rel=2e-3)
+
+
+def test_cells_of_a_tube_start_as_the_joint_before_it():
+    circuit = pn.Circuit(
+        components={
+            "mains": {"kind": "reservoir", "pressure": "7 bar abs"},
+            "hose": {"kind": "tube/distributed", "length": "3 m", "diameter": "4 mm"},
+            "valve": {"kind": "valve/switching-2/2", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3}
+            | {"time_on": "5 ms", "time_off": "5 ms"},
+            "tank": {"kind": "tank", "volume": "0.1 l"},
+        },
+        connections=["mains -> hose -> valve -> tank"],
+    )
+    run = circuit.simulate("0 s: 0, 0.1 s: 1", "0.2 s", ledger=True)
+    cells = [name for name in run.data_vars if name.startswith("hose.cell_") and name.endswith("pressure")]
+    assert len(cells) == 4
+    for cell in cells:
+        assert np.ptp(run[cell].values[:100]) == 0.0
+        assert run[cell].values[0] == pytest.approx(7e5, rel=1e-12)
+    assert abs(run.attrs["ledger"]["energy_error"]) < 1e-4
+
+
 def test_a_session_gives_the_bits_of_the_run():
     circuit = pn.Circuit.load(EXAMPLE)
     run = circuit.simulate({"valve_l": "0 s: 1, 0.1 s: -0.5"}, "0.2 s")

@@ -7,6 +7,7 @@ mod coupling;
 pub(crate) mod cylinder;
 mod fitting;
 mod flow_control;
+mod line;
 mod load;
 mod quick_exhaust;
 mod regulator;
@@ -499,6 +500,7 @@ components! {
     fitting::Fitting,
     silencer::Silencer,
     tube::Tube,
+    line::Line,
     check_valve::CheckValve,
     flow_control::FlowControl,
     regulator::PressureRegulator,

@@ -6,6 +6,7 @@ pub(crate) mod axis;
 mod bumper;
 mod carriage;
 pub(crate) mod check_valve;
+mod column;
 mod coupling;
 mod cup;
 mod cushion;
@@ -34,6 +35,7 @@ pub use axis::Axis;
 pub use bumper::Bumper;
 pub use carriage::Carriage;
 pub use check_valve::CheckValve;
+pub use column::Column;
 pub use coupling::Coupling;
 pub use cup::Cup;
 pub use cushion::Cushion;
@@ -242,10 +244,6 @@ pub trait Part<P: Real> {
     fn stored<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         [S::zero(); 3]
     }
-    /// The energy of each of its stores, J.
-    fn stores<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> Vec<S> {
-        vec![self.stored(y, net, common)[1]]
-    }
     /// The part's accounts.
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         self.paths().iter().flat_map(|_| path::CHANNELS).collect()
@@ -347,6 +345,8 @@ parts! {
         other_cylinders: OtherCylinder,
         axes: Axis,
         carriages: Carriage,
+        // Before the volumes, which take up what it leaves.
+        columns: Column,
         volumes: Volume,
         faces: Face,
         end_stops: EndStops,

@@ -11,7 +11,6 @@ mod rosenbrock;
 mod stages;
 mod stepper;
 mod structure;
-mod swing;
 mod system;
 
 pub use control::{Failure, Options, Statistics};

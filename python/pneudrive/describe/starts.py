@@ -137,9 +137,11 @@ class Starts:
 
     def _pressure(self, of: str, known: Mapping[str, float], notes: list[str]) -> float:
         """Return the pressure to which gas has settled: the one given or held nearest by, over what is always open."""
+        if of not in self.places:
+            notes = []  # of a cell within a component: what is said of the joint holds for it
         starts = {joint: name for name, joint in self.places.items() if f"{name}.{PRESSURE}" in known}
         held: Port | None = None
-        for joint in self._reached(self.places.get(of)):
+        for joint in self._reached(self.places.get(of) or self._before(of)):
             if joint in starts:
                 value = known[f"{starts[joint]}.{PRESSURE}"]
                 notes.append(f"{of} starts at {_bar(value)}, as {starts[joint]} does")
@@ -151,6 +153,13 @@ class Starts:
         value = stated.absolute_pa(self.ambient.pressure_pa)
         notes.append(f"{of} starts at {_bar(value)}, as {held.component} has it")
         return value
+
+    def _before(self, cell: str) -> Joint | None:
+        """Return the joint at the first port of the component that a cell lies within, if gas can always pass to it."""
+        own = cell.rpartition(".")[0]
+        if own not in self.components or not self.components[own].entry["open"]:
+            return None
+        return next((joint for port, joint in self.wiring.at.items() if port.component == own), None)
 
     def _reached(self, first: Joint | None) -> Iterator[Joint]:
         """Give the joints to which gas can always pass, nearest first; it goes up to constant pressure, not past."""

@@ -294,12 +294,12 @@ macro_rules! parts {
                 })*
                 sum
             }
-            /// The energy of each store, J.
+            /// The energy that each part stores, J.
             pub fn stores<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> Vec<S> {
                 let mut stores = Vec::new();
-                $(for (at, part) in &self.$field {
-                    stores.extend(part.stores(Own { y, place: *at }, net, common));
-                })*
+                $(stores.extend(self.$field.iter().map(|(at, part)| {
+                    part.stored(Own { y, place: *at }, net, common)[1]
+                }));)*
                 stores
             }
             pub fn account<S: Over<P>>(
