@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.laws import compare_laws as compare_laws
     from pneudrive.identify.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
+    from pneudrive.lines import lines as lines
     from pneudrive.simulate import citations as citations
     from pneudrive.simulate import simulate as simulate
     from pneudrive.trajectory import save as save
@@ -64,6 +65,7 @@ _HOME = {
     **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
     "catalogue_folders": "pneudrive.describe.catalogue",
+    "lines": "pneudrive.lines",
     "save": "pneudrive.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.characteristics"),
     "compare": "pneudrive.characteristics.compare.comparison",

@@ -22,6 +22,7 @@ COMMANDS = {
     "simulate": "pneudrive.cli.simulate",
     "check": "pneudrive.cli.check",
     "draw": "pneudrive.cli.draw",
+    "lines": "pneudrive.cli.lines",
     "characterise": "pneudrive.cli.characterise",
     "identify": "pneudrive.cli.identify",
     "apply": "pneudrive.cli.apply",

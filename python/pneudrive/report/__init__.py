@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from pneudrive.report.campaign import write_campaign_report as write_campaign_report
     from pneudrive.report.circuit_drawing import draw_circuit as draw_circuit
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
+    from pneudrive.report.lines_figure import plot_lines as plot_lines
     from pneudrive.report.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
     from pneudrive.report.write import Reproduction as Reproduction
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 _HOME = {
     "plot": "trajectory",
     "draw_circuit": "circuit_drawing",
+    "plot_lines": "lines_figure",
     "plot_pressure": "pressure",
     "write_report": "write",
     "reproduce": "write",
@@ -29,6 +31,7 @@ __all__ = [
     "Reproduction",
     "draw_circuit",
     "plot",
+    "plot_lines",
     "plot_pressure",
     "reproduce",
     "write_campaign_report",
