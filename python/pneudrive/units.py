@@ -57,6 +57,7 @@ _TABLE: dict[str, tuple[str, float, float]] = {
     **{u: ("1/m", f, 0.0) for u, f in {"1/m": 1.0, "%/m": 1e-2, "%/km": 1e-5}.items()},
     "W/(m2 K)": ("W/(m^2 K)", 1.0, 0.0),
     "J/(kg K)": ("J/(kg K)", 1.0, 0.0),
+    **{u: ("J/K", f, 0.0) for u, f in {"J/K": 1.0, "kJ/K": 1e3}.items()},
     "dm3/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
     "l/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
     "m3/(s Pa)": ("m^3/(s Pa)", 1.0, 0.0),
@@ -95,6 +96,7 @@ _KINDS: dict[str, tuple[str, str]] = {
     "1/K": ("a share per temperature", "0.02 1/K"),
     "W/(m^2 K)": ("a heat transfer coefficient", "30 W/(m2 K)"),
     "J/(kg K)": ("a specific gas constant", "287.05 J/(kg K)"),
+    "J/K": ("a heat capacity", "500 J/K"),
     "m^3/(s Pa)": ("a sonic conductance", "2 dm3/(s bar)"),
     "m^3/s ANR": ("a flow of normal litres", "700 l/min ANR"),
 }

@@ -140,6 +140,8 @@ pub struct Circuit<P> {
     gas_nodes: usize,
     axis_nodes: usize,
     signals: usize,
+    /// The components that parts belong to: what their accounts are called by.
+    owners: Vec<String>,
     /// The number of what its reservoirs hold: no other values have it, in any circuit.
     filled: u64,
 }
@@ -176,6 +178,7 @@ impl<R: Lane> Circuit<R> {
             gas_nodes: each[0].gas_nodes,
             axis_nodes: each[0].axis_nodes,
             signals: each[0].signals,
+            owners: each[0].owners.clone(),
             filled: next_filling(),
         }
     }

@@ -24,7 +24,7 @@ mod valve;
 use crate::assembly::end_stop::Ends;
 use crate::assembly::{Quantity, Starting, Timing};
 use crate::circuit::{AxisId, Circuit, GasId, Path};
-use crate::part::{ChamberLaw, CheckValve, Edge, InputId, Kept, PartId};
+use crate::part::{ChamberLaw, CheckValve, Edge, InputId, Kept, PartId, Wall};
 use crate::run::Error;
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
@@ -325,8 +325,9 @@ pub struct Piston<P> {
     /// The name of its cylinder.
     pub name: String,
     pub ends: Ends<P>,
-    /// Areas on both sides, m2.
+    /// Areas on both sides, m2, and what an end stop may take up there, m3.
     pub areas: [P; 2],
+    pub dead_volumes: [P; 2],
 }
 
 /// A circuit that is being made of components.
@@ -399,6 +400,20 @@ impl<P: Lane> Build<P> {
     fn signal_edge(&mut self, edge: Edge<P>) -> Path {
         let conductance = edge.law.conductance;
         Path::along(self.flow_part(edge, &[conductance]), 0)
+    }
+
+    /// The wall of volumes that stores heat, and the column of its temperature.
+    fn wall(&mut self, of: &Instance<P>, nodes: &[GasId]) {
+        let signal = self.circuit.signal();
+        self.circuit.add(Wall {
+            capacity: of.number("wall_capacity"),
+            heat_transfer: of.number("heat_transfer"),
+            outward: of.number("wall_outer_area") * of.number("wall_outer_heat_transfer"),
+            start: of.given("wall_temperature").unwrap_or(self.ambient[1]),
+            signal,
+            nodes: nodes.iter().map(|node| node.0).collect(),
+        });
+        self.columns.push((format!("{}.wall_temperature_k", of.name), Quantity::Signal(signal)));
     }
 
     /// A path that opens by itself.
@@ -522,6 +537,7 @@ components! {
     cylinder::ThroughRod,
     cylinder::SingleRod,
     cylinder::SingleActing,
+    cylinder::Tandem,
 }
 
 /// Least volume of a joint to which ports bring `ports` m3.
@@ -600,6 +616,13 @@ const SUBSONIC_INDEX: Row = Row {
     assumed: "",
     follows: "",
     within: "",
+};
+/// Rows of a wall that stores heat.
+const WALL: &[Row] = table! {
+    wall_capacity: "J/K", physics::above(0.0), within "wall", "Heat capacity of the wall: with it the wall stores heat, at one temperature; without it keeps its own";
+    wall_outer_area: "m2", physics::at_least(0.0), within "wall", "Area of the wall on the side of the air around";
+    wall_outer_heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 10.0, assumed "of still air, with radiation",
+        within "wall", "Heat-transfer coefficient from the air around to the wall";
 };
 const LINEAR_ABOVE: Row = table! {
     linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",

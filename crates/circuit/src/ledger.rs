@@ -38,7 +38,7 @@ pub struct Balance {
     pub least_production: f64,
     /// Energy turned over, J: the sum of the magnitudes of all energy accounts.
     pub turnover: f64,
-    /// Every account: name, kind, total.
+    /// Every account: name, kind, total; those of one name are one.
     pub accounts: Vec<(String, Kind, f64)>,
 }
 
@@ -81,13 +81,22 @@ pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>], steps: u64) -> Bala
         entropy_error: relative(end[2] - start[2] - total(Kind::EntropyIn) - produced, entropy_turnover),
         least_production,
         turnover,
-        accounts: circuit
-            .channels()
-            .iter()
-            .enumerate()
-            .map(|(i, channel)| (channel.name.clone(), channel.kind, last[i] - first[i]))
-            .collect(),
+        accounts: summed(
+            circuit.channels().iter().zip(last.iter().zip(first)).map(|(c, (last, first))| (c, last - first)),
+        ),
     }
+}
+
+/// Accounts of one name as one: both chambers of a cylinder, all edges of a valve.
+fn summed<'c>(each: impl Iterator<Item = (&'c Channel, f64)>) -> Vec<(String, Kind, f64)> {
+    let mut all: Vec<(String, Kind, f64)> = Vec::new();
+    for (Channel { name, kind }, value) in each {
+        match all.iter_mut().find(|(other, of, _)| other == name && of == kind) {
+            Some((.., sum)) => *sum += value,
+            None => all.push((name.clone(), *kind, value)),
+        }
+    }
+    all
 }
 
 fn sum(circuit: &Circuit<f64>, kind: Kind, value: impl Fn(usize) -> f64) -> f64 {

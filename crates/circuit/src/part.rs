@@ -23,6 +23,7 @@ mod shock_absorber;
 pub(crate) mod signal;
 mod spring;
 pub(crate) mod volume;
+mod wall;
 
 use crate::circuit::{AxisId, GasId};
 use crate::ledger::{Channel, Kind};
@@ -52,6 +53,7 @@ pub use shock_absorber::ShockAbsorber;
 pub use signal::{Armature, Held, Spool};
 pub use spring::Spring;
 pub use volume::{ChamberLaw, Volume};
+pub use wall::Wall;
 
 /// A state of a part.
 #[derive(Clone, Copy, Debug)]
@@ -334,6 +336,8 @@ pub(crate) struct Place {
     pub count: usize,
     pub first_account: usize,
     pub accounts: usize,
+    /// Whose part it is, from one on among the owners of a circuit; zero where nobody has named it.
+    pub owner: usize,
 }
 
 parts! {
@@ -363,4 +367,5 @@ parts! {
         bumpers: Bumper,
         shock_absorbers: ShockAbsorber,
         couplings: Coupling,
+        walls: Wall,
 }

@@ -282,3 +282,103 @@ fn coupled_masses_swing_by_their_reduced_mass_and_fly_free_within_the_play() {
     assert!((v("two", 0.011 + half) - 1.0).abs() < 1e-6 && v("one", 0.011 + half).abs() < 1e-6);
     assert!((v("two", 0.029 + half) - 1.0).abs() < 1e-6 && (v("one", 0.031 + 2.0 * half) - 1.0).abs() < 1e-6);
 }
+
+#[test]
+fn a_tandem_cylinder_pushes_with_the_areas_of_both_pistons() {
+    let numbers = json!({ "bore": 0.04, "rod_diameter": 0.016, "stroke": 0.1, "dead_volume_a": 5e-6,
+        "dead_volume_b": 5e-6, "dead_volume_a2": 5e-6, "dead_volume_b2": 5e-6, "moving_mass": 1.0 });
+    let fitting = |name: &str| json!({ "name": name, "kind": "fitting", "numbers": { "conductance": 2e-9, "critical_pressure_ratio": 0.3 } });
+    let stand = |driven: [&str; 2], others: [&str; 2], gauge: f64| {
+        let components = json!([
+            { "name": "supply", "kind": "reservoir", "numbers": { "pressure": 101_300.0 + gauge } },
+            fitting("in_1"), fitting("in_2"), fitting("out_1"), fitting("out_2"),
+            { "name": "own", "kind": "cylinder/tandem", "friction": friction(), "numbers": numbers },
+            { "name": "spring", "kind": "spring", "numbers": { "stiffness": 5e3, "rest_position": 0.05 } },
+        ]);
+        let joints = json!([
+            ["supply.1", "in_1.1", "in_2.1"],
+            ["in_1.2", format!("own.{}", driven[0])],
+            ["in_2.2", format!("own.{}", driven[1])],
+            ["out_1.1", format!("own.{}", others[0])],
+            ["out_2.1", format!("own.{}", others[1])],
+            ["out_1.2", "ambient"],
+            ["out_2.2", "ambient"],
+            ["own.rod", "spring.1"],
+        ]);
+        let network = network(&components, &joints).expect("assembles");
+        assert!(network.warnings().is_empty(), "{:?}", network.warnings());
+        let names: Vec<String> = network.start_names().into_iter().map(String::from).collect();
+        let value = |name: &str| match name.rsplit('.').next() {
+            Some("pressure_pa") => 101_300.0,
+            Some("temperature_k") => ROOM,
+            Some("position_m") => 0.05,
+            _ => 0.0,
+        };
+        let start: Vec<(&str, f64)> = names.iter().map(|name| (name.as_str(), value(name))).collect();
+        let (columns, ledger) = run(&network, &[], (3.0, 100.0), &start);
+        closes(ledger);
+        columns["own.position_m"][300]
+    };
+    let area = |rod: f64| 0.25 * std::f64::consts::PI * (0.04_f64.powi(2) - rod * rod);
+    let (full, ring) = (area(0.0), area(0.016));
+    for (driven, others, areas, sign) in
+        [(["a", "a2"], ["b", "b2"], full + ring, 1.0), (["b", "b2"], ["a", "a2"], 2.0 * ring, -1.0)]
+    {
+        let x = stand(driven, others, 5e4);
+        assert!((x - 0.05 - sign * 5e4 * areas / 5e3).abs() < 2e-5, "{driven:?}: {x}");
+    }
+}
+
+#[test]
+fn a_wall_that_stores_heat_and_the_gas_cool_as_two_stores_do() {
+    let (capacity, inside, outside, volume) = (1000.0, 5.0 * 0.2, 10.0 * 0.3, 1e-2);
+    let components = json!([{ "name": "tank", "kind": "tank", "numbers": { "volume": volume, "wall_area": 0.2,
+        "heat_transfer": 5.0, "wall_temperature": 350.0, "wall_capacity": capacity, "wall_outer_area": 0.3 } }]);
+    let network = network(&components, &json!([["tank.1"]])).expect("assembles");
+    let filled = [("tank.pressure_pa", 7e5), ("tank.temperature_k", ROOM)];
+    let (columns, ledger) = run(&network, &[], (1000.0, 0.1), &filled);
+    closes(ledger);
+    // C_g T' = a (W - T), C W' = -a (W - T) - b W over the room: two exponentials, of 7 and 330 s.
+    let gas = 7e5 * volume / (287.05 * ROOM) * 287.05 / 0.4;
+    let (p, q) = (inside / gas + (inside + outside) / capacity, inside * outside / (gas * capacity));
+    let root = (0.25 * p * p - q).sqrt();
+    let (slow, fast) = (0.5 * p - root, 0.5 * p + root);
+    let w0 = 350.0 - ROOM;
+    // T(0) = 0, T'(0) = a w0/C_g.
+    let amplitude = inside * w0 / gas / (fast - slow);
+    for i in [1_u32, 10, 50, 100] {
+        let t = 10.0 * f64::from(i);
+        let (e, f) = ((-slow * t).exp(), (-fast * t).exp());
+        let above = amplitude * (e - f);
+        let wall = above + gas / inside * amplitude * (fast * f - slow * e);
+        let found =
+            [columns["tank.temperature_k"][i as usize], columns["tank.wall_temperature_k"][i as usize]];
+        assert!(
+            (found[0] - ROOM - above).abs() < 1e-5 && (found[1] - ROOM - wall).abs() < 1e-5,
+            "{t}: {found:?}"
+        );
+    }
+    // The wall of a cylinder takes up what its gas gives.
+    let (mut components, joints) =
+        breathing(&[("wall_capacity", 20.0), ("wall_outer_area", 0.0)], [1e-13; 2]);
+    components[0]["numbers"]["heat_transfer"] = json!(100.0);
+    let network = support::circuits::network(&components, &joints).expect("assembles");
+    let (columns, ledger) = run(&network, &[], (3.0, 100.0), &start(0.1, 3.0, 101_300.0, 101_300.0));
+    closes(ledger);
+    let warmer = columns["own.wall_temperature_k"][300] - ROOM;
+    assert!(warmer > 0.05 && warmer < 9.0 / 20.0, "{warmer} K");
+}
+
+#[test]
+fn accounts_have_the_names_of_components() {
+    let (components, joints) = breathing(&[("leakage", 1e-10)], [1e-8; 2]);
+    let network = network(&components, &joints).expect("assembles");
+    let from = start(0.1, 1.0, 6e5, 2e5).into_iter().map(|(name, value)| (name.to_string(), value)).collect();
+    let run = network.simulate(&[], (0.05, 1000.0), &from, ode::Options::default(), &mut |_| false);
+    let accounts = run.expect("runs").balance.expect("a ledger").accounts;
+    for name in
+        ["own: friction heat", "own: wall heat", "own: throttling", "out_a: throttling", "out_b: mixing"]
+    {
+        assert_eq!(accounts.iter().filter(|(own, ..)| own == name).count(), 1, "{name} in {accounts:?}");
+    }
+}

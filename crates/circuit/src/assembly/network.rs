@@ -261,6 +261,7 @@ where
                     name
                 });
                 self.build.gas_starts(node, &name);
+                self.build.circuit.own(&name);
                 Ok(node)
             }
         }
@@ -296,6 +297,7 @@ where
             .map(|state| format!("{name}.{}", state.name))
             .collect();
         let axis = self.build.circuit.axis(mass, incline, force, friction);
+        self.build.circuit.own(&name);
         self.build.masses.push((mass, force));
         let names = ["position_m", "velocity_m_s"].map(|quantity| format!("{name}.{quantity}"));
         self.build.starts.push((Starting::Axis(axis), names.to_vec()));
@@ -356,6 +358,7 @@ where
     order.sort_by_key(|&i| each[i].kind().friction);
     for i in order {
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
+        build.circuit.own(&each[i].name);
     }
     let states = build.circuit.count_states();
     if states > Deps::CAPACITY {
@@ -437,7 +440,7 @@ impl Network {
             own_warnings.extend(piston.and_then(|piston| {
                 stop_warning(
                     piston.ends.stop.stiffness,
-                    [number("dead_volume_a"), number("dead_volume_b")],
+                    piston.dead_volumes,
                     piston.areas,
                     gauge,
                     ["end_stop_stiffness", "dead_volume_"],
@@ -477,7 +480,7 @@ impl Network {
 
     /// What to say of the impacts of a run.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> Vec<String> {
-        let each = self.pistons.iter().flat_map(|Piston { axis, name, ends, areas }| {
+        let each = self.pistons.iter().flat_map(|Piston { axis, name, ends, areas, .. }| {
             let own: Vec<Impact> = impacts.iter().filter(|impact| impact.axis == *axis).copied().collect();
             let through = through_warning(ends.enough, "end_stop_stiffness", &own);
             let all = through.into_iter().chain(impact_warning(areas[0].max(areas[1]), &own));

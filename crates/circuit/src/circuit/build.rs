@@ -27,8 +27,15 @@ impl<R: Lane> Circuit<R> {
             gas_nodes: 0,
             axis_nodes: 0,
             signals: 0,
+            owners: Vec::new(),
             filled: next_filling(),
         }
+    }
+
+    /// What was added since the last call belongs to this component.
+    pub(crate) fn own(&mut self, name: &str) {
+        self.owners.push(name.into());
+        self.parts.own(self.owners.len());
     }
 
     fn next_gas(&mut self) -> usize {
@@ -174,7 +181,7 @@ impl<R: Lane> Circuit<R> {
     /// what its chambers leave goes to the volumes behind them.
     fn join_cylinders(&mut self) {
         let parts = &mut self.parts;
-        for (_, axis) in std::mem::take(&mut parts.axes) {
+        for (place, axis) in std::mem::take(&mut parts.axes) {
             let own: Vec<usize> =
                 (0..parts.faces.len()).filter(|&i| parts.faces[i].1.axis == axis.node).collect();
             let stops = parts.end_stops.iter().position(|(_, stops)| stops.axis == axis.node);
@@ -193,7 +200,7 @@ impl<R: Lane> Circuit<R> {
                 if let Some(stops) = stops {
                     (0..R::L).for_each(|lane| parts.end_stops[stops].1.meet(lane));
                 }
-                parts.axes.push((Place::default(), axis));
+                parts.axes.push((place, axis));
                 continue;
             };
             let volumes = [parts.volumes[volume_a].1.clone(), parts.volumes[volume_b].1.clone()];
@@ -203,11 +210,9 @@ impl<R: Lane> Circuit<R> {
             parts.volumes.retain(|(_, volume)| volume.node != a && volume.node != b);
             parts.faces.retain(|(_, face)| face.gas != a && face.gas != b);
             if axis.is_usual() {
-                parts.cylinders.push((Place::default(), Cylinder::new(axis, volumes, faces, stops)));
+                parts.cylinders.push((place, Cylinder::new(axis, volumes, faces, stops)));
             } else {
-                parts
-                    .other_cylinders
-                    .push((Place::default(), OtherCylinder::new(axis, volumes, faces, stops)));
+                parts.other_cylinders.push((place, OtherCylinder::new(axis, volumes, faces, stops)));
             }
         }
     }
@@ -221,7 +226,7 @@ where
     /// without touching a step or a bit of the states.
     pub fn build(mut self, ledger: bool) -> Self {
         self.join_cylinders();
-        let (states, channels) = self.parts.lay_out();
+        let (states, channels) = self.parts.lay_out(&self.owners);
         let n_states = states.len();
         let (names, mut scale): (Vec<_>, Vec<_>) =
             states.into_iter().map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale)).unzip();

@@ -1,6 +1,6 @@
 use super::{
     Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Row, SUBSONIC_INDEX,
-    Stroke, Symbol, Terminals, axis, chamber, exhaust, table,
+    Stroke, Symbol, Terminals, WALL, axis, chamber, exhaust, table,
 };
 use crate::assembly::Quantity;
 use crate::assembly::end_stop::{Driven, ends};
@@ -26,7 +26,9 @@ const PARAMETERS: &[Row] = table! {
     incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
     heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
         "Heat-transfer coefficient to the wall";
-    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
+    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature",
+        "Temperature of the wall; of one that stores heat at the start";
+    ..WALL;
     leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
     end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
         "Stiffness of the end stops";
@@ -132,11 +134,13 @@ fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> 
 
 /// What a chamber is, its dead volume having this key.
 fn bring_chamber<P: Lane>(own: &Instance<P>, dead_volume: &str, ambient_temperature: P) -> Brings<P> {
+    // A wall that stores heat gives it by itself.
+    let by_wall = own.given("wall_capacity").is_some();
     Brings::Volume {
         law: chamber_law(own),
         dead_volume: own.number(dead_volume),
         wall: P::zero(),
-        heat_transfer: own.number("heat_transfer"),
+        heat_transfer: if by_wall { P::zero() } else { own.number("heat_transfer") },
         wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
     }
 }
@@ -153,6 +157,9 @@ fn bring_rod<P: Lane>(own: &Instance<P>) -> Brings<P> {
 fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
     let (bore, rod) = (own.number("bore"), own.number("rod_diameter"));
     let refuse = |message: String| Err(Error::Specification(message));
+    if chamber_law(own) == ChamberLaw::AsPrinted && own.given("wall_capacity").is_some() {
+        return refuse(format!("{}: chamber law \"as-printed\" takes no wall that stores heat", own.name));
+    }
     if own.friction.is_none() {
         return refuse(format!("{}: a cylinder needs a friction table", own.name));
     }
@@ -269,24 +276,55 @@ fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
     chamber.min(behind / plunger(own, end) * area)
 }
 
-fn compose<P: Lane>(
+/// A chamber of a cylinder.
+struct Chamber {
+    gas: GasId,
+    /// As in the key of its dead volume.
+    name: &'static str,
+    /// It grows with x.
+    grows: bool,
+    has_rod: bool,
+}
+
+impl Chamber {
+    fn new(gas: GasId, name: &'static str, has_rod: bool) -> Self {
+        Chamber { gas, name, grows: name.starts_with('a'), has_rod }
+    }
+}
+
+/// What presses in one direction: the sum of the areas, and what an end stop may take up of it, m3.
+fn one_side<P: Lane>(
     own: &Instance<P>,
-    rods: [bool; 2],
-    (a, b, axis): (GasId, GasId, AxisId),
-    widest: P,
-    build: &mut Build<P>,
-) {
-    let (bore, stroke) = (own.number("bore"), own.number("stroke"));
-    let mut sides =
-        rods.map(|has_rod| side(bore, if has_rod { own.number("rod_diameter") } else { P::zero() }));
+    chambers: &[Chamber],
+    sides: &[PistonSide<P>],
+    grows: bool,
+) -> (PistonSide<P>, P) {
+    let each = chambers.iter().zip(sides).filter(|(chamber, _)| chamber.grows == grows);
+    let each = each.map(|(chamber, side)| (*side, room(own, chamber.name, side.area)));
+    let both = each.reduce(|(sum, dead), (side, other)| {
+        let area = sum.area + side.area;
+        (PistonSide { area, ..sum }, (dead / sum.area).min(other / side.area) * area)
+    });
+    both.expect("a chamber on either side")
+}
+
+/// Adds faces, end stops, leaks and columns of a cylinder, each pair of chambers having a piston between them; gas
+/// leaves each chamber through `widest` m3/(s Pa) at most.
+fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, widest: P, build: &mut Build<P>) {
+    let (bore, stroke, rod) = (own.number("bore"), own.number("stroke"), own.number("rod_diameter"));
+    let mut sides: Vec<_> =
+        chambers.iter().map(|own| side(bore, if own.has_rod { rod } else { P::zero() })).collect();
     if chamber_law(own) == ChamberLaw::AsPrinted {
         // pi (D x + 0.25 D^3) as printed, in metres: the second term is no area at all.
         for side in &mut sides {
             (side.perimeter, side.end_wall) = (P::c(PI) * bore, P::c(0.25 * PI) * (bore * bore * bore));
         }
     }
-    build.circuit.face(a, axis, true, stroke, sides[0]);
-    build.circuit.face(b, axis, false, stroke, sides[1]);
+    for (chamber, side) in chambers.iter().zip(&sides) {
+        build.circuit.face(chamber.gas, axis, chamber.grows, stroke, *side);
+    }
+    let both = [true, false].map(|grows| one_side(own, chambers, &sides, grows));
+    let (sides, dead_volumes) = (both.map(|(side, _)| side), both.map(|(_, dead)| dead));
     let spring = build
         .springs
         .iter()
@@ -295,7 +333,7 @@ fn compose<P: Lane>(
     let (mass, force) = build.masses[axis.index()];
     let ends = ends(&Driven {
         sides: &sides,
-        dead_volumes: [("a", sides[0].area), ("b", sides[1].area)].map(|(end, area)| room(own, end, area)),
+        dead_volumes,
         mass,
         stroke,
         incline: own.number("incline"),
@@ -303,40 +341,36 @@ fn compose<P: Lane>(
         hottest: build.hottest,
         forces: [force, spring],
         gas_constant: build.gas.gas_constant,
-        conductance: widest,
+        conductance: widest * P::c(0.5 * chambers.len() as f64),
         given: ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"].map(|key| own.given(key)),
     });
     build.circuit.end_stops(axis, ends.stop.clone(), stroke);
     if let Some(covers) = &ends.covers {
         build.circuit.covers(axis, covers.clone());
     }
-    build.pistons.push(Piston { axis, name: own.name.clone(), ends, areas: sides.map(|side| side.area) });
+    let areas = sides.map(|side| side.area);
+    build.pistons.push(Piston { axis, name: own.name.clone(), ends, areas, dead_volumes });
     let leakage = own.number("leakage");
     if leakage.get(0) != 0.0 || own.is_free("leakage") {
-        let law = leak(leakage, &build.gas, build.is_air);
-        build.passage(law, a, b);
+        for pair in chambers.chunks(2) {
+            let law = leak(leakage, &build.gas, build.is_air);
+            build.passage(law, pair[0].gas, pair[1].gas);
+        }
+    }
+    if own.given("wall_capacity").is_some() {
+        let gas: Vec<GasId> = chambers.iter().map(|chamber| chamber.gas).collect();
+        build.wall(own, &gas);
     }
     build.input(own, 0, Acts::Force(axis));
-    let quantities = [
-        Quantity::Position(axis),
-        Quantity::Velocity(axis),
-        Quantity::Acceleration(axis),
-        Quantity::Friction(axis),
-        Quantity::EndStop(axis),
-        Quantity::Pressure(a),
-        Quantity::Temperature(a),
-        Quantity::MassFlow(a),
-        Quantity::Pressure(b),
-        Quantity::Temperature(b),
-        Quantity::MassFlow(b),
-    ];
-    for (output, quantity) in quantities.into_iter().enumerate() {
-        build.column(own, output, quantity);
+    build.motion(own, axis);
+    build.column(own, 4, Quantity::EndStop(axis));
+    let each = chambers.iter().map(|chamber| chamber.gas);
+    let quantities =
+        each.flat_map(|gas| [Quantity::Pressure(gas), Quantity::Temperature(gas), Quantity::MassFlow(gas)]);
+    for (output, quantity) in quantities.enumerate() {
+        build.column(own, 5 + output, quantity);
     }
-    let inner = own.friction.iter().flat_map(|contact| contact.states());
-    for (i, state) in inner.enumerate() {
-        build.columns.push((format!("{}.{}", own.name, state.name), Quantity::Inner(axis, i)));
-    }
+    build.inner_states(own, axis);
 }
 
 const BARREL: Stroke = Stroke::Line(&[[0.0, 0.0], [0.0, 4.0], [12.0, 4.0], [12.0, 0.0], [0.0, 0.0]]);
@@ -386,7 +420,9 @@ macro_rules! cylinder {
                 let (Some(a), Some(b), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
                 let widest = build.widest(a).max(build.widest(b));
                 let [a, b] = [(a, "a"), (b, "b")].map(|(port, end)| cushion(own, end, (port, axis), build));
-                compose(own, $rods, (a, b, axis), widest, build);
+                let [rod_a, rod_b] = $rods;
+                let chambers = [Chamber::new(a, "a", rod_a), Chamber::new(b, "b", rod_b)];
+                compose(own, &chambers, axis, widest, build);
             }
         }
     };
@@ -471,6 +507,77 @@ impl Component for SingleActing {
         let stiffness = own.number("spring_stiffness");
         build.spring(axis, stiffness, -own.number("spring_preload") / stiffness);
         let widest = build.widest(a).max(build.widest(b));
-        compose(own, [false, true], (a, b, axis), widest, build);
+        let chambers = [Chamber::new(a, "a", false), Chamber::new(b, "b", true)];
+        compose(own, &chambers, axis, widest, build);
+    }
+}
+
+/// Two pistons on one rod.
+pub struct Tandem;
+
+impl Component for Tandem {
+    const KIND: Kind = Kind {
+        key: "cylinder/tandem",
+        title: "Tandem cylinder",
+        text: "Two pistons on one rod, in two barrels in a row with a wall between them. Chambers a and a2 drive the rod \
+               out, b and b2 drive it in; the rod goes through all of them but a. Friction that follows pressure takes \
+               those of a2 and b2.",
+        sources: &["bejan2016"],
+        ports: &[chamber("a"), chamber("b"), chamber("a2"), chamber("b2"), axis("rod", true)],
+        parameters: table! {
+            ..PARAMETERS;
+            dead_volume_a2: "m3", physics::above(0.0), "Volume of chamber a2 at x = 0, port and line included";
+            dead_volume_b2: "m3", physics::above(0.0), "Volume of chamber b2 at the end of the stroke, port and line included";
+        },
+        outputs: &[
+            ("position_m", "m", "position"),
+            ("velocity_m_s", "m/s", "velocity"),
+            ("acceleration_m_s2", "m/s2", "acceleration"),
+            ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
+            ("end_stop_force_n", "N", "force of the end stops, positive where it pushes towards -x"),
+            ("a.pressure_pa", "Pa", "absolute pressure in chamber a"),
+            ("a.temperature_k", "K", "temperature in chamber a"),
+            ("a.mass_flow_kg_s", "kg/s", "mass flow into chamber a"),
+            ("b.pressure_pa", "Pa", "absolute pressure in chamber b"),
+            ("b.temperature_k", "K", "temperature in chamber b"),
+            ("b.mass_flow_kg_s", "kg/s", "mass flow into chamber b"),
+            ("a2.pressure_pa", "Pa", "absolute pressure in chamber a2"),
+            ("a2.temperature_k", "K", "temperature in chamber a2"),
+            ("a2.mass_flow_kg_s", "kg/s", "mass flow into chamber a2"),
+            ("b2.pressure_pa", "Pa", "absolute pressure in chamber b2"),
+            ("b2.temperature_k", "K", "temperature in chamber b2"),
+            ("b2.mass_flow_kg_s", "kg/s", "mass flow into chamber b2"),
+        ],
+        ..KIND
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+        match port {
+            0..4 => {
+                let key = ["dead_volume_a", "dead_volume_b", "dead_volume_a2", "dead_volume_b2"][port];
+                bring_chamber(own, key, ambient_temperature)
+            }
+            _ => bring_rod(own),
+        }
+    }
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        check(own, true)
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(a), Some(b), Some(a2), Some(b2), Some(axis)) =
+            (at.gas(0), at.gas(1), at.gas(2), at.gas(3), at.axis(4))
+        else {
+            return;
+        };
+        let widest = [a, b, a2, b2].into_iter().fold(P::zero(), |most, gas| build.widest(gas).max(most));
+        let chambers = [
+            Chamber::new(a, "a", false),
+            Chamber::new(b, "b", true),
+            Chamber::new(a2, "a2", true),
+            Chamber::new(b2, "b2", true),
+        ];
+        compose(own, &chambers, axis, widest, build);
     }
 }

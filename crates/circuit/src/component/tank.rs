@@ -1,4 +1,4 @@
-use super::{Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, chamber, table};
+use super::{Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, WALL, chamber, table};
 use crate::assembly::Quantity;
 use crate::part::ChamberLaw;
 use math::Lane;
@@ -18,7 +18,8 @@ impl Component for Tank {
             wall_area: "m2", physics::at_least(0.0), default 0.0, "Area A of the wall that gives heat; 0: no heat passes";
             heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 0.0, "Heat-transfer coefficient alpha of the wall";
             wall_temperature: "K", physics::above(0.0), follows "the ambient temperature",
-                "Temperature T_w of the wall";
+                "Temperature T_w of the wall; of one that stores heat at the start";
+            ..WALL;
         },
         outputs: &[
             ("pressure_pa", "Pa", "absolute pressure"),
@@ -34,7 +35,12 @@ impl Component for Tank {
             law: ChamberLaw::EnergyBalance,
             dead_volume: own.number("volume"),
             wall: own.number("wall_area"),
-            heat_transfer: own.number("heat_transfer"),
+            // A wall that stores heat gives it by itself.
+            heat_transfer: if own.given("wall_capacity").is_some() {
+                P::zero()
+            } else {
+                own.number("heat_transfer")
+            },
             wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
         }
     }
@@ -44,6 +50,9 @@ impl Component for Tank {
             build.column(own, 0, Quantity::Pressure(node));
             build.column(own, 1, Quantity::Temperature(node));
             build.column(own, 2, Quantity::MassFlow(node));
+            if own.given("wall_capacity").is_some() {
+                build.wall(own, &[node]);
+            }
         }
     }
 }

@@ -130,8 +130,15 @@ macro_rules! parts {
                 }
             }
 
+            /// Gives every part that nobody has an owner.
+            pub fn own(&mut self, owner: usize) {
+                $(for (place, _) in self.$field.iter_mut().filter(|(place, _)| place.owner == 0) {
+                    place.owner = owner;
+                })*
+            }
+
             /// Gives every part its place; the states' names and scales in that order, then the accounts.
-            pub fn lay_out(&mut self) -> (Vec<(String, State)>, Vec<Channel>) {
+            pub fn lay_out(&mut self, owners: &[String]) -> (Vec<(String, State)>, Vec<Channel>) {
                 let usual = [PartKind::Cylinder, PartKind::Reservoir, PartKind::Restriction];
                 let all = [$((PartKind::$part, self.$field.len())),*];
                 let others = all.into_iter().filter(|(kind, count)| *count > 0 && !usual.contains(kind));
@@ -145,6 +152,7 @@ macro_rules! parts {
                 })*
                 $(for (place, part) in &mut self.$field {
                     let (own, part) = (part.channels(), counted.next(stringify!($part)));
+                    let part = place.owner.checked_sub(1).map_or(part, |owner| owners[owner].clone());
                     place.first_account = channels.len();
                     place.accounts = own.len();
                     channels.extend(own.into_iter().map(|(name, kind)| {
