@@ -339,6 +339,7 @@ def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
             "default": 0.0,
             "assumed": "new",
             "follows": "",
+            "unless": "",
             "within": "",
             "meaning": "Dirt",
         }

@@ -115,6 +115,8 @@ pub struct Row {
     pub assumed: &'static str,
     /// What it follows from where it is left out; empty where it does not.
     pub follows: &'static str,
+    /// It has to be given, unless this is: the key of another number, or a choice, "throttles = both".
+    pub unless: &'static str,
     /// The table that it belongs to, which may be left out as a whole; empty where it belongs to none.
     pub within: &'static str,
 }
@@ -443,6 +445,12 @@ impl<P: Lane> Build<P> {
         }
     }
 
+    /// A supply, with its highest pressure, Pa absolute, and temperature, K.
+    pub(crate) fn supply(&mut self, pressure: P, temperature: P) {
+        self.highest = Some(self.highest.map_or(pressure, |highest| highest.max(pressure)));
+        self.hottest = temperature.max(self.hottest);
+    }
+
     /// The largest sonic conductance through which gas leaves a node.
     fn widest(&self, node: GasId) -> P {
         let each = self.paths.iter().filter(|(_, from, to)| *from == node || *to == node);
@@ -549,12 +557,12 @@ pub(crate) fn joint_volume(ports: f64) -> f64 {
 /// one, `..NAMES;` for some.
 macro_rules! table {
     ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
-        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)?,
+        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)? $(, unless $unless:literal)?,
         $meaning:literal)?)?;)*) => {{
         const PARTS: &[&[$crate::component::Row]] = &[$(
             $(&$rows)?
             $(&[$crate::component::table!(
-                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], $meaning)?
+                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?], $meaning)?
             )])?
         ),*];
         const ROWS: [$crate::component::Row; $crate::component::count(PARTS)] = $crate::component::join(PARTS);
@@ -562,7 +570,7 @@ macro_rules! table {
     }};
     (@row $shared:ident) => { $shared };
     (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
-        [$($follows:literal)?], [$($within:literal)?], $meaning:literal) => {
+        [$($follows:literal)?], [$($within:literal)?], [$($unless:literal)?], $meaning:literal) => {
         $crate::component::Row {
             parameter: physics::Parameter {
                 key: stringify!($key),
@@ -573,6 +581,7 @@ macro_rules! table {
             },
             assumed: $crate::component::table!(@or "" $($assumed)?),
             follows: $crate::component::table!(@or "" $($follows)?),
+            unless: $crate::component::table!(@or "" $($unless)?),
             within: $crate::component::table!(@or "" $($within)?),
         }
     };
@@ -615,6 +624,7 @@ const SUBSONIC_INDEX: Row = Row {
     },
     assumed: "",
     follows: "",
+    unless: "",
     within: "",
 };
 /// Rows of a wall that stores heat.

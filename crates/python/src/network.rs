@@ -148,7 +148,11 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     let each = KINDS.iter().map(|kind| {
         let ports = kind.ports.iter().map(|port| {
             let out = table(&[("name", any(port.name)?)])?;
-            out.set_item("kind", if port.kind == PortKind::Gas { "gas" } else { "axis" })?;
+            let kind = match port.kind {
+                PortKind::Gas => "gas",
+                PortKind::Axis => "axis",
+            };
+            out.set_item("kind", kind)?;
             let holds = match port.holds {
                 Holds::Nothing => "",
                 Holds::Volume => "volume",
@@ -171,6 +175,7 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
             out.set_item("default", own.default)?;
             out.set_item("assumed", own.assumed)?;
             out.set_item("follows", own.follows)?;
+            out.set_item("unless", own.unless)?;
             out.set_item("within", own.within)?;
             PyResult::Ok(out)
         });

@@ -60,7 +60,7 @@ class Entry:
         kind = component_class(self.kind)
         given = kind.flat({value.key: value.value for value in self.values})
         known = {key for own in given for key in (own, *kind.same_size(own))}
-        needed = [one["key"] for one in entry["parameters"] if is_needed(one) and one["key"] not in known]
+        needed = [one["key"] for one in entry["parameters"] if is_needed(one, given) and one["key"] not in known]
         has_friction = any(value.key.startswith("friction.") for value in self.values)
         return needed + (
             ["the rest of friction" if has_friction else "friction"] if entry["friction"] == "needed" else []

@@ -52,9 +52,17 @@ def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
     return MappingProxyType({entry["kind"]: dict(entry) for entry in _core.components()})
 
 
-def is_needed(parameter: Mapping[str, Any]) -> bool:
-    """Whether a description has to give a parameter: it has no default, and follows from nothing else."""
-    return _is_bare(parameter) and not parameter["within"]
+def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> bool:
+    """Whether a description has to give a parameter: it has no default, and follows from nothing else.
+
+    Some are needed unless something else is given, or chosen; without `given` those are not.
+    """
+    if parameter["within"] or not _is_bare(parameter):
+        return False
+    key, equals, option = parameter["unless"].partition(" = ")
+    if not key or given is None:
+        return not key
+    return given.get(key) != option if equals else given.get(key) is None
 
 
 def _is_bare(parameter: Mapping[str, Any]) -> bool:
@@ -158,13 +166,17 @@ class Component(Described):
 
     @model_validator(mode="after")
     def _one_size(self) -> Component:
+        numbers = {k: getattr(self, field) for k, field in self.fields.items() if field in self.model_fields_set}
+        choices = {choice["name"]: getattr(self, choice["name"]) for choice in self.entry["choices"]}
         for parameter in self.entry["parameters"]:
             keys = flow_keys(self.entry, parameter["key"])
-            given = [
-                getattr(self, self.fields[key]) if self.fields[key] in self.model_fields_set else None for key in keys
-            ]
-            if len(keys) > 1 and (is_needed(parameter) or any(given)):
+            given = [numbers.get(key) for key in keys]
+            needed = is_needed(parameter, numbers | choices)
+            if len(keys) > 1 and (needed or any(given)):
                 valve_flow.size_given(given, keys, "")
+            elif needed and not any(given):
+                key = parameter["key"]
+                raise wrong(key, f"{key} is missing", rule=f"it is {_unless(parameter)}")
         return self
 
     @model_validator(mode="after")
@@ -308,7 +320,7 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         unit = (mark.written or "") if isinstance(mark, Quantity) else "bar abs, bar gauge"
         takes = ", ".join(filter(None, (unit, "" if rule == "finite" else rule)))
         follows = parameter["follows"] and f"follows {parameter['follows']}"
-        needed = f"needed in {parameter['within']}" if parameter["within"] else "needed"
+        needed = f"needed in {parameter['within']}" if parameter["within"] else _unless(parameter) or "needed"
         default = follows or (needed if _is_bare(parameter) else str(kind.default(kind.fields[key])))
         assumed = f" (assumed: {parameter['assumed']})" if parameter["assumed"] else ""
         out.append((key, takes, default + assumed, parameter["meaning"]))
@@ -321,6 +333,12 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     if COMMAND in kind.keys():  # noqa: SIM118 - a method of ours
         out.append((COMMAND, "V or mA", "", 'Range of the electrical input, "0 V .. 10 V"'))
     return out
+
+
+def _unless(parameter: Mapping[str, Any]) -> str:
+    """Say when a parameter is needed, where that depends; else nothing."""
+    unless = parameter["unless"]
+    return unless and f"needed unless {unless}{'' if ' = ' in unless else ' is given'}"
 
 
 def _mark(parameter: Mapping[str, Any]) -> Quantity | StatedPressure:
@@ -346,7 +364,10 @@ def component_class(kind: str) -> type[Component]:
         if is_needed(parameter) and len(sizes) == 1:
             _add(fields, names, key, Annotated[kind_of, mark], ..., parameter["meaning"])
         else:
-            _add(fields, names, key, Annotated[kind_of | None, mark], parameter["default"], parameter["meaning"])
+            default = parameter["default"]
+            if default is not None and kind_of is units.Pressure:
+                default = units.Pressure(default, gauge=False)
+            _add(fields, names, key, Annotated[kind_of | None, mark], default, parameter["meaning"])
         for size in sizes[1:]:
             mark = _SIZES[_last(size)]
             _add(fields, names, size, Annotated[float | None, mark], None, f"In place of {key}")

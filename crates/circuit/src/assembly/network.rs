@@ -69,21 +69,6 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         let own = |row: &&Row| row.within == within && spec.numbers.contains_key(row.key);
         !within.is_empty() && !table.parameters.iter().any(|row| own(&row))
     };
-    let number = |parameter: &Row| {
-        if left_out(parameter.within) {
-            return Ok(None);
-        }
-        let value = spec.numbers.get(parameter.key).copied().or(parameter.default);
-        match value {
-            Some(value) if !value.is_finite() || !parameter.bounds.contain(value) => refuse(format!(
-                "{name}.{} = {value} {} is out of bounds: it must be {}",
-                parameter.key, parameter.unit, parameter.bounds
-            )),
-            None if parameter.follows.is_empty() => refuse(format!("{name}.{} is missing", parameter.key)),
-            value => Ok(value),
-        }
-    };
-    let numbers = table.parameters.iter().map(number).collect::<Result<_, _>>()?;
     let choice = |choice: &crate::component::Choice| match spec.choices.get(choice.name) {
         None => Ok(0),
         Some(option) => match choice.options.iter().position(|own| own == option) {
@@ -95,7 +80,31 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
             )),
         },
     };
-    let choices = table.choices.iter().map(choice).collect::<Result<_, _>>()?;
+    let choices = table.choices.iter().map(choice).collect::<Result<Vec<_>, _>>()?;
+    let spared = |unless: &str| match unless.split_once(" = ") {
+        Some((of, option)) => {
+            let mut each = table.choices.iter().zip(&choices);
+            each.any(|(choice, place)| choice.name == of && choice.options[*place] == option)
+        }
+        None => spec.numbers.contains_key(unless),
+    };
+    let number = |parameter: &Row| {
+        if left_out(parameter.within) {
+            return Ok(None);
+        }
+        let value = spec.numbers.get(parameter.key).copied().or(parameter.default);
+        match value {
+            Some(value) if !value.is_finite() || !parameter.bounds.contain(value) => refuse(format!(
+                "{name}.{} = {value} {} is out of bounds: it must be {}",
+                parameter.key, parameter.unit, parameter.bounds
+            )),
+            None if parameter.follows.is_empty() && !spared(parameter.unless) => {
+                refuse(format!("{name}.{} is missing", parameter.key))
+            }
+            value => Ok(value),
+        }
+    };
+    let numbers = table.parameters.iter().map(number).collect::<Result<_, _>>()?;
     if let Some(key) = spec.choices.keys().find(|key| !table.choices.iter().any(|own| own.name == *key)) {
         return refuse(format!("{name}: a {} has no choice \"{key}\"", table.key));
     }
@@ -146,8 +155,9 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Vec<J
             joint.ports.push(port);
         }
         let kind = |&(component, port): &PortId| each[component].kind().ports[port].kind;
-        let mixed = joint.ports.iter().any(|port| kind(port) != kind(&joint.ports[0]));
-        if mixed || (joint.ambient && joint.ports.iter().any(|port| kind(port) == PortKind::Axis)) {
+        let is_axis = |port: &PortId| kind(port) == PortKind::Axis;
+        let axes = joint.ports.iter().filter(|port| is_axis(port)).count();
+        if axes > 0 && (joint.ambient || axes < joint.ports.len()) {
             return refuse(format!("the joint of {} joins gas to an axis", names.join(", ")));
         }
         joints.push(joint);
@@ -243,9 +253,7 @@ where
             )),
             ([(_, None)], None) => Ok(self.ambient()),
             (&[(_, Some([pressure, temperature]))], None) => {
-                self.build.highest =
-                    Some(self.build.highest.map_or(pressure, |highest| highest.max(pressure)));
-                self.build.hottest = temperature.max(self.build.hottest);
+                self.build.supply(pressure, temperature);
                 Ok(self.build.circuit.reservoir(pressure, temperature))
             }
             ([], volume) => {
