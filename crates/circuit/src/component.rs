@@ -7,6 +7,7 @@ mod coupling;
 pub(crate) mod cylinder;
 mod fitting;
 mod flow_control;
+mod leak;
 mod line;
 mod load;
 mod quick_exhaust;
@@ -521,6 +522,7 @@ components! {
     reservoir::Reservoir,
     tank::Tank,
     fitting::Fitting,
+    leak::Leak,
     silencer::Silencer,
     tube::Tube,
     line::Line,

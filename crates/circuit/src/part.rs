@@ -14,6 +14,7 @@ pub(crate) mod cylinder;
 mod edge;
 mod end_stops;
 mod face;
+mod gap;
 mod link;
 mod path;
 mod regulator;
@@ -44,6 +45,7 @@ pub use cylinder::{Cylinder, OtherCylinder};
 pub use edge::Edge;
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
+pub use gap::Gap;
 pub use link::Link;
 pub use path::Between;
 pub use regulator::Regulator;
@@ -359,6 +361,7 @@ parts! {
         check_valves: CheckValve,
         cups: Cup,
         regulators: Regulator,
+        gaps: Gap,
         held: Held,
         spools: Spool,
         armatures: Armature,

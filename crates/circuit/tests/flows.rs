@@ -29,6 +29,43 @@ fn near(found: f64, expected: f64, share: f64) {
 }
 
 #[test]
+fn a_shut_chamber_leaks_as_the_closed_form_says() {
+    // At constant temperature p' = -(c_l R/V) (p^2 - p_a^2), and so (p - p_a)/(p + p_a) falls as exp(-2 p_a c_l R t/V).
+    let (height, diameter, length, viscosity, volume) = (2e-5_f64, 0.02, 5e-3, 1.82e-5, 1e-4);
+    let gap = std::f64::consts::PI * diameter * height.powi(3) / (24.0 * viscosity * length * R);
+    let walls = json!({ "volume": volume, "wall_area": 1.0, "heat_transfer": 1e4 });
+    let by_gap = json!({ "gap_height": height, "diameter": diameter, "length": length });
+    for numbers in [by_gap, json!({ "coefficient": gap })] {
+        let components = json!([one("tank", "tank", walls.clone()), one("leak", "leak", numbers)]);
+        let joints = json!([["tank.1", "leak.1"], ["leak.2", "ambient"]]);
+        let network = network(&components, &joints).expect("assembles");
+        let start = [("tank.pressure_pa", 7e5), ("tank.temperature_k", ROOM)];
+        let (columns, ledger) = run(&network, &[], (20.0, 10.0), &start);
+        closes(ledger);
+        let flow = columns["leak.mass_flow_kg_s"][0];
+        near(flow, gap * (7e5_f64.powi(2) - AMBIENT.powi(2)) / ROOM, 1e-9);
+        for (t, p) in columns["time_s"].iter().zip(&columns["tank.pressure_pa"]) {
+            let ratio = (7e5 - AMBIENT) / (7e5 + AMBIENT) * (-2.0 * AMBIENT * gap * R * t / volume).exp();
+            near(*p, AMBIENT * (1.0 + ratio) / (1.0 - ratio), 1e-4);
+        }
+        assert!(columns["tank.pressure_pa"][200] < 1.5e5);
+    }
+}
+
+#[test]
+fn a_leak_is_given_once() {
+    let leak = |numbers| {
+        let components = json!([one("leak", "leak", numbers), tank(1e-3)]);
+        let made = network(&components, &json!([["tank.1", "leak.1"], ["leak.2", "ambient"]]));
+        made.err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    let message = leak(json!({ "gap_height": 1e-5, "coefficient": 1e-15 }));
+    assert!(message.contains("leak.coefficient and leak.gap_height both say"), "{message}");
+    let message = leak(json!({ "gap_height": 1e-5 }));
+    assert!(message.contains("leak.diameter is missing"), "{message}");
+}
+
+#[test]
 fn a_flow_control_that_throttles_both_ways_needs_no_check_valve() {
     let through = |kind: &str, component: Value| {
         let mut component = component;
