@@ -10,6 +10,7 @@ mod flow_control;
 mod leak;
 mod line;
 mod load;
+mod orifice;
 mod quick_exhaust;
 mod regulator;
 mod reservoir;
@@ -522,6 +523,7 @@ components! {
     reservoir::Reservoir,
     tank::Tank,
     fitting::Fitting,
+    orifice::Orifice,
     leak::Leak,
     silencer::Silencer,
     tube::Tube,

@@ -66,6 +66,24 @@ fn a_leak_is_given_once() {
 }
 
 #[test]
+fn an_orifice_lets_through_what_an_ideal_nozzle_of_its_area_does() {
+    let (diameter, share) = (1.5e-3_f64, 0.7);
+    let numbers = json!({ "diameter": diameter, "discharge_coefficient": share });
+    let components = json!([supply(7e5), one("hole", "orifice", numbers), tank(1.0)]);
+    let network =
+        network(&components, &json!([["supply.1", "hole.1"], ["hole.2", "tank.1"]])).expect("assembles");
+    let start = [("tank.pressure_pa", 1e5), ("tank.temperature_k", ROOM)];
+    let (columns, ledger) = run(&network, &[], (0.1, 10.0), &start);
+    closes(ledger);
+    let area = share * 0.25 * std::f64::consts::PI * diameter * diameter;
+    let critical = (2.0 / (K + 1.0)).powf(0.5 * (K + 1.0) / (K - 1.0));
+    let flow = columns["hole.mass_flow_kg_s"][0];
+    near(flow, area * 7e5 * (K / (R * ROOM)).sqrt() * critical, 1e-12);
+    // C = S/5 in dm3/(s bar) and mm2, as catalogues have it.
+    near(flow, area * 0.2e-2 * 7e5 * RHO_0, 5e-3);
+}
+
+#[test]
 fn a_flow_control_that_throttles_both_ways_needs_no_check_valve() {
     let through = |kind: &str, component: Value| {
         let mut component = component;
