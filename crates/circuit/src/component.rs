@@ -17,6 +17,7 @@ mod reservoir;
 mod shock_absorber;
 mod silencer;
 mod slide;
+mod soft_start;
 mod switching;
 mod symbol;
 mod tank;
@@ -530,6 +531,7 @@ components! {
     line::Line,
     check_valve::CheckValve,
     flow_control::FlowControl,
+    soft_start::SoftStart,
     regulator::PressureRegulator,
     quick_exhaust::QuickExhaust,
     valve::Proportional53,

@@ -15,6 +15,7 @@ mod edge;
 mod end_stops;
 mod face;
 mod gap;
+mod latch;
 mod link;
 mod path;
 mod regulator;
@@ -46,6 +47,7 @@ pub use edge::Edge;
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
 pub use gap::Gap;
+pub use latch::Latch;
 pub use link::Link;
 pub use path::Between;
 pub use regulator::Regulator;
@@ -362,6 +364,7 @@ parts! {
         cups: Cup,
         regulators: Regulator,
         gaps: Gap,
+        latches: Latch,
         held: Held,
         spools: Spool,
         armatures: Armature,

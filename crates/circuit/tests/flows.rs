@@ -102,3 +102,33 @@ fn a_flow_control_that_throttles_both_ways_needs_no_check_valve() {
         network(&needs, &json!([["fc.1", "ambient"], ["fc.2"]])).err().map(|error| error.to_string());
     assert!(message.expect("refused").contains("fc.conductance is missing"));
 }
+
+#[test]
+fn a_soft_start_valve_fills_slowly_first_and_falls_shut_with_its_supply() {
+    let (needle, wide, volume, b) = (1e-9, 2e-8, 2e-4, 0.6);
+    let numbers = json!({ "needle_conductance": needle, "conductance": wide, "critical_pressure_ratio": b,
+                          "opening_share": 0.4, "reset_pressure": 2e5 });
+    let joints = json!([["supply.1", "soft.1"], ["soft.2", "tank.1"]]);
+    let components = json!([supply(7e5), one("soft", "soft-start", numbers), tank(volume)]);
+    let network = network(&components, &joints).expect("assembles");
+    let start = [("tank.pressure_pa", AMBIENT), ("tank.temperature_k", ROOM)];
+    let plan = [("supply.pressure_pa", 1.0, 1.5e5), ("supply.pressure_pa", 1.5, 7e5)];
+    let (columns, ledger) = run(&network, &plan, (2.0, 1000.0), &start);
+    closes(ledger);
+    // Choked and adiabatic: p' = k R T_s C p1 rho0/V, first with the needle, from 0.4 of the gauge pressure on with all.
+    let rate = |c: f64| K * R * ROOM * c * 7e5 * RHO_0 / volume;
+    let opens = AMBIENT + 0.4 * (7e5 - AMBIENT);
+    let first = (opens - AMBIENT) / rate(needle);
+    assert!(first < 0.8);
+    for (t, p) in columns["time_s"].iter().zip(&columns["tank.pressure_pa"]) {
+        let expected = if *t < first { AMBIENT + rate(needle) * t } else { opens + rate(wide) * (t - first) };
+        if expected < b * 7e5 {
+            near(*p, expected, 1e-6);
+        }
+    }
+    let (p, flow) = (&columns["tank.pressure_pa"], &columns["soft.mass_flow_kg_s"]);
+    assert!(p[999] > 6.9e5);
+    // Back through the needle alone, and open again once the supply is back: the tank is full enough.
+    near(-flow[1001], needle * p[1001] * RHO_0 * (ROOM / columns["tank.temperature_k"][1001]).sqrt(), 1e-6);
+    assert!(p[1499] > 3.5e5 && flow[1501] > 10.0 * needle * 7e5 * RHO_0, "{} {}", p[1499], flow[1501]);
+}

@@ -1,0 +1,97 @@
+use super::path::{Between, gathered};
+use super::{Common, Own, OwnMut, Part};
+use crate::net::Net;
+use math::{Lane, Over, Real};
+use physics::flow::Iso6358;
+use std::slice;
+
+/// How far above the pressure at which it falls shut the inlet must be for it to open, so that both are not one event
+/// (assumed).
+const ABOVE_RESET: f64 = 1.2;
+
+/// Pa: far below what any step resolves.
+const TOLERANCE: f64 = 1e-3;
+
+gathered! {
+    /// The seat of a soft-start valve: a flow path that is a needle until the pressure behind it has risen, then open:
+    ///
+    ///   opens  where p2 - p_amb > s (p1 - p_amb) and p1 > 1.2 p_reset;   falls shut where p1 < p_reset
+    ///
+    /// s  share of the inlet's gauge pressure   -
+    pub struct Latch {
+        numbers {
+            /// Share of the conductance that is open while it is shut.
+            needle_share,
+            opening_share,
+            reset_pressure,
+            ambient_pressure,
+            /// One while it is open, zero while it is shut.
+            mode,
+        }
+        laws { law: Iso6358 }
+        same { path: Between }
+    }
+}
+
+impl<P: Real> Latch<P> {
+    /// How far the pressures are from where it opens, Pa; negative beyond.
+    fn before_opening(&self, net: &Net<P>) -> P {
+        let (p1, p2) = (net[self.path.from].p, net[self.path.to].p);
+        let share = self.opening_share * (p1 - self.ambient_pressure) - (p2 - self.ambient_pressure);
+        share.max(P::c(ABOVE_RESET) * self.reset_pressure - p1)
+    }
+}
+
+impl<P: Real> Part<P> for Latch<P> {
+    fn paths(&self) -> &[Between] {
+        slice::from_ref(&self.path)
+    }
+
+    #[inline(always)]
+    fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
+        let (one, two) = (&net[self.path.from], &net[self.path.to]);
+        let share = self.needle_share + self.mode * (P::one() - self.needle_share);
+        self.law.mass_flow(S::from(share), one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+    }
+
+    fn n_events(&self) -> usize {
+        1
+    }
+
+    fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
+        let above_reset = net[self.path.from].p - self.reset_pressure;
+        P::select(self.mode.lt(P::c(0.5)), self.before_opening(net), above_reset)
+    }
+
+    fn event_tolerance(&self, _event: usize) -> f64 {
+        TOLERANCE
+    }
+
+    fn switch(
+        &mut self,
+        _event: usize,
+        lane: usize,
+        _y: OwnMut<P>,
+        _net: &Net<P>,
+        _common: &Common<P>,
+        _accounts: &mut [P],
+    ) where
+        P: Lane,
+    {
+        self.mode.put(lane, 1.0 - self.mode.get(lane));
+    }
+
+    fn mode_mut(&mut self, _event: usize) -> &mut P {
+        &mut self.mode
+    }
+
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
+    where
+        P: Lane,
+    {
+        let before = self.before_opening(net);
+        for lane in 0..P::L {
+            self.mode.put(lane, if before.get(lane) < 0.0 { 1.0 } else { 0.0 });
+        }
+    }
+}
