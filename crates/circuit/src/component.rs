@@ -533,6 +533,7 @@ components! {
     flow_control::FlowControl,
     soft_start::SoftStart,
     regulator::PressureRegulator,
+    regulator::ElectroPneumatic,
     quick_exhaust::QuickExhaust,
     valve::Proportional53,
     valve::Proportional32,

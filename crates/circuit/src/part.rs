@@ -21,6 +21,7 @@ mod path;
 mod regulator;
 mod reservoir;
 mod restriction;
+mod second_order;
 mod shock_absorber;
 pub(crate) mod signal;
 mod spring;
@@ -53,6 +54,7 @@ pub use path::Between;
 pub use regulator::Regulator;
 pub use reservoir::Reservoir;
 pub use restriction::Restriction;
+pub use second_order::SecondOrder;
 pub use shock_absorber::ShockAbsorber;
 pub use signal::{Armature, Held, Spool};
 pub use spring::Spring;
@@ -365,6 +367,7 @@ parts! {
         regulators: Regulator,
         gaps: Gap,
         latches: Latch,
+        second_orders: SecondOrder,
         held: Held,
         spools: Spool,
         armatures: Armature,

@@ -132,3 +132,28 @@ fn a_soft_start_valve_fills_slowly_first_and_falls_shut_with_its_supply() {
     near(-flow[1001], needle * p[1001] * RHO_0 * (ROOM / columns["tank.temperature_k"][1001]).sqrt(), 1e-6);
     assert!(p[1499] > 3.5e5 && flow[1501] > 10.0 * needle * 7e5 * RHO_0, "{} {}", p[1499], flow[1501]);
 }
+
+#[test]
+fn an_electro_pneumatic_regulator_follows_its_command_as_a_second_order_system() {
+    let (f, zeta) = (8.0, 0.4_f64);
+    let numbers = json!({ "set_pressure": 3e5, "conductance": 2e-8, "full_opening_drop": 1e6,
+                          "time_constant": 1e-6, "natural_frequency": f, "damping_ratio": zeta });
+    let components = json!([supply(2e6), one("reg", "regulator/electro-pneumatic", numbers), tank(1e3)]);
+    let network =
+        network(&components, &json!([["supply.1", "reg.1"], ["reg.2", "tank.1"]])).expect("assembles");
+    let start = [("tank.pressure_pa", 1e5), ("tank.temperature_k", ROOM)];
+    let (columns, ledger) = run(&network, &[("reg.set_pressure_pa", 0.1, 5e5)], (0.5, 1000.0), &start);
+    closes(ledger);
+    // The seat of a choked regulator into a pressure that does not move shows the set pressure.
+    let (w, damped) = (2.0 * std::f64::consts::PI * f, (1.0 - zeta * zeta).sqrt());
+    let mut most = 0.0_f64;
+    for (t, flow) in columns["time_s"].iter().zip(&columns["reg.mass_flow_kg_s"]) {
+        let t = (t - 0.1).max(0.0);
+        let swing = (-zeta * w * t).exp() * ((damped * w * t).cos() + zeta / damped * (damped * w * t).sin());
+        let found = 1e5 + 1e6 * flow / (2e-8 * 2e6 * RHO_0);
+        most = most.max(found);
+        near(found, 3e5 + 2e5 * (1.0 - swing), 1e-4);
+    }
+    let overshoot = (-zeta * std::f64::consts::PI / damped).exp();
+    near(most, 5e5 + 2e5 * overshoot, 1e-3);
+}

@@ -1,11 +1,73 @@
 use super::{
-    Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, SUBSONIC_INDEX, Stroke,
-    Symbol, Terminals, exhaust, gas, table,
+    Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, Row, SUBSONIC_INDEX, Stroke,
+    Symbol, Terminals, Variable, exhaust, gas, table,
 };
 use crate::assembly::Quantity;
 use crate::circuit::Path;
-use crate::part::Regulator;
+use crate::part::{InputId, Regulator, SecondOrder};
 use math::Lane;
+use std::f64::consts::PI;
+
+/// What every regulator has.
+const OF_A_REGULATOR: &[Row] = table! {
+    set_pressure: "Pa abs", physics::above(0.0), "Set pressure p_set";
+    conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open seat, for air";
+    critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a seat of this kind",
+        "Critical pressure ratio b of both paths";
+    full_opening_drop: "Pa", physics::above(0.0), default 6e4, assumed "of a small regulator",
+        "Drop dp_full below p_set at which the seat is fully open, a difference";
+    time_constant: "s", physics::above(0.0), default 0.03, assumed "of a small regulator",
+        "Time constant tau of the seat";
+    relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, assumed "of a small regulator",
+        "Sonic conductance of the open relief, for air";
+    relief_offset: "Pa", physics::at_least(0.0), default 2e4, assumed "of a small regulator",
+        "Rise dp_on above p_set from which on it relieves, a difference";
+    relief_rise: "Pa", physics::above(0.0), default 2e4, assumed "of a small regulator",
+        "Further rise dp_relief at which the relief is fully open, a difference";
+    SUBSONIC_INDEX;
+    LINEAR_ABOVE;
+};
+
+const PORTS: &[Port] = &[gas("1"), Port { holds: Holds::Set, ..gas("2") }, exhaust("3")];
+const CHOICES: &[Choice] = &[Choice {
+    name: "relieving",
+    options: &["yes", "no"],
+    meaning: "Whether it vents a pressure behind it that is too high",
+}];
+const OUTPUTS: &[Variable] = &[
+    ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
+    ("relief_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
+];
+
+/// The seat and the relief, whose set pressure may be a signal; the input that is the number.
+fn regulate<P: Lane>(
+    own: &Instance<P>,
+    at: &Terminals,
+    build: &mut Build<P>,
+    set: impl FnOnce(&mut Build<P>) -> Option<usize>,
+) -> Option<InputId> {
+    let [one, two, out] = [at.gas(0)?, at.gas(1)?, at.gas(2)?];
+    let relieves = own.choices[0] == 0;
+    let part = Regulator {
+        set_pressure: own.number("set_pressure"),
+        full_opening_drop: own.number("full_opening_drop"),
+        time_constant: own.number("time_constant"),
+        relief_offset: if relieves { own.number("relief_offset") } else { P::c(f64::INFINITY) },
+        relief_rise: own.number("relief_rise"),
+        seat: own.path("conductance", build),
+        relief: own.path("relief_conductance", build),
+        signal: build.circuit.signal(),
+        set: set(build),
+        paths: [build.circuit.between(one, two), build.circuit.between(two, out)],
+    };
+    // Through the relief gas leaves what it protects: no cylinder's end stops follow from it.
+    let conductance = part.seat.conductance;
+    let part = build.flow_part(part, &[conductance]);
+    for path in [0, 1] {
+        build.column(own, path, Quantity::Flow([Some(Path::along(part, path)), None]));
+    }
+    Some(part.input(0))
+}
 
 /// A pressure regulator.
 pub struct PressureRegulator;
@@ -17,60 +79,63 @@ impl Component for PressureRegulator {
         text: "A seat from port 1 to port 2 that opens by the share y of its conductance, tau y' = clip((p_set - p2)/dp_full) - y, \
                and, where it relieves, a path from port 2 to port 3 that opens by clip((p2 - p_set - dp_on)/dp_relief).",
         sources: &["iso6358-2013"],
-        ports: &[gas("1"), Port { holds: Holds::Set, ..gas("2") }, exhaust("3")],
-        parameters: table! {
-            set_pressure: "Pa abs", physics::above(0.0), "Set pressure p_set";
-            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open seat, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a seat of this kind",
-                "Critical pressure ratio b of both paths";
-            full_opening_drop: "Pa", physics::above(0.0), default 6e4, assumed "of a small regulator",
-                "Drop dp_full below p_set at which the seat is fully open, a difference";
-            time_constant: "s", physics::above(0.0), default 0.03, assumed "of a small regulator",
-                "Time constant tau of the seat";
-            relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, assumed "of a small regulator",
-                "Sonic conductance of the open relief, for air";
-            relief_offset: "Pa", physics::at_least(0.0), default 2e4, assumed "of a small regulator",
-                "Rise dp_on above p_set from which on it relieves, a difference";
-            relief_rise: "Pa", physics::above(0.0), default 2e4, assumed "of a small regulator",
-                "Further rise dp_relief at which the relief is fully open, a difference";
-            SUBSONIC_INDEX;
-            LINEAR_ABOVE;
-        },
-        choices: &[Choice {
-            name: "relieving",
-            options: &["yes", "no"],
-            meaning: "Whether it vents a pressure behind it that is too high",
-        }],
+        ports: PORTS,
+        parameters: OF_A_REGULATOR,
+        choices: CHOICES,
         inputs: &[("set_pressure_pa", "Pa", "set pressure, absolute")],
-        outputs: &[
-            ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
-            ("relief_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
-        ],
+        outputs: OUTPUTS,
         symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
-        let (Some(one), Some(two), Some(out)) = (at.gas(0), at.gas(1), at.gas(2)) else { return };
-        let relieves = own.choices[0] == 0;
-        let part = Regulator {
-            set_pressure: own.number("set_pressure"),
-            full_opening_drop: own.number("full_opening_drop"),
-            time_constant: own.number("time_constant"),
-            relief_offset: if relieves { own.number("relief_offset") } else { P::c(f64::INFINITY) },
-            relief_rise: own.number("relief_rise"),
-            seat: own.path("conductance", build),
-            relief: own.path("relief_conductance", build),
-            signal: build.circuit.signal(),
-            paths: [build.circuit.between(one, two), build.circuit.between(two, out)],
+        if let Some(input) = regulate(own, at, build, |_| None) {
+            build.input(own, 0, Acts::On(input));
+        }
+    }
+}
+
+/// A regulator whose set pressure follows a command.
+pub struct ElectroPneumatic;
+
+impl Component for ElectroPneumatic {
+    const KIND: Kind = Kind {
+        key: "regulator/electro-pneumatic",
+        title: "Electro-pneumatic pressure regulator",
+        text: "A regulator whose set pressure p_set follows the commanded one, p_c: \
+               p_set'' + 2 zeta w p_set' + w^2 p_set = w^2 p_c with w = 2 pi f. Seat and relief are those of a regulator.",
+        sources: &["iso6358-2013"],
+        ports: PORTS,
+        parameters: table! {
+            ..OF_A_REGULATOR;
+            natural_frequency: "Hz", physics::above(0.0), default 10.0, assumed "of a valve of this kind",
+                "Natural frequency f of the set pressure";
+            damping_ratio: "1", physics::above(0.0), default 1.0, assumed "no overshoot",
+                "Damping ratio zeta of the set pressure";
+        },
+        choices: CHOICES,
+        inputs: &[("set_pressure_pa", "Pa", "commanded pressure, absolute")],
+        outputs: OUTPUTS,
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let mut command = None;
+        let follow = |build: &mut Build<P>| {
+            let signal = build.circuit.signal();
+            let part = SecondOrder {
+                command: own.number("set_pressure"),
+                natural_frequency: P::c(2.0 * PI) * own.number("natural_frequency"),
+                damping_ratio: own.number("damping_ratio"),
+                signal,
+            };
+            command = Some(build.circuit.add(part).input(0));
+            Some(signal)
         };
-        // Through the relief gas leaves what it protects: no cylinder's end stops follow from it.
-        let conductance = part.seat.conductance;
-        let part = build.flow_part(part, &[conductance]);
-        let (input, paths) = (part.input(0), [0, 1].map(|path| Path::along(part, path)));
-        build.input(own, 0, Acts::On(input));
-        for (output, path) in paths.into_iter().enumerate() {
-            build.column(own, output, Quantity::Flow([Some(path), None]));
+        let regulated = regulate(own, at, build, follow);
+        if let (Some(_), Some(command)) = (regulated, command) {
+            build.input(own, 0, Acts::On(command));
         }
     }
 }

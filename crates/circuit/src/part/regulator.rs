@@ -12,7 +12,7 @@ gathered! {
     ///   y_r = clip((p2 - p_set - dp_on)/dp_relief, 0, 1)
     ///
     /// y, y_r  shares of the conductances that are open   -
-    /// p_set   set pressure, absolute                     Pa
+    /// p_set   set pressure, absolute: a number, or a signal   Pa
     /// dp_full drop below it at which the seat is open    Pa
     /// tau     time constant of the seat                  s
     pub struct Regulator {
@@ -21,6 +21,8 @@ gathered! {
         same {
             /// Where the seat's share stands among the signals.
             signal: usize,
+            /// Where the set pressure stands among the signals, if it is one.
+            set: Option<usize>,
             /// Of the seat and the relief.
             paths: [Between; 2],
         }
@@ -28,9 +30,14 @@ gathered! {
 }
 
 impl<P: Real> Regulator<P> {
-    /// The share to which the seat opens at a pressure behind it, Pa.
-    fn target<S: Over<P>>(&self, p: S) -> S {
-        clip((S::from(self.set_pressure) - p) / S::from(self.full_opening_drop))
+    #[inline(always)]
+    fn set_pressure<S: Over<P>>(&self, net: &Net<S>) -> S {
+        self.set.map_or(S::from(self.set_pressure), |signal| net.signal[signal])
+    }
+
+    /// The share to which the seat opens at a set pressure and a pressure behind it, Pa.
+    fn target<S: Over<P>>(&self, set_pressure: S, p: S) -> S {
+        clip((set_pressure - p) / S::from(self.full_opening_drop))
     }
 }
 
@@ -67,7 +74,7 @@ impl<P: Real> Part<P> for Regulator<P> {
         let (law, share) = if path == 0 {
             (&self.seat, net.signal[self.signal])
         } else {
-            let above = S::from(self.set_pressure) + S::from(self.relief_offset);
+            let above = self.set_pressure(net) + S::from(self.relief_offset);
             (&self.relief, clip((one.p - above) / S::from(self.relief_rise)))
         };
         law.mass_flow(share, one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
@@ -76,12 +83,12 @@ impl<P: Real> Part<P> for Regulator<P> {
     #[inline(always)]
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, _common: &Common<P>) {
         let [seat] = y.first();
-        let target = self.target(net[self.paths[0].to].p);
+        let target = self.target(self.set_pressure(net), net[self.paths[0].to].p);
         dy.set([(target - seat) / S::from(self.time_constant)]);
     }
 
     fn begin(&self, given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
         let behind = given.gas(self.paths[0].to.0).map_or(self.set_pressure, |[p, _]| p);
-        y.set([self.target::<P>(behind)]);
+        y.set([self.target::<P>(self.set_pressure, behind)]);
     }
 }
