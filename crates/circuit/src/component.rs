@@ -3,14 +3,17 @@
 
 mod bumper;
 mod check_valve;
+mod compressor;
 mod coupling;
 pub(crate) mod cylinder;
+mod ejector;
 mod fitting;
 mod flow_control;
 mod leak;
 mod line;
 mod load;
 mod orifice;
+mod pulsating;
 mod quick_exhaust;
 mod regulator;
 mod reservoir;
@@ -535,6 +538,9 @@ components! {
     regulator::PressureRegulator,
     regulator::ElectroPneumatic,
     quick_exhaust::QuickExhaust,
+    compressor::Compressor,
+    pulsating::Pulsating,
+    ejector::Ejector,
     valve::Proportional53,
     valve::Proportional32,
     switching::Switching22,

@@ -7,17 +7,20 @@ mod bumper;
 mod carriage;
 pub(crate) mod check_valve;
 mod column;
+mod compressor;
 mod coupling;
 mod cup;
 mod cushion;
 pub(crate) mod cylinder;
 mod edge;
+mod ejector;
 mod end_stops;
 mod face;
 mod gap;
 mod latch;
 mod link;
 mod path;
+mod pulsation;
 mod regulator;
 mod reservoir;
 mod restriction;
@@ -40,17 +43,20 @@ pub use bumper::Bumper;
 pub use carriage::Carriage;
 pub use check_valve::CheckValve;
 pub use column::Column;
+pub use compressor::Compressor;
 pub use coupling::Coupling;
 pub use cup::Cup;
 pub use cushion::Cushion;
 pub use cylinder::{Cylinder, OtherCylinder};
 pub use edge::Edge;
+pub use ejector::Ejector;
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
 pub use gap::Gap;
 pub use latch::Latch;
 pub use link::Link;
 pub use path::Between;
+pub use pulsation::Pulsation;
 pub use regulator::Regulator;
 pub use reservoir::Reservoir;
 pub use restriction::Restriction;
@@ -368,6 +374,9 @@ parts! {
         gaps: Gap,
         latches: Latch,
         second_orders: SecondOrder,
+        compressors: Compressor,
+        pulsations: Pulsation,
+        ejectors: Ejector,
         held: Held,
         spools: Spool,
         armatures: Armature,

@@ -157,3 +157,111 @@ fn an_electro_pneumatic_regulator_follows_its_command_as_a_second_order_system()
     let overshoot = (-zeta * std::f64::consts::PI / damped).exp();
     near(most, 5e5 + 2e5 * overshoot, 1e-3);
 }
+
+#[test]
+fn a_compressor_keeps_a_tank_between_its_pressures() {
+    let (delivery, volume) = (5e-3, 0.01);
+    let numbers = json!({ "free_air_delivery": delivery, "start_pressure": 7e5, "stop_pressure": 8e5,
+                          "outlet_temperature": 320.0 });
+    let draw = one("draw", "fitting", json!({ "conductance": 2e-9, "critical_pressure_ratio": 0.3 }));
+    let components = json!([one("comp", "compressor", numbers), draw, tank(volume)]);
+    let joints = json!([["comp.1", "tank.1", "draw.1"], ["draw.2", "ambient"]]);
+    let network = network(&components, &joints).expect("assembles");
+    let start = [("tank.pressure_pa", 7.5e5), ("tank.temperature_k", ROOM)];
+    let (columns, ledger) = run(&network, &[], (60.0, 1000.0), &start);
+    closes(ledger);
+    let (p, flow) = (&columns["tank.pressure_pa"], &columns["comp.mass_flow_kg_s"]);
+    let runs = delivery * AMBIENT / (R * ROOM);
+    assert!(flow.iter().all(|flow| *flow == 0.0 || (flow / runs - 1.0).abs() < 1e-12));
+    let (low, high) = p.iter().fold((f64::MAX, 0.0_f64), |(low, high), p| (low.min(*p), high.max(*p)));
+    assert!(low > 6.9999e5 && low < 7.01e5 && high < 8.0001e5 && high > 7.99e5, "{low} {high}");
+    assert!(flow.windows(2).filter(|pair| pair[0] != pair[1]).count() >= 4);
+    // p' = k R (m_c T_out - m_d T)/V as long as it runs.
+    let drawn = columns["draw.mass_flow_kg_s"][0];
+    let rate = K * R * (runs * 320.0 - drawn * ROOM) / volume;
+    near((p[1] - p[0]) / 1e-3, rate, 1e-3);
+}
+
+#[test]
+fn a_compressor_at_a_reservoir_changes_nothing() {
+    let numbers = json!({ "free_air_delivery": 5e-3, "start_pressure": 7e5, "stop_pressure": 8e5 });
+    let path = one("path", "fitting", json!({ "conductance": 1e-8, "critical_pressure_ratio": 0.3 }));
+    let components = json!([supply(6e5), one("comp", "compressor", numbers), path, tank(1e-3)]);
+    let joints = json!([["supply.1", "comp.1", "path.1"], ["path.2", "tank.1"]]);
+    let start = [("tank.pressure_pa", 3e5), ("tank.temperature_k", ROOM)];
+    let (_, ledger) = run(&network(&components, &joints).expect("assembles"), &[], (0.5, 10.0), &start);
+    closes(ledger);
+}
+
+#[test]
+fn a_pulsating_reservoir_swings_about_its_mean() {
+    let (amplitude, f) = (4e4, 12.5);
+    let numbers = json!({ "pressure": 6e5, "amplitude": amplitude, "frequency": f });
+    let path = one("path", "fitting", json!({ "conductance": 1e-8, "critical_pressure_ratio": 0.3 }));
+    let components = json!([one("mains", "reservoir/pulsating", numbers), path, tank(1e-3)]);
+    let network =
+        network(&components, &json!([["mains.1", "path.1"], ["path.2", "tank.1"]])).expect("assembles");
+    let start = [("tank.pressure_pa", 6e5), ("tank.temperature_k", ROOM)];
+    let (columns, ledger) = run(&network, &[("mains.pressure_pa", 4.0, 5e5)], (8.0, 200.0), &start);
+    closes(ledger);
+    for (t, p) in columns["time_s"].iter().zip(&columns["mains.pressure_pa"]) {
+        let mean = if *t < 4.0 { 6e5 } else { 5e5 };
+        near(*p, mean + amplitude * (2.0 * std::f64::consts::PI * f * t).sin(), 1e-6);
+    }
+    assert!(columns["path.mass_flow_kg_s"].iter().any(|flow| *flow < 0.0));
+    assert_eq!(columns["path.mass_flow_kg_s"], columns["mains.mass_flow_kg_s"]);
+}
+
+#[test]
+fn an_ejector_draws_a_vacuum_and_lets_it_go() {
+    let (suction, volume) = (2e-9, 1e-3);
+    let numbers = json!({ "conductance": 4e-9, "suction_conductance": suction, "lowest_pressure": 1.5e4,
+                          "critical_pressure_ratio": 0.5 });
+    let components = json!([supply(6e5), one("ejector", "ejector", numbers), tank(volume)]);
+    let network = network(&components, &json!([["supply.1", "ejector.1"], ["ejector.2", "tank.1"]]))
+        .expect("assembles");
+    let start = [("tank.pressure_pa", AMBIENT), ("tank.temperature_k", ROOM)];
+    let (columns, ledger) = run(&network, &[("supply.pressure_pa", 30.0, AMBIENT)], (60.0, 10.0), &start);
+    closes(ledger);
+    let p = &columns["tank.pressure_pa"];
+    // Choked suction, adiabatic.
+    let tau = volume / (suction * RHO_0 * R * ROOM);
+    let mut compared = 0;
+    for (t, p) in columns["time_s"].iter().zip(p) {
+        let expected = AMBIENT * (1.0 + 0.5 * (K - 1.0) * t / tau).powf(-2.0 * K / (K - 1.0));
+        if expected > 1.5e4 / 0.5 {
+            near(*p, expected, 1e-6);
+            compared += 1;
+        }
+    }
+    assert!(compared > 30, "{compared}");
+    near(p[299], 1.5e4, 1e-3);
+    near(p[600], AMBIENT, 1e-3);
+    near(columns["ejector.mass_flow_kg_s"][100], 4e-9 * 6e5 * RHO_0, 1e-9);
+}
+
+#[test]
+fn pressures_that_contradict_each_other_are_refused() {
+    let cases = [
+        (
+            "compressor",
+            json!({ "free_air_delivery": 1e-3, "start_pressure": 8e5, "stop_pressure": 7e5 }),
+            "x.start_pressure = 800000 Pa is not below x.stop_pressure",
+        ),
+        (
+            "reservoir/pulsating",
+            json!({ "pressure": 1e5, "amplitude": 1e5, "frequency": 1.0 }),
+            "x.amplitude = 100000 Pa is not below x.pressure",
+        ),
+        (
+            "soft-start",
+            json!({ "needle_conductance": 2e-8, "conductance": 1e-8 }),
+            "x.needle_conductance = 0.00000002 m3/(s Pa) is above x.conductance",
+        ),
+    ];
+    for (kind, numbers, expected) in cases {
+        let made = network(&json!([one("x", kind, numbers)]), &json!([]));
+        let message = made.err().map(|error| error.to_string()).expect("refused");
+        assert!(message.contains(expected), "{message}");
+    }
+}

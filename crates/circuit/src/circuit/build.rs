@@ -87,7 +87,7 @@ impl<R: Lane> Circuit<R> {
         volume.expect("a volume").1.starts_as = other.0;
     }
 
-    fn is_reservoir(&self, id: GasId) -> bool {
+    pub(crate) fn is_reservoir(&self, id: GasId) -> bool {
         self.parts.reservoirs.iter().any(|(_, part)| part.node == id.0)
     }
 

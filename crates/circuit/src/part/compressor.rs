@@ -1,0 +1,109 @@
+use super::path::gathered;
+use super::volume::specific_entropy;
+use super::{Common, Own, OwnMut, Part};
+use crate::circuit::GasId;
+use crate::ledger::Kind;
+use crate::net::Net;
+use math::{Lane, Over, Real};
+
+/// Pa: far below what any step resolves.
+const TOLERANCE: f64 = 1e-3;
+
+gathered! {
+    /// A mass flow into a node that a pressure switch turns off above `stop_pressure` and on below `start_pressure`, Pa:
+    /// `mass_flow`, kg/s, at `temperature`, K. What it takes from the ambient air and its work cross the boundary.
+    pub struct Compressor {
+        numbers {
+            mass_flow,
+            temperature,
+            start_pressure,
+            stop_pressure,
+            /// One while it runs, zero while it stands.
+            mode,
+        }
+        laws {}
+        same {
+            node: GasId,
+            /// The node is a reservoir: what it delivers stays outside.
+            boundary: bool,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Compressor<P> {
+    /// Along its one path, which comes from outside.
+    #[inline(always)]
+    fn flow<S: Over<P>>(&self, _path: usize, _net: &Net<S>) -> (S, S::Mask) {
+        (S::from(self.mass_flow * self.mode), S::zero().lt(S::zero()))
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let (m_dot, _) = self.flow(0, net);
+        let h_dot = m_dot * net.cp * S::from(self.temperature);
+        let node = &mut net.gas[self.node.0];
+        node.m_dot += m_dot;
+        node.h_dot += h_dot;
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![
+            ("mass over the boundary", Kind::Mass),
+            ("enthalpy over the boundary", Kind::Energy),
+            ("entropy over the boundary", Kind::EntropyIn),
+            ("mixing", Kind::EntropyOfGas),
+        ]
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let ((m_dot, _), t, node) = (self.flow(0, net), S::from(self.temperature), &net[self.node]);
+        let m_dot = if self.boundary { S::zero() } else { m_dot };
+        let (cp, ratio) = (S::from(common.gas.cp), t / node.t);
+        out[0] = m_dot;
+        out[1] = m_dot * cp * t;
+        out[2] = m_dot * specific_entropy(t, node.p, common);
+        out[3] = m_dot * cp * (ratio - S::one() - super::volume::log(ratio));
+    }
+
+    fn n_events(&self) -> usize {
+        1
+    }
+
+    fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
+        let p = net[self.node].p;
+        P::select(self.mode.lt(P::c(0.5)), p - self.start_pressure, self.stop_pressure - p)
+    }
+
+    fn event_tolerance(&self, _event: usize) -> f64 {
+        TOLERANCE
+    }
+
+    fn switch(
+        &mut self,
+        _event: usize,
+        lane: usize,
+        _y: OwnMut<P>,
+        _net: &Net<P>,
+        _common: &Common<P>,
+        _accounts: &mut [P],
+    ) where
+        P: Lane,
+    {
+        self.mode.put(lane, 1.0 - self.mode.get(lane));
+    }
+
+    fn mode_mut(&mut self, _event: usize) -> &mut P {
+        &mut self.mode
+    }
+
+    /// At the start it runs where the pressure is below that at which it stops, as one that was turned on does.
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
+    where
+        P: Lane,
+    {
+        let p = net[self.node].p;
+        for lane in 0..P::L {
+            self.mode.put(lane, if p.get(lane) < self.stop_pressure.get(lane) { 1.0 } else { 0.0 });
+        }
+    }
+}

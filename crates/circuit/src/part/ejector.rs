@@ -1,0 +1,42 @@
+use super::Part;
+use super::path::{Between, clip, gathered};
+use crate::net::Net;
+use math::{Over, Real};
+use physics::flow::Iso6358;
+
+gathered! {
+    /// An ejector: a nozzle from node 1 to node 3, and what its jet sucks from node 2 to node 3, as if there were a
+    /// pressure p_low behind a restriction:
+    ///
+    ///   p_low = p3 + y (p_min - p3),   y = clip((p1 - p3)/dp_work, 0, 1)
+    ///
+    /// p_min    pressure that it reaches without suction flow   Pa
+    /// dp_work  difference at which it reaches that             Pa
+    pub struct Ejector {
+        numbers { lowest_pressure, working_difference }
+        laws { nozzle: Iso6358, suction: Iso6358 }
+        same {
+            /// Of the nozzle and the suction.
+            paths: [Between; 2],
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Ejector<P> {
+    fn paths(&self) -> &[Between] {
+        &self.paths
+    }
+
+    #[inline(always)]
+    fn flow<S: Over<P>>(&self, path: usize, net: &Net<S>) -> (S, S::Mask) {
+        let (supply, out) = (&net[self.paths[0].from], &net[self.paths[0].to]);
+        let one = S::one();
+        if path == 0 {
+            return self.nozzle.mass_flow(one, supply.p, supply.inverse_sqrt_t, out.p, out.inverse_sqrt_t);
+        }
+        let vacuum = &net[self.paths[1].from];
+        let works = clip((supply.p - out.p) / S::from(self.working_difference));
+        let low = out.p + works * (S::from(self.lowest_pressure) - out.p);
+        self.suction.mass_flow(one, vacuum.p, vacuum.inverse_sqrt_t, low, out.inverse_sqrt_t)
+    }
+}
