@@ -13,6 +13,7 @@ mod leak;
 mod line;
 mod load;
 mod orifice;
+mod piloted;
 mod pulsating;
 mod quick_exhaust;
 mod regulator;
@@ -45,6 +46,8 @@ pub use symbol::{Stroke, Symbol};
 pub enum PortKind {
     Gas,
     Axis,
+    /// Feels the pressure of the gas that it is joined to, and lets none of it pass.
+    Pilot,
 }
 
 /// What determines the state of the gas behind a port.
@@ -89,6 +92,11 @@ const fn gas(name: &'static str) -> Port {
 /// The same, open to the ambient air where nothing is joined to it.
 const fn exhaust(name: &'static str) -> Port {
     Port { exhaust: true, ..gas(name) }
+}
+
+/// A port that pressure alone acts on.
+const fn pilot(name: &'static str) -> Port {
+    Port { kind: PortKind::Pilot, volume: 0.0, ..gas(name) }
 }
 
 /// A port of a volume, which includes that of the port.
@@ -533,6 +541,7 @@ components! {
     tube::Tube,
     line::Line,
     check_valve::CheckValve,
+    piloted::PilotedCheckValve,
     flow_control::FlowControl,
     soft_start::SoftStart,
     regulator::PressureRegulator,

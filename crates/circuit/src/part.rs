@@ -20,6 +20,7 @@ mod gap;
 mod latch;
 mod link;
 mod path;
+mod poppet;
 mod pulsation;
 mod regulator;
 mod reservoir;
@@ -56,6 +57,7 @@ pub use gap::Gap;
 pub use latch::Latch;
 pub use link::Link;
 pub use path::Between;
+pub use poppet::Poppet;
 pub use pulsation::Pulsation;
 pub use regulator::Regulator;
 pub use reservoir::Reservoir;
@@ -374,6 +376,7 @@ parts! {
         gaps: Gap,
         latches: Latch,
         second_orders: SecondOrder,
+        poppets: Poppet,
         compressors: Compressor,
         pulsations: Pulsation,
         ejectors: Ejector,

@@ -159,6 +159,57 @@ fn an_electro_pneumatic_regulator_follows_its_command_as_a_second_order_system()
 }
 
 #[test]
+fn a_piloted_check_valve_holds_until_its_pilot_opens_it() {
+    let numbers = json!({ "conductance": 1e-8, "pilot_ratio": 3.0, "cracking_pressure": 1e4 });
+    let components = |pilot: f64| {
+        json!([
+            one("line", "reservoir", json!({ "pressure": pilot })),
+            one("hold", "check-valve/piloted", numbers),
+            tank(1e-3)
+        ])
+    };
+    let joints = json!([["hold.1", "ambient"], ["hold.2", "tank.1"], ["hold.12", "line.1"]]);
+    let start = [("tank.pressure_pa", 6e5), ("tank.temperature_k", ROOM)];
+    let held = network(&components(AMBIENT), &joints).expect("assembles");
+    // Shut up to a (p_x - p_amb) = p2 - p1 + p_c, here 1.696 bar of pilot pressure.
+    let plan =
+        [("line.pressure_pa", 1000.0, AMBIENT + 1.69e5), ("line.pressure_pa", 1001.0, AMBIENT + 1.8e5)];
+    let (columns, ledger) = run(&held, &plan, (1002.0, 1.0), &start);
+    closes(ledger);
+    let p = &columns["tank.pressure_pa"];
+    assert!(p[..1002].windows(2).all(|pair| pair[0] == pair[1]), "{:?}", &p[1000..]);
+    assert!(p[1002] < 2e5, "{}", p[1002]);
+    assert!(columns["line.mass_flow_kg_s"].iter().all(|flow| *flow == 0.0));
+    // Forward it is a check valve, whatever the pilot.
+    let empty = [("tank.pressure_pa", 0.5e5), ("tank.temperature_k", ROOM)];
+    let (columns, _) = run(&held, &[], (10.0, 1.0), &empty);
+    near(columns["tank.pressure_pa"][10], AMBIENT - 1e4, 1e-3);
+}
+
+#[test]
+fn a_pilot_port_brings_no_volume_and_needs_gas() {
+    let pilot = one("hold", "check-valve/piloted", json!({ "conductance": 1e-8 }));
+    let path =
+        |name: &str| one(name, "fitting", json!({ "conductance": 1e-8, "critical_pressure_ratio": 0.3 }));
+    let components = json!([pilot, path("one"), path("two"), tank(1e-3), supply(7e5)]);
+    let joints = |last: Value| {
+        json!([["supply.1", "one.1"], ["hold.12", "one.2", "two.1"], ["two.2", "tank.1"], last, ["hold.2"]])
+    };
+    let made = network(&components, &joints(json!(["hold.1", "ambient"]))).expect("assembles");
+    assert_eq!(made.joint_volumes()[0], ("one.2".to_string(), 4e-7));
+    let alone = json!([
+        ["supply.1", "one.1"],
+        ["one.2", "two.1"],
+        ["two.2", "tank.1"],
+        ["hold.12"],
+        ["hold.1", "ambient"],
+        ["hold.2"]
+    ]);
+    let message = network(&components, &alone).err().map(|error| error.to_string()).expect("refused");
+    assert!(message.contains("no gas reaches the pilot port hold.12"), "{message}");
+}
+
+#[test]
 fn a_compressor_keeps_a_tank_between_its_pressures() {
     let (delivery, volume) = (5e-3, 0.01);
     let numbers = json!({ "free_air_delivery": delivery, "start_pressure": 7e5, "stop_pressure": 8e5,

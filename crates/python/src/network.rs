@@ -151,6 +151,7 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
             let kind = match port.kind {
                 PortKind::Gas => "gas",
                 PortKind::Axis => "axis",
+                PortKind::Pilot => "pilot",
             };
             out.set_item("kind", kind)?;
             let holds = match port.holds {

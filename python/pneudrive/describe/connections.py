@@ -1,7 +1,8 @@
 """Connections between the components of a circuit: chains of ports become joints, and what is wrong with them is told.
 
 `a -> b -> c` enters a component of two ports by its first and leaves it by its second, exhausts and ports that may stay
-free apart; any other port is named.
+free apart; any other port is named. `a.4 .. b.12` is a pilot line: port 12 of b feels the pressure there, and no gas
+passes it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from pneudrive.errors import Problems
 
 ARROW = "->"
+PILOT_LINE = ".."
 AMBIENT = "ambient"
 MOST_NAMED = 5  # components of an island
 
@@ -36,7 +38,7 @@ class Port(NamedTuple):
 
     component: str
     name: str
-    kind: str  # "gas" or "axis"
+    kind: str  # "gas", "axis", or "pilot": it feels the pressure of gas that does not pass it
     holds: str  # "volume": gas with a state of its own; "pressure": constant; "set": kept; "": a restriction, an axis
     exhaust: bool
     optional: bool
@@ -48,8 +50,13 @@ class Port(NamedTuple):
 
     @property
     def is_single(self) -> bool:
-        """Whether one connection may name it, as a hole takes one fitting."""
+        """Whether one connection may name it, as a hole takes one fitting; pilot lines do not count."""
         return self.kind == "gas" and self.holds in ("", "set")
+
+    @property
+    def is_pilot(self) -> bool:
+        """Whether a pilot line alone may join it."""
+        return self.kind == "pilot"
 
 
 @dataclass(eq=False)
@@ -160,6 +167,9 @@ class Wiring:
             if not isinstance(chain, str):
                 raise wrong(key, f"connection {chain!r} is not a text", remedy='Write "supply -> valve.1".')
             words = [word.strip() for word in chain.split(ARROW)]
+            is_line = len(words) == 1 and PILOT_LINE in chain
+            if is_line:
+                words = [word.strip() for word in chain.split(PILOT_LINE)]
             if len(words) < 2:
                 rule = "a connection names two ports or more"
                 raise wrong(key, f'"{chain}" joins nothing', rule=rule, remedy='Write "supply -> valve.1".')
@@ -172,6 +182,7 @@ class Wiring:
             for (_, one), (other, _) in pairwise(ends):
                 if one is not None and other is not None:
                     with self.problems.caught():
+                        self._pilots(one, other, key, is_line=is_line)
                         self._join(one, other, chain, key)
 
     def _element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
@@ -186,7 +197,7 @@ class Wiring:
         if dot:
             found = self._port(name, port, key)
             return found, found
-        through = [one for one in ports if not (one.exhaust or one.optional)]
+        through = [one for one in ports if not (one.exhaust or one.optional or one.is_pilot)]
         if len(through) == 1:
             return through[0], through[0]
         if len(through) == 2 and all(one.is_single or one.kind == "axis" for one in through):
@@ -211,22 +222,41 @@ class Wiring:
         remedy = f"Ports of {kind}: {known}."
         raise wrong(key, f'{component} has no port "{name}"', remedy=remedy)
 
+    @staticmethod
+    def _pilots(one: Port | str, other: Port | str, key: str, *, is_line: bool) -> None:
+        """Refuse gas that would pass a pilot port, and a pilot line without one."""
+        pilots = [port.id for port in (one, other) if isinstance(port, Port) and port.is_pilot]
+        ends = [port if isinstance(port, str) else port.id for port in (one, other)]
+        if pilots and not is_line:
+            rule = "a pilot port feels a pressure, and no gas passes it"
+            remedy = f'Join it with a pilot line: "{ends[0]} {PILOT_LINE} {ends[1]}".'
+            raise wrong(key, f"{pilots[0]} is a pilot port", rule=rule, remedy=remedy)
+        if is_line and not pilots:
+            rule = "a pilot line ends at a pilot port"
+            remedy = f'Gas passes "{ends[0]} {ARROW} {ends[1]}".'
+            raise wrong(key, f"neither {ends[0]} nor {ends[1]} is a pilot port", rule=rule, remedy=remedy)
+
     def _join(self, one: Port | str, other: Port | str, chain: str, key: str) -> None:
         ports = [port for port in (one, other) if isinstance(port, Port)]
-        kinds = {port.kind for port in ports} | ({"gas"} if AMBIENT in (one, other) else set())
+        kinds = {"gas" if port.is_pilot else port.kind for port in ports}
+        kinds |= {"gas"} if AMBIENT in (one, other) else set()
         if len(kinds) > 1:
             said = ", ".join(
                 f"{port if isinstance(port, str) else port.id} is {_a(port if isinstance(port, str) else port.kind)}"
                 for port in (one, other)
             )
             raise wrong(key, said, rule="gas is joined to gas, an axis to an axis")
+        is_line = any(port.is_pilot for port in ports)
         for port in ports:
-            if port.is_single and port in self.named:
+            if (port.is_pilot if is_line else port.is_single) and port in self.named:
                 what = f'{port.id} is joined twice: by "{self.named[port]}" and by "{chain}"'
                 remedy = "Branch where there is room for gas: at a tank, a chamber or a reservoir."
+                if is_line:
+                    remedy = "A pilot port feels one pressure: keep one of the lines."
                 raise wrong(key, what, rule="a port takes one connection", remedy=remedy)
         for port in ports:
-            self.named[port] = chain
+            if port.is_pilot or not is_line:
+                self.named[port] = chain
         self._merge(one, other, key)
 
     def _merge(self, one: Port | str, other: Port | str, key: str) -> None:
@@ -301,6 +331,8 @@ class Wiring:
                 joined = f'Join it, for instance "{port.id} {ARROW} {others[0].id}"' if others else "Join it"
                 rule = "each port is joined or plugged"
                 remedy = f'{joined}, or write plugged = ["{port.id}"].'
+                if port.is_pilot:
+                    rule, remedy = "a pilot port feels a pressure", f'Write "valve.4 {PILOT_LINE} {port.id}".'
                 self.problems.add(wrong(key, f"port {port.id} leads nowhere", rule=rule, remedy=remedy))
 
     def _check(self) -> None:
@@ -311,6 +343,11 @@ class Wiring:
                 where = AMBIENT if places[0].ambient else f"{{{places[0]}}}"
                 what = f"{name} connects joint {where} with itself"
                 self.problems.add(wrong(places[0].key, what, rule="a restriction lies between two joints"))
+        for joint in self.joints:
+            if not joint.ambient and all(port.is_pilot for port in joint.ports):
+                what = f"no gas reaches the pilot port {joint}"
+                remedy = f'Write "valve.4 {PILOT_LINE} {joint.ports[0].id}", or join it to ambient.'
+                self.problems.add(wrong(joint.key, what, rule="a pilot port feels the pressure of gas", remedy=remedy))
         if not self.problems.found:
             self._islands()
 

@@ -160,6 +160,8 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Vec<J
         if axes > 0 && (joint.ambient || axes < joint.ports.len()) {
             return refuse(format!("the joint of {} joins gas to an axis", names.join(", ")));
         }
+        // A joint is called by the first of its ports that gas passes.
+        joint.ports.sort_by_key(|port| kind(port) == PortKind::Pilot);
         joints.push(joint);
     }
     for (component, own) in each.iter().enumerate() {
@@ -206,7 +208,11 @@ where
         let kind = |&(component, port): &PortId| self.each[component].kind().ports[port].kind;
         let node = match joint.ports.first().map(kind) {
             None => return Ok(()),
-            Some(PortKind::Gas) => Node::Gas(self.gas(joint)?),
+            Some(PortKind::Pilot) if !joint.ambient => {
+                let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
+                return refuse(format!("no gas reaches the pilot port {}", names.join(", ")));
+            }
+            Some(PortKind::Gas | PortKind::Pilot) => Node::Gas(self.gas(joint)?),
             Some(PortKind::Axis) => Node::Axis(self.axis(joint)?),
         };
         for &(component, port) in &joint.ports {
