@@ -362,7 +362,7 @@ impl<R: Lane> Circuit<R> {
         self.parts.stored(y, &net, &self.common)
     }
 
-    /// The energy that each part stores at state `y`, J.
+    /// The energy of each store at state `y`, J: of speed, height and bristles of masses, of volumes and springs.
     pub fn stores(&self, y: &[R]) -> Vec<R> {
         let mut net = self.work::<R>();
         self.observe(y, &mut net);
@@ -497,6 +497,13 @@ impl<R: Lane> System<R> for Circuit<R> {
             let (dy, accounts) = dy.split_at_mut(self.topology.n_states);
             self.parts.account(y, dy, net, &self.common, accounts);
         }
+    }
+
+    fn swings(&self) -> Vec<(usize, R)> {
+        let usual = self.parts.cylinders.iter().map(|(place, part)| (place, part.swing_speed(&self.common)));
+        let others = self.parts.other_cylinders.iter();
+        let others = others.map(|(place, part)| (place, part.swing_speed(&self.common)));
+        usual.chain(others).map(|(place, speed)| (place.first + 1, speed)).collect()
     }
 
     fn completes(&self) -> bool {

@@ -29,8 +29,8 @@ pub struct Channel {
 pub struct Balance {
     /// Mass stored minus mass that came in, relative to the mass that was stored or moved, -.
     pub mass_error: f64,
-    /// Energy stored minus energy that came in, relative to the energy turned over, or to what a part stores and gives
-    /// back where that is more, or to a thousand times what rounding may lose of all that is stored, -.
+    /// Energy stored minus energy that came in, relative to the energy turned over, or to what speed, height, a
+    /// chamber or a spring stores and gives back where that is more, or at least to a 300th of all that is stored, -.
     pub energy_error: f64,
     /// Entropy of the gas minus what came in and what was produced, relative to what was turned over, -.
     pub entropy_error: f64,
@@ -42,11 +42,13 @@ pub struct Balance {
     pub accounts: Vec<(String, Kind, f64)>,
 }
 
-/// What rounding loses counts as a thousandth of the energy to which an error is related.
-const ROUNDING_SHARE: f64 = 1e-3;
+/// What is turned over counts as no less than this share of what is stored, so that an error of `rtol` of what is stored
+/// is one of 300 `rtol`: each state, the energy of a gas among them, is known to that. Where a piston at rest trembles on
+/// a stiff stop, less is turned over.
+const LEAST_SHARE: f64 = 1.0 / 300.0;
 
-/// The accounts of a run of so many steps closed, from its states at the samples (accounts included).
-pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>], steps: u64) -> Balance {
+/// The accounts of a run closed, from its states at the samples (accounts included).
+pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
     let books: Vec<([f64; 3], Vec<f64>)> = samples.iter().map(|y| circuit.books(y)).collect();
     let stores: Vec<Vec<f64>> = samples.iter().map(|y| circuit.stores(y)).collect();
     let (start, first) = books.first().expect("at least the initial state");
@@ -64,13 +66,13 @@ pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>], steps: u64) -> Bala
     }
     let turnover = turned(Kind::Energy);
     let entropy_turnover = turned(Kind::EntropyIn) + produced.abs();
-    // What swings between a mass and a spring, again and again, is in no account.
-    let swing = (0..stores[0].len()).map(|part| {
-        let each = stores.iter().map(|stores| stores[part]);
+    // What swings between a mass and a spring or a gas, again and again, is in no account.
+    let swing = (0..stores[0].len()).map(|store| {
+        let each = stores.iter().map(|stores| stores[store]);
         each.clone().fold(f64::MIN, f64::max) - each.fold(f64::MAX, f64::min)
     });
-    let rounding = steps as f64 * f64::EPSILON * start[1].abs().max(end[1].abs());
-    let size = swing.fold(turnover, f64::max).max(rounding / ROUNDING_SHARE);
+    let stored = start[1].abs().max(end[1].abs());
+    let size = swing.fold(turnover, f64::max).max(LEAST_SHARE * stored);
     let relative = |error: f64, size: f64| if size > 0.0 { error / size } else { error };
     Balance {
         mass_error: relative(

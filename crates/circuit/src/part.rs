@@ -260,6 +260,10 @@ pub trait Part<P: Real> {
     fn stored<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         [S::zero(); 3]
     }
+    /// The energy of each of its stores, J.
+    fn stores<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> Vec<S> {
+        vec![self.stored(y, net, common)[1]]
+    }
     /// The part's accounts.
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         self.paths().iter().flat_map(|_| path::CHANNELS).collect()

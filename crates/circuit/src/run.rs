@@ -97,7 +97,7 @@ impl Recorder {
     pub fn finish(mut self, session: &Session) -> Run {
         self.complete(session);
         let statistics = session.statistics();
-        let balance = self.states.as_ref().map(|states| balance(session.circuit(), states, statistics.steps));
+        let balance = self.states.as_ref().map(|states| balance(session.circuit(), states));
         let mut impacts: Vec<Impact> = self.impacts.into_iter().flat_map(Impacts::finish).collect();
         impacts.sort_by(|one, other| one.time.total_cmp(&other.time));
         Run { columns: self.columns, statistics, balance, impacts }

@@ -57,7 +57,7 @@ fn karnopp_becomes_exact_sticking_as_its_band_narrows() {
 fn what_a_stop_of_karnopp_takes_is_booked_as_heat() {
     let dead_zone = 5e-3;
     let (_, trace, stepper) = stick_slip(karnopp(dead_zone));
-    let books = balance(stepper.system(), &trace.states, stepper.statistics(0).steps);
+    let books = balance(stepper.system(), &trace.states);
     // Three events a stop: it breaks away, leaves the band, comes back into it.
     let taken = 0.5 * 2.0 * dead_zone * dead_zone * (stepper.statistics(0).events / 3) as f64;
     println!("{taken} J of {} J, closed to {:e}", books.turnover, books.energy_error);

@@ -1,5 +1,7 @@
 //! Step size, acceptance and failure of one lane, in plain `f64` and plain `if`.
 
+use crate::swing::Swing;
+
 /// How accurately, and how long at most.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
@@ -107,10 +109,18 @@ pub(crate) struct Control {
     pub idle_switches: u32,
     pub failure: Option<Failure>,
     pub statistics: Statistics,
+    /// The masses that may swing.
+    pub swings: Vec<Swing>,
+    /// Share of the tolerance that one step may use up.
+    pub share: f64,
 }
 
+/// Share of the tolerance that one step may use up. Errors of steps add up, and a drive that creeps
+/// amplifies them: with a half, what is asked is what the golden trajectories show.
+const LOCAL_SHARE: f64 = 0.5;
+
 impl Control {
-    pub fn new() -> Self {
+    pub fn new(swings: Vec<Swing>) -> Self {
         Control {
             wish: 0.0,
             after_rejection: false,
@@ -121,7 +131,27 @@ impl Control {
             idle_switches: 0,
             failure: None,
             statistics: Statistics::default(),
+            swings,
+            share: LOCAL_SHARE,
         }
+    }
+
+    /// Follows the masses through a step of length `h`; `velocities` gives those before and after it.
+    #[inline(always)]
+    pub fn follow(&mut self, h: f64, velocities: impl Fn(usize) -> [f64; 2]) {
+        let mut turned = false;
+        for swing in &mut self.swings {
+            let [before, after] = velocities(swing.state);
+            turned |= swing.step(h, before, after);
+        }
+        if turned {
+            self.renew_share();
+        }
+    }
+
+    /// Brings the share of the tolerance up to date with the swings.
+    pub fn renew_share(&mut self) {
+        self.share = LOCAL_SHARE * self.swings.iter().map(Swing::share).fold(1.0, f64::min);
     }
 
     /// The step to attempt from `t` towards `until`.

@@ -11,6 +11,7 @@ mod rosenbrock;
 mod stages;
 mod stepper;
 mod structure;
+mod swing;
 mod system;
 
 pub use control::{Failure, Options, Statistics};

@@ -11,6 +11,7 @@ use crate::dense::Step;
 use crate::linear::{Linear, blocks};
 use crate::stages::{BLOCK, Block, METHOD, S, combine, zeros};
 use crate::structure::{DIRECTIONS, Structure};
+use crate::swing::Swing;
 use crate::system::System;
 use math::{Dual, Lane, Real};
 pub use output::{Accepted, NoOutput, Output};
@@ -19,10 +20,6 @@ use std::sync::Arc;
 
 /// A step below this fraction of the present time (or of 1) no longer moves the clock reliably.
 const MIN_RELATIVE_STEP: f64 = 4.0 * f64::EPSILON;
-
-/// Share of the tolerance that one step may use up. Errors of steps add up, and a drive that creeps
-/// amplifies them: with a half, what is asked is what the golden trajectories show.
-const LOCAL_SHARE: f64 = 0.5;
 
 /// An attempt whose error is this many tolerances may have run into an obstacle.
 const FAR_OFF: f64 = 10.0;
@@ -102,9 +99,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
         let (n_events, n_obstacles) = (system.n_events(), system.n_obstacles());
         let (work, dual_work) = (system.work::<R>(), system.work::<Direction<R>>());
+        let swings = |lane: usize| {
+            let each = system.swings().into_iter();
+            each.map(|(state, speed)| Swing::new(state, speed.get(lane), options.rtol)).collect()
+        };
         Stepper {
             options,
-            lanes: vec![Control::new(); R::L],
+            lanes: (0..R::L).map(|lane| Control::new(swings(lane))).collect(),
             t: vec![t0; R::L],
             y,
             f0: zeros(blocks),
@@ -345,7 +346,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
     fn error(&self) -> R::Plain {
-        let rtol = R::Plain::c(LOCAL_SHARE * self.options.rtol);
+        let rtol = R::Plain::from_lanes(|lane| self.lanes[lane].share * self.options.rtol);
         let (zero, infinite) = (R::Plain::zero(), R::Plain::c(f64::INFINITY));
         let blocks = self.y.len();
         let (mut worst, mut poison) = ([zero; BLOCK], [zero; BLOCK]);
@@ -450,6 +451,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 y.take(lane, y1);
             }
             self.t[lane] = t1;
+            let ends = [&self.step.y0, &self.step.y1].map(|y| y.as_flattened());
+            self.lanes[lane].follow(h_lane, |state| ends.map(|y| y[state].get(lane)));
             any_accepted = true;
             match taken {
                 Some(event) => self.switch(lane, event, true),

@@ -25,6 +25,12 @@ pub trait System<R: Lane> {
     /// An infinite scale marks a quadrature: integrated alongside, never steering the step.
     fn scale(&self) -> &[R];
 
+    /// The velocities of masses that may swing, and for each the speed with which its energy is as much as its swings
+    /// may be measured by.
+    fn swings(&self) -> Vec<(usize, R)> {
+        Vec::new()
+    }
+
     /// Whether quadratures hold more than the integrals of `rhs`.
     fn completes(&self) -> bool {
         false

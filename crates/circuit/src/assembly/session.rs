@@ -11,7 +11,7 @@ use math::{Dual, Lane, Real};
 use ode::{NoOutput, Options, Output, Statistics, Stepper, System};
 
 /// Bytes of a session begin with this, and the version of their form.
-const MAGIC: &[u8; 8] = b"pnd-ses\x03";
+const MAGIC: &[u8; 8] = b"pnd-ses\x04";
 
 /// Directions of one pass of a linearisation.
 const DIRECTIONS: usize = 8;

@@ -159,12 +159,18 @@ impl<P: Real> Axis<P> {
         self.friction.as_ref().map_or(S::zero(), |contact| contact.steady(&at(node)))
     }
 
-    /// What the axis with inner states `z` stores.
-    pub(super) fn stored_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
+    /// The energy of its speed, of its height and of its bristles with inner states `z`, J.
+    pub(super) fn stores_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let node = &net.axis[self.node];
         let kinetic = S::c(0.5) * S::from(self.mass + self.inertia) * node.v * node.v;
-        let bristle = self.friction.as_ref().map_or(S::zero(), |contact| contact.stored(z));
-        [S::zero(), kinetic + S::from(self.weight) * node.x + bristle, S::zero()]
+        let bristles = self.friction.as_ref().map_or(S::zero(), |contact| contact.stored(z));
+        [kinetic, S::from(self.weight) * node.x, bristles]
+    }
+
+    /// What the axis with inner states `z` stores.
+    pub(super) fn stored_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
+        let [kinetic, height, bristles] = self.stores_in(z, net);
+        [S::zero(), kinetic + height + bristles, S::zero()]
     }
 
     /// Rates of the accounts of the axis with inner states `z`, whose rates are `dz`. The work done on the damping of
@@ -413,6 +419,10 @@ impl<P: Real> Part<P> for Axis<P> {
 
     fn stored<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         self.stored_in(y.after(2), net)
+    }
+
+    fn stores<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, _common: &Common<P>) -> Vec<S> {
+        self.stores_in(y.after(2), net).to_vec()
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {

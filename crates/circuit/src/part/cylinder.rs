@@ -6,6 +6,7 @@ use super::{
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Lane, Over, Real};
+use physics::constants::P_0;
 
 /// A double-acting cylinder: an axis between two chambers, with end stops. The same laws as its
 /// parts joined by hand, but what passes between them stays in registers: half the work.
@@ -125,6 +126,20 @@ impl<P: Real, const USUAL: bool> Cylinder<P, USUAL> {
     fn sides(&self) -> impl Iterator<Item = (&Volume<P>, &Face<P>)> {
         self.volumes.iter().zip(&self.faces)
     }
+
+    /// The speed with which the mass has as much energy as the gas of the whole cylinder at standard pressure.
+    pub(crate) fn swing_speed(&self, common: &Common<P>) -> P {
+        let dead = self.volumes[0].dead_volume + self.volumes[1].dead_volume;
+        let swept = P::c(0.5) * (self.faces[0].area + self.faces[1].area) * self.stops.stroke;
+        let energy = P::c(P_0) * (dead + swept) * common.gas.cv / common.gas.gas_constant;
+        (P::c(2.0) * energy / (self.axis.mass + self.axis.inertia)).sqrt()
+    }
+
+    /// What chamber a, chamber b and the stops store.
+    fn others_stored<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> [[S; 3]; 3] {
+        let [a, b] = &self.volumes;
+        [a.stored(y, net, common), b.stored(y, net, common), self.stops.stored(y, net, common)]
+    }
 }
 
 impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
@@ -188,13 +203,18 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
 
     fn stored<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> [S; 3] {
         let mut sum = self.axis.stored_in(y.after(INNER), net);
-        let parts = self.volumes.iter().map(|volume| volume.stored(y, net, common));
-        for own in parts.chain([self.stops.stored(y, net, common)]) {
+        for own in self.others_stored(y, net, common) {
             for (sum, own) in sum.iter_mut().zip(own) {
                 *sum += own;
             }
         }
         sum
+    }
+
+    fn stores<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> Vec<S> {
+        let mut stores = self.axis.stores_in(y.after(INNER), net).to_vec();
+        stores.extend(self.others_stored(y, net, common).map(|[_, energy, _]| energy));
+        stores
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {

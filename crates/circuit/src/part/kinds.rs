@@ -302,12 +302,12 @@ macro_rules! parts {
                 })*
                 sum
             }
-            /// The energy that each part stores, J.
+            /// The energy of each store, J.
             pub fn stores<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> Vec<S> {
                 let mut stores = Vec::new();
-                $(stores.extend(self.$field.iter().map(|(at, part)| {
-                    part.stored(Own { y, place: *at }, net, common)[1]
-                }));)*
+                $(for (at, part) in &self.$field {
+                    stores.extend(part.stores(Own { y, place: *at }, net, common));
+                })*
                 stores
             }
             pub fn account<S: Over<P>>(

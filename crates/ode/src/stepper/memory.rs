@@ -2,12 +2,16 @@
 
 use super::Stepper;
 use crate::control::{Control, Statistics};
+use crate::swing::Memory;
 use crate::system::System;
+
+/// Words of each mass that may swing.
+const SWING: usize = 7;
 
 impl<Sys: System<f64>> Stepper<f64, Sys> {
     /// All that what follows depends on, beside the inputs and modes of the system; nothing of a lane that has failed.
     pub fn save(&self) -> Option<Vec<u64>> {
-        let Control { wish, after_rejection, cut, cuts, idle_switches, failure, statistics, .. } =
+        let Control { wish, after_rejection, cut, cuts, idle_switches, failure, statistics, swings, .. } =
             &self.lanes[0];
         if failure.is_some() {
             return None;
@@ -26,19 +30,24 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
             u64::from(*idle_switches),
             u64::from(*cuts),
         ];
-        Some(words.chain(flags.map(u64::from)).chain(counts).collect())
+        let swings = swings.iter().flat_map(|swing| {
+            let Memory { count, before, peak, turns, towards, time, resting } = swing.memory;
+            [count, before, peak, turns, towards, time, resting].map(f64::to_bits)
+        });
+        Some(words.chain(flags.map(u64::from)).chain(counts).chain(swings).collect())
     }
 
     /// How many words that are.
     pub fn words(&self) -> usize {
-        self.structure.n() + 15
+        self.structure.n() + 15 + SWING * self.lanes[0].swings.len()
     }
 
     /// Goes on, bit for bit, where `save` was called; the inputs and modes of the system are those of that time.
     pub fn restore(&mut self, words: &[u64]) {
         assert_eq!(words.len(), self.words(), "words of a system of this size");
         let (numbers, rest) = words.split_at(3 + self.structure.n());
-        let (flags, counts) = rest.split_at(4);
+        let (flags, rest) = rest.split_at(4);
+        let (counts, swings) = rest.split_at(8);
         let number = |i: usize| f64::from_bits(numbers[i]);
         self.t[0] = number(0);
         for (i, y) in self.y.as_flattened_mut()[..numbers.len() - 3].iter_mut().enumerate() {
@@ -46,14 +55,20 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
         }
         let [fresh, started, after_rejection, has_cut] = [0, 1, 2, 3].map(|i| flags[i] != 0);
         self.started = started;
+        let mut own = std::mem::take(&mut self.lanes[0].swings);
+        for (swing, words) in own.iter_mut().zip(swings.as_chunks::<SWING>().0) {
+            let [count, before, peak, turns, towards, time, resting] = words.map(f64::from_bits);
+            swing.memory = Memory { count, before, peak, turns, towards, time, resting };
+        }
         self.lanes[0] = Control {
             wish: number(1),
             after_rejection,
             cut: has_cut.then(|| number(2)),
             idle_switches: counts[6] as u32,
             cuts: counts[7] as u32,
-            ..Control::new()
+            ..Control::new(own)
         };
+        self.lanes[0].renew_share();
         self.fresh = false;
         if fresh {
             self.refresh();

@@ -1,0 +1,128 @@
+//! How long a mass has been swinging with the energy that it has.
+
+/// Half swings whose errors may add up at this relative tolerance and looser ones, and in proportion more at tighter ones:
+/// sensible drives lose their energy sooner, but for one in a thousand (assumed).
+const FREE_SWINGS: f64 = 20.0;
+const LOOSE_RTOL: f64 = 3e-6;
+/// Least share of the tolerance: more work buys less (assumed).
+const LEAST_SHARE: f64 = 0.2;
+/// Half swings that are looked at together. Of one alone the largest speed is not known: steps may end anywhere.
+const TOGETHER: f64 = 8.0;
+/// Below this share of its largest speed a mass rests, if that takes this share of a half swing.
+const RESTING_SPEED: f64 = 0.01;
+const RESTING_TIME: f64 = 0.1;
+
+/// Follows one velocity. A mass that bounces keeps its energy, and with it what every step took from it by mistake, most
+/// often with one sign. So the half swings since the energy came in are counted: each by as much of its energy as is
+/// left, and by what that is beside the energy that the system declares (one at most).
+#[derive(Clone, Debug)]
+pub(crate) struct Swing {
+    pub state: usize,
+    /// One over the speed with that energy, s/m.
+    inverse_speed: f64,
+    free: f64,
+    pub memory: Memory,
+}
+
+/// What `Swing` knows of the past.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Memory {
+    /// Half swings that count.
+    pub count: f64,
+    /// Largest speed of the half swings that were looked at last, and of those since.
+    pub before: f64,
+    pub peak: f64,
+    /// How many those are.
+    pub turns: f64,
+    /// A velocity in the present direction.
+    pub towards: f64,
+    /// How long the present half swing has lasted, and its mass has rested in it, s.
+    pub time: f64,
+    pub resting: f64,
+}
+
+impl Swing {
+    pub fn new(state: usize, speed: f64, rtol: f64) -> Self {
+        let free = FREE_SWINGS * (LOOSE_RTOL / rtol).max(1.0);
+        Swing { state, inverse_speed: 1.0 / speed, free, memory: Memory::default() }
+    }
+
+    /// A step of length `h` has gone from velocity `v0` to `v`; true where the count may be another.
+    #[inline(always)]
+    pub fn step(&mut self, h: f64, v0: f64, v: f64) -> bool {
+        let Memory { peak, towards, time, resting, .. } = &mut self.memory;
+        let slow = RESTING_SPEED * *peak;
+        let rests = v.abs() <= slow;
+        *time += h;
+        *resting += if rests && v0.abs() <= slow { h } else { 0.0 };
+        *peak = peak.max(v.abs());
+        // One that stands is pushed to and fro by the errors of the steps: that is no turn.
+        let turns = !rests && v * *towards <= 0.0;
+        if turns {
+            self.turn(v);
+        }
+        turns
+    }
+
+    #[inline(never)]
+    fn turn(&mut self, v: f64) {
+        let was = self.memory;
+        let now = Memory { turns: was.turns + 1.0, towards: v, time: 0.0, resting: 0.0, ..was };
+        self.memory = if was.resting > RESTING_TIME * was.time {
+            Memory { count: 0.0, before: 0.0, peak: v.abs(), turns: 0.0, ..now }
+        } else if now.turns < TOGETHER {
+            now
+        } else {
+            let kept = if was.before > 0.0 { (was.peak / was.before).powi(2).min(1.0) } else { 0.0 };
+            let own = (was.peak * self.inverse_speed).powi(2).min(1.0);
+            Memory {
+                count: kept * was.count + TOGETHER * own,
+                before: was.peak,
+                peak: v.abs(),
+                turns: 0.0,
+                ..now
+            }
+        };
+    }
+
+    /// The share of the tolerance that each step may use up, so that errors of one sign add up no faster than others
+    /// do: with the root of the number of half swings.
+    pub fn share(&self) -> f64 {
+        (self.free / self.memory.count).sqrt().clamp(LEAST_SHARE, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{FREE_SWINGS, LEAST_SHARE, LOOSE_RTOL, Swing};
+
+    /// The share after so many half swings, each weaker by this ratio, with a rest after each and a tremble at its end.
+    fn share(swings: f64, ratio: f64, rest: f64, rtol: f64) -> f64 {
+        let (mut swing, mut v0) = (Swing::new(0, 0.5, rtol), 0.0);
+        for k in 0..=swings as i32 {
+            let peak = (-ratio).powi(k);
+            let missed = if k % 3 == 0 { 1.0 } else { 0.9 };
+            let course = [(0.3, 0.5), (0.3, missed), (0.3, 1e-3), (rest, 0.0), (0.01, -1e-9), (0.01, 1e-9)];
+            for (h, v) in course {
+                swing.step(h, v0, v * peak);
+                v0 = v * peak;
+            }
+        }
+        swing.share()
+    }
+
+    #[test]
+    fn what_bounces_on_is_solved_more_accurately_and_what_rests_or_loses_its_energy_is_not() {
+        let (many, loose) = (4.0 * FREE_SWINGS, LOOSE_RTOL);
+        assert!((share(many, 1.0, 0.0, loose) - 0.5).abs() < 1e-12);
+        assert_eq!(share(100.0 * many, 1.0, 0.0, loose), LEAST_SHARE);
+        for (swings, ratio, rest, rtol) in [
+            (FREE_SWINGS, 1.0, 0.0, loose),
+            (many, 1.0, 0.0, 0.2 * loose),
+            (many, 1.0, 10.0, loose),
+            (many, 0.9, 0.0, loose),
+        ] {
+            assert_eq!(share(swings, ratio, rest, rtol), 1.0);
+        }
+    }
+}
