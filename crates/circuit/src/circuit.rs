@@ -190,24 +190,27 @@ impl<R: Lane> Circuit<R> {
 
     /// Sets an input in one lane, derivatives included.
     pub fn set_input(&mut self, id: InputId, lane: usize, value: R) {
-        let input = self.parts.input_mut(id);
-        input.take(lane, &value);
-        match id.kind {
-            PartKind::Restriction => {
-                let is_open = (0..R::L).any(|lane| input.get(lane) != 0.0)
-                    || (1..=R::DIRECTIONS).any(|direction| input.part(direction) != 0.0);
-                let closed = &mut self.parts.restrictions[id.index].1.closed;
-                if *closed == is_open {
-                    *closed = !is_open;
-                    // Kept in order: sums of flows do not depend on when an edge opened.
-                    match self.open.binary_search(&id.index) {
-                        Err(at) => self.open.insert(at, id.index),
-                        Ok(at) => drop(self.open.remove(at)),
-                    }
-                }
+        if id.kind == PartKind::Restriction {
+            return self.set_opening(id.index, lane, value);
+        }
+        self.parts.input_mut(id).take(lane, &value);
+        if id.kind == PartKind::Reservoir {
+            self.filled = next_filling();
+        }
+    }
+
+    fn set_opening(&mut self, index: usize, lane: usize, value: R) {
+        let Restriction { opening, closed, .. } = &mut self.parts.restrictions[index].1;
+        opening.take(lane, &value);
+        let is_open = (0..R::L).any(|lane| opening.get(lane) != 0.0)
+            || (1..=R::DIRECTIONS).any(|direction| opening.part(direction) != 0.0);
+        if *closed == is_open {
+            *closed = !is_open;
+            // Kept in order: sums of flows do not depend on when an edge opened.
+            match self.open.binary_search(&index) {
+                Err(at) => self.open.insert(at, index),
+                Ok(at) => drop(self.open.remove(at)),
             }
-            PartKind::Reservoir => self.filled = next_filling(),
-            _ => {}
         }
     }
 

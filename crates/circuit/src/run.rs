@@ -186,9 +186,10 @@ impl Output<f64, Circuit<f64>> for States {
 /// k/rate for k = 0 .. round(duration rate), the last one at the duration.
 pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
     let n = (duration * rate).round().max(1.0) as usize;
-    let mut times: Vec<f64> = (0..=n).map(|k| k as f64 / rate).collect();
-    times[n] = duration;
-    times.retain(|&t| t <= duration);
+    let mut times = Vec::with_capacity(n + 1);
+    times.extend((0..n).map(|k| k as f64 / rate));
+    while times.pop_if(|t| *t > duration).is_some() {}
+    times.push(duration);
     times
 }
 
