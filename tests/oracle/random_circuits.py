@@ -1,0 +1,345 @@
+"""Random circuits of all kinds of component, and what each run of them must keep.
+
+``python tests/oracle/random_circuits.py [--count 2000] [--seed 1] [--first 0]`` draws components, joins their ports at
+random, runs them and prints what broke a rule. A circuit is given by (seed, number).
+
+Rules: what is drawn is a circuit, or refused as a `DescriptionError`; it runs to its end; every sample is finite, every
+pressure and temperature above zero; at rtol 1e-9 mass closes to 1e-12 and energy to 1e-6 of what is turned over.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+import sys
+import time
+import warnings
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from oracle.random_runs import Draw, q
+from pneudrive import Circuit, _core
+from pneudrive.describe.components import component_kinds, is_needed
+from pneudrive.describe.connections import AMBIENT
+from pneudrive.errors import DescriptionError, PneudriveWarning
+
+MASS_CLOSES, ENERGY_CLOSES = 1e-12, 1e-6
+RTOL, RATE, AMBIENT_PA = 1e-9, 200.0, 101325.0
+MOST_REFUSED = 200  # draws until one is a circuit
+
+#: Sensible ranges by key, else by unit; a range above zero is drawn by its logarithm.
+KEYS: dict[str, tuple[float, float]] = {
+    "critical_pressure_ratio": (0.15, 0.55),
+    "subsonic_index": (0.45, 0.6),
+    "linear_above": (0.99, 0.9995),
+    "clogging": (0.0, 0.8),
+    "opening_share": (0.2, 0.8),
+    "discharge_coefficient": (0.5, 1.0),
+    "damping_ratio": (0.3, 1.5),
+    "pilot_ratio": (1.5, 5.0),
+    "gap_height": (2e-6, 4e-5),
+    "coefficient": (1e-17, 1e-14),
+    "viscosity": (1e-5, 3e-5),
+    "lowest_pressure": (8e3, 5e4),
+    "reset_pressure": (1.2e5, 3e5),
+    "start_pressure": (3e5, 5e5),
+    "stop_pressure": (5.5e5, 9e5),
+    "amplitude": (1e3, 4e4),
+    "working_difference": (2e5, 5e5),
+    "bore": (0.012, 0.063),
+    "rod_diameter": (0.004, 0.006),
+    "diameter": (2e-3, 8e-3),
+    "length": (0.05, 3.0),
+    "stroke": (0.02, 0.4),
+    "volume": (2e-5, 5e-3),
+    "wall_area": (1e-3, 0.2),
+    "heat_transfer": (5.0, 60.0),
+    "pwm_frequency": (10.0, 60.0),
+    "travel_share": (0.1, 0.6),
+    "hysteresis": (0.0, 0.05),
+    "overlap": (-0.05, 0.1),
+    "leakage": (1e-4, 0.02),
+    "leakage_width": (0.02, 0.1),
+    "time_on": (8e-3, 0.03),
+    "time_off": (8e-3, 0.03),
+    "delay": (1e-3, 0.01),
+    "stroke_time": (3e-3, 0.02),
+    "play": (0.0, 1e-3),
+    "damping_depth": (5e-5, 5e-4),
+    "contact_depth": (5e-5, 5e-4),
+    "body_stiffness": (1e6, 2e7),
+    "rated_force": (100.0, 1e3),
+    "rated_depth": (5e-4, 3e-3),
+    "exponent": (1.2, 2.0),
+    "restitution": (0.3, 0.9),
+    "impact_speed": (0.2, 1.0),
+    "transition": (1e-4, 1e-3),
+    "plunger_diameter": (5e-3, 9e-3),
+    "position": (0.42, 0.45),
+    "port_volume": (5e-7, 3e-6),
+    "cushion_a_length": (5e-3, 1.5e-2),
+    "cushion_b_length": (5e-3, 1.5e-2),
+    "end_damping": (50.0, 200.0),
+    "loss": (0.1, 3.0),
+    "friction_scale": (0.5, 2.0),
+    "cells": (2.0, 2.0),
+}
+UNITS: dict[str, tuple[float, float]] = {
+    "m3/(s Pa)": (2e-10, 3e-8),
+    "Pa abs": (2e5, 9e5),
+    "Pa": (2e3, 6e4),
+    "K": (263.0, 333.0),
+    "m3": (3e-6, 3e-5),
+    "m3/s": (1e-4, 5e-3),
+    "kg": (0.2, 8.0),
+    "N": (-30.0, 30.0),
+    "N/m": (50.0, 2e3),
+    "m": (5e-3, 0.1),
+    "s": (3e-3, 0.05),
+    "Hz": (2.0, 40.0),
+    "rad": (-1.5, 1.5),
+    "m2": (1e-3, 0.1),
+    "W/(m2 K)": (5.0, 60.0),
+    "m/s": (0.1, 1.0),
+    "J/K": (20.0, 500.0),
+    "W/K": (0.1, 5.0),
+    "N s/m": (5.0, 100.0),
+    "kg/m": (5.0, 50.0),
+}
+#: Optional numbers that only those who know what they do change, or that make sense only together.
+LEFT_OUT = ("cells", "end_stop_", "wall_temperature", "incline")
+#: Kinds that act at a place, and from one side: a random one stands in the way of the start.
+NOT_DRAWN = ("bumper", "shock-absorber")
+FRICTION = ("coulomb", "stribeck", "lugre")
+
+
+@dataclass
+class Drawn:
+    """One circuit, as tables of a file, and what happens to it."""
+
+    tables: dict[str, Any]
+    plans: list[tuple[str, list[float], list[float]]] = field(default_factory=list)
+    duration: float = 0.5
+
+    @property
+    def kinds(self) -> set[str]:
+        """Kinds of its components."""
+        return {table["kind"] for table in self.tables["components"].values()}
+
+
+def number(draw: Draw, parameter: dict[str, Any]) -> float | str:
+    """Draw a parameter within what it may be, as a file has it."""
+    key, unit = parameter["key"], parameter["unit"]
+    known = KEYS.get(key) or next((KEYS[own] for own in KEYS if key.endswith(f"_{own}")), None) or UNITS.get(unit)
+    if known is None:
+        raise LookupError(f"no sensible range is known for {key} in {unit}: add one to KEYS or UNITS")
+    low, high = max(known[0], parameter["lower"]), min(known[1], parameter["upper"])
+    value = draw.log(low, high) if low > 0.0 else draw.linear(low, high)
+    return value if unit in {"1", "-"} else q(value, unit)
+
+
+def component(draw: Draw, kind: str, entry: dict[str, Any]) -> dict[str, Any]:
+    """Draw the table of a component."""
+    out: dict[str, Any] = {"kind": kind}
+    for choice in entry["choices"]:
+        options = [option for option in choice["options"] if option not in ("as-printed", "averaged")]
+        if draw.chance(0.5):
+            out[choice["name"]] = draw.one(*options)
+    tables = {table for table in (p["within"] for p in entry["parameters"]) if table and draw.chance(0.4)}
+    for parameter in entry["parameters"]:
+        key, table = parameter["key"], parameter["within"]
+        needed = is_needed(parameter, out) or (table in tables and parameter["default"] is None)
+        optional = not (parameter["unless"] or (table and table not in tables) or key.startswith(LEFT_OUT))
+        if needed or (optional and draw.chance(0.25)):
+            out[key] = number(draw, parameter)
+    if "coefficient" in out:  # of a leak: in place of its gap
+        for parameter in entry["parameters"]:
+            if parameter["unless"] == "coefficient":
+                del out[parameter["key"]]
+    if entry["friction"]:
+        force = draw.log(2.0, 20.0)
+        law = draw.one(*FRICTION)
+        out["friction"] = {"law": law, "coulomb": q(force, "N"), "viscous": q(draw.log(5.0, 60.0), "N s/m")}
+        if law != "coulomb":
+            out["friction"] |= {"breakaway": q(1.4 * force, "N"), "stribeck_velocity": q(draw.log(0.005, 0.05), "m/s")}
+        if law == "lugre":
+            out["friction"] |= {
+                "bristle_stiffness": q(force / 5e-5, "N/m"),
+                "bristle_damping": q(force * 20.0, "N s/m"),
+            }
+        out.pop("rod_diameter", None)
+        if kind != "cylinder/rodless":
+            out["rod_diameter"] = q(0.005, "m")
+    return out
+
+
+def draw_circuit(draw: Draw) -> Drawn:
+    """Draw components and join their ports: each to a place that has a volume or a pressure, or to another port."""
+    entries = {kind: entry for kind, entry in component_kinds().items() if kind not in NOT_DRAWN}
+    gas_of = {kind: [p for p in entry["ports"] if p["kind"] == "gas"] for kind, entry in entries.items()}
+    holding = {kind for kind, ports in gas_of.items() if any(p["holds"] in ("volume", "pressure") for p in ports)}
+    cylinders = [kind for kind in holding if entries[kind]["friction"]]
+    sources = [kind for kind in holding if gas_of[kind][0]["holds"] == "pressure"]
+    others = [kind for kind in entries if kind not in holding]
+    kinds = [draw.one(*sources), "tank"] + [draw.one(*sorted(holding)) for _ in range(int(draw.linear(0, 3)))]
+    kinds += [draw.one(*others) for _ in range(int(draw.linear(1, 7)))]
+    if any(port["kind"] == "axis" for kind in kinds for port in entries[kind]["ports"]):
+        kinds.append(draw.one(*sorted(cylinders)))
+    names = {f"c{i}": kind for i, kind in enumerate(kinds)}
+    components = {name: component(draw, kind, dict(entries[kind])) for name, kind in names.items()}
+    places, open_ports, pilots, axes, rods = [AMBIENT], [], [], [], []
+    for name, kind in names.items():
+        for port in entries[kind]["ports"]:
+            one = f"{name}.{port['name']}"
+            if port["kind"] == "pilot":
+                pilots.append(one)
+            elif port["kind"] == "axis":
+                (rods if entries[kind]["friction"] else axes).append(one)
+            elif port["holds"] in ("volume", "pressure"):
+                places.append(one)
+            elif not port["exhaust"] or draw.chance(0.4):
+                open_ports.append(one)
+    connections, plugged = [], []
+    order = [open_ports[i] for i in draw.rng.permutation(len(open_ports))]
+    while order:
+        one = order.pop()
+        other = next((port for port in order if port.partition(".")[0] != one.partition(".")[0]), None)
+        if draw.chance(0.04):
+            plugged.append(one)
+        elif other is not None and draw.chance(0.4):
+            order.remove(other)
+            connections.append(f"{one} -> {other}")
+        else:
+            connections.append(f"{one} -> {draw.one(*places)}")
+    joined = [AMBIENT, *open_ports, *places[1:]]
+    connections += [f"{draw.one(*[port for port in joined if port not in plugged])} .. {pilot}" for pilot in pilots]
+    connections += [f"{draw.one(*rods)} -> {axis}" for axis in axes]
+    # A chamber to which nothing is joined is shut on purpose.
+    plugged += [place for place in places[1:] if not any(place in chain.split() for chain in connections)]
+    tables = {"schema": 1, "components": components, "connections": connections, "plugged": plugged}
+    return Drawn(tables, duration=draw.linear(0.1, 0.6))
+
+
+def case(seed: int, n: int) -> tuple[Drawn, Circuit, Counter[str]]:
+    """Draw circuit `n`: the first draw that is one, and why those before were refused."""
+    draw, refused = Draw(seed, n), Counter[str]()
+    for _ in range(MOST_REFUSED):
+        drawn = draw_circuit(draw)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", PneudriveWarning)
+                circuit = Circuit.model_validate(drawn.tables)
+                core = _core.Circuit(circuit.core_json())
+        except (DescriptionError, ValueError) as error:
+            first = str(error).partition("\n")[0]
+            refused[re.sub(r"\bc\d+(\.\w+)?|\d[\d.e+-]*", "#", first)[:90]] += 1
+            continue
+        drawn.plans = plans(draw, core, circuit, drawn.duration)
+        volumes = [name for name in core.start_names if name.endswith(".pressure_pa")]
+        given = {name.removesuffix(".pressure_pa"): q(draw.log(0.3e5, 8e5), "Pa abs") for name in volumes}
+        drawn.tables["initial"] = {name: value for name, value in given.items() if draw.chance(0.7)}
+        return drawn, circuit, refused
+    raise RuntimeError(f"none of {MOST_REFUSED} draws is a circuit: {refused}")
+
+
+def plans(draw: Draw, core: _core.Circuit, circuit: Circuit, duration: float) -> list[Any]:
+    """Draw steps of some inputs: commands, pressures, forces."""
+    out = []
+    for name, unit, *_ in core.inputs:
+        times = [0.0, *sorted(draw.linear(0.0, duration) for _ in range(int(draw.linear(1, 4))))]
+        of = circuit.components[name.partition(".")[0]]
+        if name.endswith(".command"):
+            # A switching valve without pulses is on or off.
+            is_whole = of.kind.startswith("valve/switching") and not getattr(of, "pwm_frequency_hz", 0.0)
+            low = 0.0 if of.kind.startswith("valve/switching") and not of.kind.endswith("5/3") else -1.0
+            values = [draw.one(1.0, low, 0.0, 1.0 if is_whole else draw.linear(low, 1.0)) for _ in times]
+        elif unit == "Pa" and draw.chance(0.4):
+            values = [draw.linear(1.2e5, 9e5) for _ in times]
+        elif unit == "N" and draw.chance(0.3):
+            values = [draw.linear(-40.0, 40.0) for _ in times]
+        else:
+            continue
+        out.append((name, times, values))
+    return out
+
+
+@dataclass
+class Outcome:
+    """What came of one circuit."""
+
+    kinds: set[str]
+    broken: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+def outcome(drawn: Drawn, circuit: Circuit) -> Outcome:
+    """Run a circuit and hold it to the rules."""
+    out = Outcome(drawn.kinds)
+    started = time.process_time()
+    try:
+        start = circuit.core_initial(drawn.tables["initial"])
+        result = _core.Circuit(circuit.core_json()).simulate(
+            drawn.plans, drawn.duration, RATE, start, RTOL, ledger=True
+        )
+    except Exception as error:
+        out.broken.append(f"{type(error).__name__}: {str(error)[:300]}")
+    else:
+        out.broken += broken(result)
+    out.seconds = time.process_time() - started
+    return out
+
+
+def broken(result: Any) -> list[str]:
+    """Return the rules that a finished run breaks."""
+    out = []
+    for name, values in result["columns"].items():
+        values = np.asarray(values)  # noqa: PLW2901 - as an array
+        if not np.isfinite(values).all():
+            out.append(f"{name} is not finite")
+        elif name.endswith(("pressure_pa", "temperature_k")) and not values.min() > 0.0:
+            out.append(f"{name} = {values.min():g}")
+    ledger = result["ledger"]
+    for what, most in (("mass_error", MASS_CLOSES), ("energy_error", ENERGY_CLOSES)):
+        if not abs(ledger[what]) <= most:
+            out.append(f"{what} {ledger[what]:.1e}")
+    return out
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--show", action="store_true", help="print each circuit that breaks a rule")
+    arguments = parser.parse_args()
+    refused, kinds, outcomes = Counter[str](), Counter[str](), []
+    for n in range(arguments.first, arguments.first + arguments.count):
+        drawn, circuit, why = case(arguments.seed, n)
+        one = outcome(drawn, circuit)
+        outcomes.append(one)
+        refused += why
+        kinds.update(one.kinds)
+        for what in one.broken:
+            sys.stdout.write(f"{n} {sorted(one.kinds)}: {what}\n")
+        if one.broken and arguments.show:
+            sys.stdout.write(json.dumps(drawn.__dict__) + "\n")
+        sys.stdout.flush()
+    seconds = sorted(one.seconds for one in outcomes)
+    wrong = sum(bool(one.broken) for one in outcomes)
+    sys.stdout.write(f"{len(outcomes)} circuits, {wrong} break a rule; {math.fsum(seconds):.0f} s of processor, ")
+    sys.stdout.write(f"median {1e3 * seconds[len(seconds) // 2]:.0f} ms, worst {seconds[-1]:.2f} s\n")
+    for title, counter in (("kinds", kinds), ("refused", refused)):
+        sys.stdout.write(f"{title}\n" + "".join(f"{count:6d} {what}\n" for what, count in counter.most_common(40)))
+
+
+if __name__ == "__main__":
+    main()
