@@ -61,3 +61,23 @@ fn fast_flow_is_choked_at_the_end_behind_the_friction_of_a_smooth_pipe() {
         assert!((own / expected - 1.0).abs() < 0.02, "{own} {expected}");
     }
 }
+
+#[test]
+fn a_shock_empties_no_cell() {
+    // From a cell at 7 bar into one at 0.2 bar, at once: the front runs faster than sound behind it.
+    let ends = |name: &str| json!({ "name": name, "kind": "tank", "numbers": { "volume": 1e-4 } });
+    let components = json!([ends("one"), line(&json!({ "length": 0.5, "cells": 10.0 })), ends("two")]);
+    let network =
+        network(&components, &json!([["one.1", "hose.1"], ["hose.2", "two.1"]])).expect("assembles");
+    let start: Vec<_> = network.start_names().into_iter().map(str::to_string).collect();
+    let start: Vec<_> = (start.iter().enumerate())
+        .map(|(i, name)| {
+            let full = i < start.len() / 2;
+            (name.as_str(), if name.ends_with("_k") { ROOM } else { [2e4, 7e5][usize::from(full)] })
+        })
+        .collect();
+    let (columns, ledger) = run(&network, &[], (0.2, 1000.0), &start);
+    assert!(ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6, "{ledger:?}");
+    let ends = ["one.pressure_pa", "two.pressure_pa"].map(|name| *columns[name].last().expect("a sample"));
+    assert!((ends[0] / ends[1] - 1.0).abs() < 1e-2, "{ends:?}");
+}

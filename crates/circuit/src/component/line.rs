@@ -15,7 +15,8 @@ impl Component for Line {
         key: "tube/distributed",
         title: "Tube with waves",
         text: "N lengths of gas with inertia and friction between N + 1 cells with a wall, those at the ends half as long: \
-               l/A m' = p1 - p2 - (f l/d + zeta) m |m|/(2 rho A^2), f Re = 64 for laminar and 0.3164 Re^0.75 for turbulent flow. \
+               l/A m' = p1 - p2 - (f l/d + zeta) m |m|/(2 rho A^2), f Re = 64 for laminar and 0.3164 Re^0.75 for turbulent flow; no cell is \
+               left faster than sound. \
                N = ceil(12.8 f_max L/c) keeps the speed of sound to 1 % up to f_max. The bore at each end chokes the flow: \
                C = 0.2 dm3/(s bar) per mm2, b = 0.528.",
         sources: &["modelica-straight-pipe", "iso6358-2013"],
@@ -81,6 +82,7 @@ impl Component for Line {
                 reynolds: diameter / (area * viscosity),
                 friction: own.number("friction_scale") * viscosity * length / (diameter * diameter) * half,
                 loss: own.number("loss") / P::c(n as f64) * half / area,
+                per_area: P::one() / area,
                 scale: area.get(0) * SCALE,
                 signal: build.circuit.signal(),
                 path: build.circuit.between(ends[0], ends[1]),

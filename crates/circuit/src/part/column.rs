@@ -14,6 +14,9 @@ gathered! {
     /// Its kinetic energy l m^2/(2 rho A) is taken from, and given back to, the cell to which it flows; so friction warms
     /// that cell, and energy is kept exactly. Source of f: [modelica-straight-pipe].
     ///
+    /// Gas that would leave a cell faster than sound is held back by what its momentum flux rho w^2 is above that at the
+    /// speed of sound, k p: so a shock empties no cell.
+    ///
     /// m     mass flow, the state       kg/s
     /// A, d  cross-section, diameter    m2, m
     /// l     length                     m
@@ -28,6 +31,8 @@ gathered! {
             friction,
             /// Of |m|: zeta/(2 A^2), 1/m4.
             loss,
+            /// 1/A, 1/m2.
+            per_area,
         }
         laws {}
         same {
@@ -70,12 +75,20 @@ impl<P: Real> Column<P> {
 
     /// Rate of the mass flow, kg/s2.
     #[inline(always)]
-    fn acceleration<S: Over<P>>(&self, m_dot: S, specific: S, net: &Net<S>) -> S {
+    fn acceleration<S: Over<P>>(&self, m_dot: S, specific: S, net: &Net<S>, common: &Common<P>) -> S {
         let [one, two] = self.ends(net);
         let size = m_dot.abs();
         let of_pipe = S::from(self.friction) * friction(size * S::from(self.reynolds));
         let resists = S::from(self.loss).fma(size, of_pipe) * m_dot * specific;
-        (one.p - two.p - resists) * S::from(P::one() / self.inertance)
+        let backward = m_dot.lt(S::zero());
+        let leaves = |node: &GasNode<S>| {
+            let flux = S::from(self.per_area) * m_dot;
+            let r_t = S::from(common.gas.gas_constant) * node.t;
+            let sonic = S::from(common.gas.heat_capacity_ratio) * node.p;
+            (flux * flux * r_t / node.p - sonic).max(S::zero())
+        };
+        let held_back = S::select(backward, -leaves(two), leaves(one));
+        (one.p - two.p - resists - held_back) * S::from(P::one() / self.inertance)
     }
 
     /// Rate of the kinetic energy, W.
@@ -121,7 +134,7 @@ impl<P: Real> Part<P> for Column<P> {
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, common: &Common<P>) {
         let [m_dot] = y.first();
         let specific = self.specific_volume(net, common);
-        let rate = self.acceleration(m_dot, specific, net);
+        let rate = self.acceleration(m_dot, specific, net, common);
         let taken = self.kinetic(m_dot, rate, specific, net);
         let (backward, zero) = (m_dot.lt(S::zero()), S::zero());
         net.gas[self.path.from.index()].h_dot -= S::select(backward, taken, zero);
