@@ -305,7 +305,9 @@ class Session:
         """Raise what the core refused, in words of a user; outputs too are known where they are `readable`."""
         if "borrowed" in str(error):  # the core lends a session to one call at a time
             raise SimulationError("another thread advances the session", remedy="Let one thread hold it.") from None
-        known = [*(own for own, *_ in self._core.inputs), *(self._core.columns if readable else ())]
+        known = list(
+            dict.fromkeys([*(own for own, *_ in self._core.inputs), *(self._core.columns if readable else ())])
+        )
         for name in names:
             if name not in known:
                 what = "variable" if readable else "input"

@@ -141,6 +141,14 @@ FAULTS = {
         ('left.b: pressure "6 bar" does not say', 'left.b = "6 bar"', "absolute", '"6 bar abs"'),
         ("right.c is no start value", "right.c", "", "right.a.pressure"),
     ),
+    "a key and a table": (
+        changed(("dead_volume = {", 'dead_volume_a = "9 cm3"\ndead_volume = {')),
+        ("dead_volume_a is given twice", "dead_volume", "", "Keep one"),
+    ),
+    "copies of a part that is none": (
+        changed(('copies = ["fc_la"', 'use = "catalogue:none"\ncopies = ["fc_la"')),
+        ("the catalogue has no part 'none'", '"catalogue:none"', "", "Known"),
+    ),
     "plugs": (
         changed(("[components.mains]", 'plugged = ["valve_l.4", "tank", "x.1"]\n[components.mains]')),
         ("valve_l.4 is plugged, and joined to valve_l.4, fc_la.1", "plugged", "", "Leave one of the two out"),
@@ -218,6 +226,26 @@ def test_an_island_of_many_is_told_once():
     with pytest.warns(PneudriveWarning, match=r"components t0, t1, t2, t3, t4 and 2 more are not") as told:
         pn.Circuit(components={"t": {"kind": "tank", "volume": "1 l", "copies": tanks}, "f": pair}, connections=chains)
     assert len(told) == 1
+
+
+def test_a_chain_passes_a_silencer_on_its_way_to_the_air():
+    text = TEXT + f"[components.quiet]\n{FITTING.replace('fitting', 'silencer')}"
+    for chain in ("valve_l.3 -> quiet -> ambient", "valve_l.3 -> quiet", "quiet -> valve_l.3"):
+        joints = json.loads(pn.Circuit.load(text.replace("connections = [", f'connections = ["{chain}",')).core_json())[
+            "joints"
+        ]
+        assert {"valve_l.3", "quiet.1"} in map(set, joints)
+        assert ["quiet.2", "ambient"] in joints
+
+
+def test_a_choice_of_yes_and_no_takes_what_toml_has_for_it():
+    for given, read in ((True, "yes"), (False, "no"), ("no", "no")):
+        assert (
+            components.component(
+                {"kind": "regulator", "set_pressure": "3 bar abs", "conductance": "1 dm3/(s bar)", "relieving": given}
+            ).relieving
+            == read
+        )
 
 
 def test_kinds_that_are_none_are_told():

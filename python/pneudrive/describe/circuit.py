@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from pneudrive.session import Session
     from pneudrive.watch import Flag
 
-_TOLD = object()  # in place of a table that was refused
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
 
@@ -418,6 +417,10 @@ def _completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[s
     return out | {"components": both}
 
 
+class _Told(dict[str, Any]):
+    """In place of a table that was refused: of it only its copies are left."""
+
+
 def _used(given: object, problems: Problems) -> object:
     """Return the components' tables, those that use a part of the catalogue with its values under their own."""
     if not isinstance(given, dict):
@@ -436,7 +439,7 @@ def _used(given: object, problems: Problems) -> object:
                 out[name] = component_class(kind).over(part, own) | copies
             except DescriptionError as error:
                 problems.add(error if error.where else within(error, name, table))
-                out[name] = _TOLD
+                out[name] = _Told(copies)
     return out
 
 
@@ -453,7 +456,7 @@ def _copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str
         key, copies = f"components.{name}", [name]
         if isinstance(table, dict) and "copies" in table:
             copies = table["copies"]
-            table = {key: value for key, value in table.items() if key != "copies"}  # noqa: PLW2901 - without them
+            table = type(table)((key, value) for key, value in table.items() if key != "copies")  # noqa: PLW2901
             if not isinstance(copies, list | tuple) or not copies or not all(isinstance(one, str) for one in copies):
                 what = f"{name}.copies = {copies!r} is no list of names"
                 problems.add(wrong(f"{key}.copies", what, remedy='Write copies = ["left", "right"].'))
@@ -478,7 +481,7 @@ def _component(key: str, table: object, problems: Problems) -> Component | None:
     if isinstance(table, Component):
         return table
     name = key.split(".")[1]
-    if table is _TOLD:
+    if isinstance(table, _Told):
         return None
     if not isinstance(table, dict):
         problems.add(wrong(key, f"components.{name} = {table!r} is not a table"))

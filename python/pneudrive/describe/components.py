@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
 
-from pydantic import Field, create_model, model_validator
+from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from pneudrive import units
 from pneudrive.describe import sourced, valve_flow
@@ -133,15 +133,21 @@ class Component(Described):
     def flat(cls, table: Mapping[str, Any]) -> dict[str, Any]:
         """Take ``end_stop = { stiffness = ... }`` for ``end_stop_stiffness = ...``, with what is said of it."""
         out: dict[str, Any] = {}
+        keys: list[str] = []
         for key, given in table.items():
             origin = given if sourced.has_origin(given) else None
             value = given if origin is None else origin["value"]
             inner = isinstance(value, dict) and key not in cls.keys()  # noqa: SIM118 - a method of ours
             if inner and any(name.startswith(f"{key}_") for name in cls.fields):
                 each = value if origin is None else {sub: origin | {"value": one} for sub, one in value.items()}
-                out |= {f"{key}_{sub}": one for sub, one in each.items()}
+                found = {f"{key}_{sub}": one for sub, one in each.items()}
             else:
-                out[key] = given
+                found = {key: given}
+            keys += found
+            out |= found
+        twice = next((key for key in out if keys.count(key) > 1), None)
+        if twice:
+            raise wrong(twice, f"{twice} is given twice: as a key and in a table", remedy="Keep one of them.")
         return out if out.keys() == table.keys() else cls.flat(out)  # cushion = { b = { length = ... } }
 
     @classmethod
@@ -373,6 +379,8 @@ def component_class(kind: str) -> type[Component]:
             _add(fields, names, size, Annotated[float | None, mark], None, f"In place of {key}")
     for choice in entry["choices"]:
         options = Literal[tuple(choice["options"])]  # type: ignore[valid-type]
+        if set(choice["options"]) == {"yes", "no"}:
+            options = Annotated[options, BeforeValidator(_yes_or_no)]
         fields[choice["name"]] = (options, Field(default=choice["default"], description=choice["meaning"]))
     if entry["friction"]:
         fields["friction"] = (Friction | None, None)
@@ -391,6 +399,11 @@ _SIZES: dict[str, Quantity] = {
     "kv": FlowCoefficient("", "Kv", Bounds(above=0.0)),
     "cv": FlowCoefficient("", "Cv", Bounds(above=0.0)),
 }
+
+
+def _yes_or_no(given: object) -> object:
+    """Take true and false, as TOML has them, for yes and no."""
+    return {True: "yes", False: "no"}[given] if isinstance(given, bool) else given
 
 
 def _add(fields: dict[str, Any], names: dict[str, str], key: str, kind: Any, default: object, meaning: str) -> None:  # noqa: ANN401 - an annotation

@@ -167,7 +167,12 @@ class Wiring:
             if not isinstance(chain, str):
                 raise wrong(key, f"connection {chain!r} is not a text", remedy='Write "supply -> valve.1".')
             words = [word.strip() for word in chain.split(ARROW)]
-            is_line = len(words) == 1 and PILOT_LINE in chain
+            if len(words) > 1 and PILOT_LINE in chain:
+                rule = "a pilot line is a connection of its own"
+                raise wrong(
+                    key, f'"{chain}" has "{ARROW}" and "{PILOT_LINE}"', rule=rule, remedy="Write two connections."
+                )
+            is_line = PILOT_LINE in chain
             if is_line:
                 words = [word.strip() for word in chain.split(PILOT_LINE)]
             if len(words) < 2:
@@ -199,6 +204,9 @@ class Wiring:
             return found, found
         through = [one for one in ports if not (one.exhaust or one.optional or one.is_pilot)]
         if len(through) == 1:
+            out = [one for one in ports if one.exhaust]
+            if not (first or last) and through[0].is_single and len(out) == 1:  # a silencer on the way to the air
+                return through[0], out[0]
             return through[0], through[0]
         if len(through) == 2 and all(one.is_single or one.kind == "axis" for one in through):
             return (None if first else through[0]), (None if last else through[1])
