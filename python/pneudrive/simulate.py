@@ -98,8 +98,8 @@ def simulate(
         conserve energy.
     budget : int, optional
         Attempts at a step after which the run is given up. Where nothing is said 220,000 for the run, 100,000 for each
-        second of motion and 100 for each entry of the command, and more below rtol = 1e-6. Ordinary drives take 200 to
-        10,000 a second.
+        second of motion and 100 for each entry of the command, more below rtol = 1e-6, and down to half as many above
+        11 states. Ordinary drives take 200 to 10,000 a second.
     progress, cancel : optional
         See `pneudrive.watch.Watch`: a callback that is told how many of the seconds are simulated, and a flag that
         ends the run.

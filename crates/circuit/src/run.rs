@@ -30,11 +30,16 @@ const BUDGET: [f64; 3] = [100_000.0, 100.0, 220_000.0];
 const BUDGET_RTOL: f64 = 1e-6;
 const BUDGET_POWER: f64 = 0.03125;
 
-/// Attempts that a run of `duration` s with so many commands may take.
-pub fn budget(duration: f64, commands: usize, rtol: f64) -> u64 {
+/// The number of states to which the budget belongs, and the least share of it. An attempt with more states costs more.
+const BUDGET_STATES: f64 = 11.0;
+const LEAST_BUDGET: f64 = 0.5;
+
+/// Attempts that a run of `duration` s with so many commands and states may take.
+pub fn budget(duration: f64, commands: usize, states: usize, rtol: f64) -> u64 {
     let [second, command, run] = BUDGET;
     let tighter = (BUDGET_RTOL / rtol).max(1.0).powf(BUDGET_POWER);
-    (tighter * (second * duration + command * commands as f64 + run)) as u64
+    let dearer = (BUDGET_STATES / states as f64).clamp(LEAST_BUDGET, 1.0);
+    (dearer * tighter * (second * duration + command * commands as f64 + run)) as u64
 }
 
 /// Asks now and then, with the simulated time, whether the user wants to stop.

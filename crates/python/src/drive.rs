@@ -52,7 +52,7 @@ impl PyDrive {
         } else {
             &self.drive
         };
-        let options = options(rtol, duration, commands.len(), budget);
+        let options = options(rtol, duration, commands.len(), drive.n_states(), budget);
         let run = watched(py, look, |interrupted| {
             drive.simulate(&times, &commands, (duration, sample_rate), &initial, options, interrupted)
         })?;
@@ -85,8 +85,10 @@ impl PyDrive {
     ) -> PyResult<Table<'py>> {
         let initial = initial_state(initial)?;
         let rows = detached(py, |interrupted| {
-            let (sampling, options) =
-                ((duration, sample_rate), options(rtol, duration, commands.len(), None));
+            let (sampling, options) = (
+                (duration, sample_rate),
+                options(rtol, duration, commands.len(), self.drive.n_states(), None),
+            );
             self.drive.states(&times, &commands, sampling, &initial, options, interrupted)
         })?;
         self.table(py, rows)
@@ -178,7 +180,7 @@ impl PyDrive {
                 (duration, sample_rate),
                 &restarts,
                 temperatures,
-                options(rtol, duration, commands.len(), None),
+                options(rtol, duration, commands.len(), self.drive.n_states(), None),
                 interrupted,
             )
         })?;
@@ -208,7 +210,7 @@ impl PyDrive {
         let servo = Servo { kp, kd, middle, amplitude: amplitude_m, frequency: frequency_hz };
         let (rows, commands, work) = detached(py, |interrupted| {
             let samples = (duration_s * sample_rate_hz) as usize;
-            let options = options(rtol, duration_s, samples, None);
+            let options = options(rtol, duration_s, samples, self.drive.n_states(), None);
             self.drive.servo(&servo, (duration_s, sample_rate_hz), &initial, options, interrupted)
         })?;
         let out = PyDict::new(py);

@@ -98,7 +98,7 @@ impl PyCircuit {
             &self.network
         };
         let commands = plans.iter().map(|(_, times, _)| times.len()).sum();
-        let options = options(rtol, duration, commands, budget);
+        let options = options(rtol, duration, commands, network.assembly().circuit.n_states(), budget);
         let run = watched(py, look, |interrupted| {
             network.simulate(&plans, (duration, sample_rate), &start, options, interrupted)
         })?;

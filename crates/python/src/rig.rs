@@ -48,7 +48,8 @@ impl PyRig {
             From::Position(position) => Start::Rest(*position),
             From::State(state) => Start::State(state),
         };
-        let options = options(rtol, durations.iter().sum(), durations.len(), None);
+        let states = self.rig.n_states();
+        let options = options(rtol, durations.iter().sum(), durations.len(), states, None);
         let (run, end) = watched(py, look, |interrupted| {
             self.rig.run(&motion, &sample_times, from, options, interrupted)
         })?;

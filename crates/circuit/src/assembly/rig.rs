@@ -135,6 +135,10 @@ impl Rig {
         })
     }
 
+    pub fn n_states(&self) -> usize {
+        self.assembly.circuit.n_states()
+    }
+
     pub fn columns(&self) -> &[String] {
         self.assembly.columns()
     }

@@ -183,7 +183,8 @@ impl<R: Lane> Session<R> {
     /// Allows as many attempts at a step as a run to a time usually may take.
     pub fn allow_until(&mut self, until: f64) {
         let due = self.schedule.iter().filter(|entry| entry.0 <= until).count();
-        self.stepper.allow(budget(until - self.time(), due + 1, self.rtol));
+        let states = self.circuit().n_states();
+        self.stepper.allow(budget(until - self.time(), due + 1, states, self.rtol));
     }
 
     /// Goes on until a time, s.

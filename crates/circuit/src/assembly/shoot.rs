@@ -298,8 +298,8 @@ impl All<'_> {
             row: vec![P::zero(); drive.columns().len()],
             rows: Vec::new(),
         };
-        let work =
-            budget(end - from, asked.times.partition_point(|&time| time < end) - at, asked.options.rtol);
+        let commands = asked.times.partition_point(|&time| time < end) - at;
+        let work = budget(end - from, commands, begun.0.n_states(), asked.options.rtol);
         let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
         let mut session = Session::new(drive, from, begun, options);
         session.plan(0, later(&asked.times, &asked.commands, from, end));
