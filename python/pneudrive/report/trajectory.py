@@ -25,15 +25,16 @@ PANELS = (
     ("command", 1.0, (("command", "-", ""),)),
 )
 LINES = {"-": style.BLACK, "--": style.ORANGE}
-# Panels of a circuit: label, factor from SI, last part of the names of its variables.
+# Panels of a circuit: label, factor from SI, last part of the names of its variables, their unit.
 CIRCUIT_PANELS = (
-    ("position / mm", 1e3, "position"),
-    ("velocity / (m/s)", 1.0, "velocity"),
-    ("pressure / bar abs", 1e-5, "pressure"),
-    ("gas temperature / K", 1.0, "temperature"),
-    ("friction force / N", 1.0, "friction_force"),
-    ("end stop force / N", 1.0, "end_stop_force"),
-    ("command", 1.0, "command"),
+    ("position / mm", 1e3, "position", "m"),
+    ("velocity / (m/s)", 1.0, "velocity", "m/s"),
+    ("pressure / bar abs", 1e-5, "pressure", "Pa"),
+    ("gas temperature / K", 1.0, "temperature", "K"),
+    ("friction force / N", 1.0, "friction_force", "N"),
+    ("end stop force / N", 1.0, "end_stop_force", "N"),
+    ("valve position", 1.0, "position", "1"),
+    ("command", 1.0, "command", "1"),
 )
 
 
@@ -104,8 +105,9 @@ def _panels(run: xr.Dataset) -> list[tuple[str, float, list[tuple[str, dict[str,
         (label, factor, [(name, {"linestyle": line, "color": LINES[line]}, words) for name, line, words in variables])
         for label, factor, variables in PANELS
     ]
-    for label, factor, last in CIRCUIT_PANELS:
-        named = [str(name) for name in run.data_vars if str(name).endswith(f".{last}")][: len(style.LOOKS)]
+    for label, factor, last, unit in CIRCUIT_PANELS:
+        of_kind = (str(name) for name, one in run.data_vars.items() if one.attrs.get("units") == unit)
+        named = [name for name in of_kind if name.endswith(f".{last}")][: len(style.LOOKS)]
         looks = [{"linestyle": style.look(i).linestyle, "color": style.look(i).color} for i in range(len(named))]
         words = [name.removesuffix(f".{last}") for name in named]
         panels.append((label, factor, list(zip(named, looks, words, strict=True))))

@@ -1,9 +1,11 @@
 """A trajectory as a picture, by the suffix of the file; wrong names are one message."""
 
+from pathlib import Path
+
 import pytest
 
 import pneudrive as pn
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, PneudriveWarning
 
 STARTS = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".html": b"<!DOCTYPE html>"}
 
@@ -40,3 +42,12 @@ def test_wrong_names_are_one_message(run, tmp_path):
     with pytest.raises(CommandError, match="is not there"):
         pn.report.plot(run, tmp_path / "nowhere" / "run.png")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_position_of_a_valve_is_no_distance():
+    circuit = pn.Circuit.load(Path(__file__).parents[3] / "examples" / "pwm_axis.toml")
+    with pytest.warns(PneudriveWarning, match="not passive"):
+        axes = pn.report.plot(circuit.simulate({"in_a": 1.0}, "10 ms")).axes
+    lines = {axis.get_ylabel(): [line.get_label() for line in axis.get_lines()] for axis in axes}
+    assert len(lines["position / mm"]) == 1
+    assert lines["valve position"] == ["in_a", "out_a", "in_b", "out_b"]
