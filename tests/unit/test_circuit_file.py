@@ -145,6 +145,10 @@ FAULTS = {
         changed(("dead_volume = {", 'dead_volume_a = "9 cm3"\ndead_volume = {')),
         ("dead_volume_a is given twice", "dead_volume", "", "Keep one"),
     ),
+    "a number in place of a table": (
+        changed(("dead_volume = {", 'dead_volume = "9 cm3" # {')),
+        ("dead_volume = '9 cm3' is not a table", "dead_volume", "", "{ a = ..., b = ... }"),
+    ),
     "copies of a part that is none": (
         changed(('copies = ["fc_la"', 'use = "catalogue:none"\ncopies = ["fc_la"')),
         ("the catalogue has no part 'none'", '"catalogue:none"', "", "Known"),

@@ -327,6 +327,10 @@ class Described(Shown, BaseModel):
         key = ".".join([*([cls.table_name] if cls.table_name else []), *map(str, first["loc"])])
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])
+            inner = [one.removeprefix(f"{name}_") for one in cls.keys() if one.startswith(f"{name}_")]  # noqa: SIM118 - a method of ours
+            if inner:
+                what = f"{key} = {first['input']!r} is not a table"
+                return wrong(key, what, remedy=f"Write {{ {', '.join(f'{one} = ...' for one in inner)} }}.")
             return wrong(key, f"{key} is not a known key", remedy=nearest(name, cls.keys()))
         if first["type"] == "missing":
             return wrong(key, f"{key} is missing", remedy=cls.example(str(first["loc"][-1])))
