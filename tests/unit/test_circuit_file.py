@@ -408,3 +408,8 @@ def test_what_lies_behind_a_regulator_starts_at_its_set_pressure():
     assert start["valve.4.pressure_pa"] == 101325.0
     # Half of a tube of 4 mm and 1 m, and the port of the valve.
     assert "the joint of valve.4 has 6.48 cm3, from what is joined there" in circuit.assumed()
+
+
+def test_a_number_that_is_zero_is_given():
+    spring = {"kind": "spring", "stiffness": "100 N/m", "rest_position": "0 mm"}
+    assert components.component(spring).rest_position_m == 0.0

@@ -72,6 +72,16 @@ fn pulses_let_through_what_their_width_and_the_times_of_the_valve_say() {
 }
 
 #[test]
+fn pulses_that_never_open_the_valve_are_refused() {
+    let valve = json!({ "name": "valve", "kind": "valve/switching-2/2", "numbers": { "conductance": CONDUCTANCE,
+        "critical_pressure_ratio": 0.3, "time_on": 0.02, "time_off": 0.02, "pwm_frequency": 100.0 } });
+    let joints = json!([["supply.1", "valve.1"], ["valve.2", "tank.1"]]);
+    let message =
+        network(&json!([supply(), valve, tank("tank", 1e-3)]), &joints).err().map(|e| e.to_string());
+    assert!(message.is_some_and(|message| message.contains("the valve never opens")));
+}
+
+#[test]
 fn an_armature_stands_for_the_dead_time_travels_steadily_and_turns_where_it_is() {
     // To the middle of the travel 10 ms, of which the travel takes 4: it moves from 8 to 12 ms after a command.
     let valve = |off: f64| {

@@ -177,10 +177,10 @@ class Component(Described):
         for parameter in self.entry["parameters"]:
             keys = flow_keys(self.entry, parameter["key"])
             given = [numbers.get(key) for key in keys]
-            needed = is_needed(parameter, numbers | choices)
-            if len(keys) > 1 and (needed or any(given)):
+            needed, is_given = is_needed(parameter, numbers | choices), any(one is not None for one in given)
+            if len(keys) > 1 and (needed or is_given):
                 valve_flow.size_given(given, keys, "")
-            elif needed and not any(given):
+            elif needed and not is_given:
                 key = parameter["key"]
                 raise wrong(key, f"{key} is missing", rule=f"it is {_unless(parameter)}")
         return self

@@ -94,6 +94,22 @@ fn edge<P: Lane>(
     })
 }
 
+/// Pulses whose period is shorter than the dead time on never move the armature.
+fn check_pulses(own: &Instance<f64>) -> Result<(), Error> {
+    let [frequency, on, share] = ["pwm_frequency", "time_on", "travel_share"].map(|key| own.number(key));
+    let dead = on * (1.0 - 0.5 * share);
+    if frequency * dead < 1.0 {
+        return Ok(());
+    }
+    Err(Error::Specification(format!(
+        "{}.pwm_frequency = {frequency} Hz: a period of {:.3} ms is no longer than the dead time on, {:.3} ms, so the valve never \
+         opens. Take a lower frequency",
+        own.name,
+        1e3 / frequency,
+        1e3 * dead
+    )))
+}
+
 const KIND: Kind = Kind {
     sources: &["iso6358-2013"],
     inputs: &[("command", "1", "1: on, 0: off; with pulses the share of a period for which it is on")],
@@ -136,6 +152,10 @@ impl Component for Switching22 {
         ],
         ..KIND
     };
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        check_pulses(own)
+    }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(one), Some(two)) = (at.gas(0), at.gas(1)) else { return };
@@ -185,7 +205,7 @@ impl Component for Switching32 {
                 own.name
             )));
         }
-        Ok(())
+        check_pulses(own)
     }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
