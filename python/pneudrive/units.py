@@ -331,8 +331,8 @@ def si_name(unit: str) -> str:
 
     Examples
     --------
-    >>> si_name("m2"), si_name("N s2/m2"), si_name("-")
-    ('m^2', 'N s2/m2', '')
+    >>> si_name("m2"), si_name("N s2/m2"), si_name("N s3/m3"), si_name("-")
+    ('m^2', 'kg/m', 'N s3/m3', '')
     """
     plain = _canonical(unit)
     if plain in {"-", "1"}:
