@@ -1,6 +1,7 @@
 //! Components as users order them: each is a table - ports, parameters, inputs, outputs - and the parts that it is made
 //! of. A new component is a file here and a word in `components!`.
 
+mod build;
 mod bumper;
 mod check_valve;
 mod compressor;
@@ -24,22 +25,22 @@ mod slide;
 mod soft_start;
 mod switching;
 mod symbol;
+mod table;
 mod tank;
 mod tube;
 mod valve;
 
-use crate::assembly::end_stop::Ends;
-use crate::assembly::{Quantity, Starting, Timing};
-use crate::circuit::{AxisId, Circuit, GasId, Path};
-use crate::part::{ChamberLaw, CheckValve, Edge, InputId, Kept, PartId, Wall};
+use crate::circuit::{AxisId, GasId};
+use crate::part::ChamberLaw;
 use crate::run::Error;
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::friction::Contact;
-use physics::{Bounds, IdealGas, Parameter};
-use std::ops::Deref;
+use table::{LINEAR_ABOVE, SUBSONIC_INDEX, WALL, count, join, table};
 
+pub use build::{Acts, Build, Piston};
 pub use symbol::{Stroke, Symbol};
+pub use table::Row;
 
 /// What may be joined to a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,28 +120,6 @@ pub struct Choice {
     pub name: &'static str,
     pub options: &'static [&'static str],
     pub meaning: &'static str,
-}
-
-/// A parameter of a component.
-#[derive(Clone, Copy, Debug)]
-pub struct Row {
-    pub parameter: Parameter,
-    /// What its default is assumed of; empty where it is none, or stands in a source of the component.
-    pub assumed: &'static str,
-    /// What it follows from where it is left out; empty where it does not.
-    pub follows: &'static str,
-    /// It has to be given, unless this is: the key of another number, or a choice, "throttles = both".
-    pub unless: &'static str,
-    /// The table that it belongs to, which may be left out as a whole; empty where it belongs to none.
-    pub within: &'static str,
-}
-
-impl Deref for Row {
-    type Target = Parameter;
-
-    fn deref(&self) -> &Parameter {
-        &self.parameter
-    }
 }
 
 /// A variable of a component: name, unit, meaning.
@@ -289,12 +268,22 @@ pub enum Brings<P> {
     Nothing,
     /// Gas of constant pressure, Pa absolute, and temperature, K.
     Reservoir { pressure: P, temperature: P },
-    /// A volume, m3, with a wall: m2, W/(m2 K), K.
-    Volume { law: ChamberLaw, dead_volume: P, wall: P, heat_transfer: P, wall_temperature: P },
+    /// A volume.
+    Volume(Vessel<P>),
     /// A volume, m3, that comes to that of the joint.
     Room { volume: P },
     /// A moving mass, kg, on an incline, rad, with an external force in +x, N, and with friction.
     Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
+}
+
+/// A volume, m3, with a wall: m2, W/(m2 K), K.
+#[derive(Clone, Debug)]
+pub struct Vessel<P> {
+    pub law: ChamberLaw,
+    pub dead_volume: P,
+    pub wall: P,
+    pub heat_transfer: P,
+    pub wall_temperature: P,
 }
 
 /// The node at a port.
@@ -316,169 +305,6 @@ impl Terminals<'_> {
 
     fn axis(&self, port: usize) -> Option<AxisId> {
         if let Node::Axis(id) = self.0[port] { Some(id) } else { None }
-    }
-}
-
-/// What an input acts on, known once the circuit is built.
-#[derive(Clone, Copy, Debug)]
-pub enum Acts {
-    On(InputId),
-    /// The edges of a valve.
-    Command([InputId; 4]),
-    /// The external force on an axis.
-    Force(AxisId),
-    /// What follows from a command later on, and the bounds of that.
-    Timed(Timing, Bounds),
-    /// Pressure and temperature of a reservoir.
-    Pressure(GasId),
-    Temperature(GasId),
-}
-
-/// The piston of a cylinder.
-#[derive(Clone, Debug)]
-pub struct Piston<P> {
-    pub axis: AxisId,
-    /// The name of its cylinder.
-    pub name: String,
-    pub ends: Ends<P>,
-    /// Areas on both sides, m2, and what an end stop may take up there, m3.
-    pub areas: [P; 2],
-    pub dead_volumes: [P; 2],
-}
-
-/// A circuit that is being made of components.
-pub struct Build<P> {
-    pub circuit: Circuit<P>,
-    pub gas: IdealGas<P>,
-    pub is_air: bool,
-    /// Pressure, Pa, and temperature, K, of the ambient air.
-    pub ambient: [P; 2],
-    /// The highest pressure of a supply, Pa absolute, and the highest temperature of it or the ambient air, K.
-    pub highest: Option<P>,
-    pub hottest: P,
-    /// Mass, kg, and external force, N, of each axis.
-    pub masses: Vec<(P, P)>,
-    /// Stiffness, N/m, and rest position, m, of springs on axes.
-    pub springs: Vec<(AxisId, P, P)>,
-    pub pistons: Vec<Piston<P>>,
-    /// Restrictions that are always open.
-    pub open: Vec<InputId>,
-    /// Sonic conductance of each restriction and its ends.
-    pub paths: Vec<(P, GasId, GasId)>,
-    pub inputs: Vec<(String, &'static str, Acts)>,
-    pub columns: Vec<(String, Quantity)>,
-    /// Each with the names of its numbers.
-    pub starts: Vec<(Starting, Vec<String>)>,
-}
-
-impl<P: Lane> Build<P> {
-    /// A volume within a component, which no port reaches.
-    fn volume(&mut self, brings: Brings<P>) -> Option<GasId> {
-        let Brings::Volume { law, dead_volume, wall, heat_transfer, wall_temperature } = brings else {
-            return None;
-        };
-        Some(self.circuit.volume(law, dead_volume, wall, heat_transfer, wall_temperature))
-    }
-
-    /// Gas starts at a pressure and a temperature.
-    pub(crate) fn gas_starts(&mut self, node: GasId, name: &str) {
-        let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));
-        self.starts.push((Starting::Gas(node), names.to_vec()));
-    }
-
-    /// A restriction that is always open.
-    fn passage(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
-        let edge = self.edge(law, from, to);
-        self.open.push(edge);
-        edge
-    }
-
-    /// A restriction that is shut until its input opens it.
-    fn edge(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
-        self.paths.push((law.conductance, from, to));
-        self.circuit.restriction(law, from, to)
-    }
-
-    /// A part with flow paths, each of the conductance given.
-    fn flow_part<T: Kept<P>>(&mut self, part: T, conductances: &[P]) -> PartId {
-        let paths = part.paths().iter().zip(conductances);
-        self.paths.extend(paths.map(|(path, conductance)| (*conductance, path.from, path.to)));
-        self.circuit.add(part)
-    }
-
-    /// A spring between a mass and the frame: stiffness, N/m, and the position where it has no force, m.
-    fn spring(&mut self, axis: AxisId, stiffness: P, rest_position: P) {
-        self.circuit.spring(axis, stiffness, rest_position);
-        self.springs.push((axis, stiffness, rest_position));
-    }
-
-    /// A path that a signal opens.
-    fn signal_edge(&mut self, edge: Edge<P>) -> Path {
-        let conductance = edge.law.conductance;
-        Path::along(self.flow_part(edge, &[conductance]), 0)
-    }
-
-    /// The wall of volumes that stores heat, and the column of its temperature.
-    fn wall(&mut self, of: &Instance<P>, nodes: &[GasId]) {
-        let signal = self.circuit.signal();
-        self.circuit.add(Wall {
-            capacity: of.number("wall_capacity"),
-            heat_transfer: of.number("heat_transfer"),
-            outward: of.number("wall_outer_area") * of.number("wall_outer_heat_transfer"),
-            start: of.given("wall_temperature").unwrap_or(self.ambient[1]),
-            signal,
-            nodes: nodes.iter().map(|node| node.0).collect(),
-        });
-        self.columns.push((format!("{}.wall_temperature_k", of.name), Quantity::Signal(signal)));
-    }
-
-    /// A path that opens by itself.
-    fn check_valve(&mut self, law: Iso6358<P>, cracking_pressure: P, from: GasId, to: GasId) -> Path {
-        let (conductance, path) = (law.conductance, self.circuit.between(from, to));
-        Path::along(self.flow_part(CheckValve { law, cracking_pressure, path }, &[conductance]), 0)
-    }
-
-    /// The columns of a motion: position, velocity, acceleration and friction, the first four outputs.
-    fn motion(&mut self, of: &Instance<P>, axis: AxisId) {
-        let quantities = [
-            Quantity::Position(axis),
-            Quantity::Velocity(axis),
-            Quantity::Acceleration(axis),
-            Quantity::Friction(axis),
-        ];
-        for (output, quantity) in quantities.into_iter().enumerate() {
-            self.column(of, output, quantity);
-        }
-    }
-
-    /// The columns of the inner states of friction.
-    fn inner_states(&mut self, of: &Instance<P>, axis: AxisId) {
-        let inner = of.friction.iter().flat_map(|contact| contact.states());
-        for (i, state) in inner.enumerate() {
-            self.columns.push((format!("{}.{}", of.name, state.name), Quantity::Inner(axis, i)));
-        }
-    }
-
-    /// A supply, with its highest pressure, Pa absolute, and temperature, K.
-    pub(crate) fn supply(&mut self, pressure: P, temperature: P) {
-        self.highest = Some(self.highest.map_or(pressure, |highest| highest.max(pressure)));
-        self.hottest = temperature.max(self.hottest);
-    }
-
-    /// The largest sonic conductance through which gas leaves a node.
-    fn widest(&self, node: GasId) -> P {
-        let each = self.paths.iter().filter(|(_, from, to)| *from == node || *to == node);
-        each.fold(P::zero(), |widest, (conductance, ..)| widest.max(*conductance))
-    }
-
-    fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
-        let (name, _, meaning) = of.kind().inputs[input];
-        self.inputs.push((format!("{}.{name}", of.name), meaning, acts));
-    }
-
-    fn column(&mut self, of: &Instance<P>, output: usize, quantity: Quantity) {
-        let (name, ..) = of.kind().outputs[output];
-        self.columns.push((format!("{}.{name}", of.name), quantity));
     }
 }
 
@@ -575,92 +401,6 @@ pub(crate) fn joint_volume(ports: f64) -> f64 {
     ports.max(LEAST_VOLUME)
 }
 
-/// Parameters of a component, in the words of a table. Rows that several kinds have stand there by their name: `NAME;` for
-/// one, `..NAMES;` for some.
-macro_rules! table {
-    ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
-        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)? $(, unless $unless:literal)?,
-        $meaning:literal)?)?;)*) => {{
-        const PARTS: &[&[$crate::component::Row]] = &[$(
-            $(&$rows)?
-            $(&[$crate::component::table!(
-                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?], $meaning)?
-            )])?
-        ),*];
-        const ROWS: [$crate::component::Row; $crate::component::count(PARTS)] = $crate::component::join(PARTS);
-        &ROWS
-    }};
-    (@row $shared:ident) => { $shared };
-    (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
-        [$($follows:literal)?], [$($within:literal)?], [$($unless:literal)?], $meaning:literal) => {
-        $crate::component::Row {
-            parameter: physics::Parameter {
-                key: stringify!($key),
-                unit: $unit,
-                bounds: $bounds,
-                default: $crate::component::table!(@or None $(Some($default))?),
-                meaning: $meaning,
-            },
-            assumed: $crate::component::table!(@or "" $($assumed)?),
-            follows: $crate::component::table!(@or "" $($follows)?),
-            unless: $crate::component::table!(@or "" $($unless)?),
-            within: $crate::component::table!(@or "" $($within)?),
-        }
-    };
-    (@or $other:tt) => { $other };
-    (@or $other:tt $own:expr) => { $own };
-}
-use table;
-
-const fn count(parts: &[&[Row]]) -> usize {
-    let (mut sum, mut i) = (0, 0);
-    while i < parts.len() {
-        sum += parts[i].len();
-        i += 1;
-    }
-    sum
-}
-
-const fn join<const N: usize>(parts: &[&[Row]]) -> [Row; N] {
-    let mut all = [SUBSONIC_INDEX; N];
-    let (mut done, mut i) = (0, 0);
-    while i < parts.len() {
-        let mut row = 0;
-        while row < parts[i].len() {
-            all[done] = parts[i][row];
-            (done, row) = (done + 1, row + 1);
-        }
-        i += 1;
-    }
-    all
-}
-
-/// Rows that flow paths by ISO 6358 share.
-const SUBSONIC_INDEX: Row = Row {
-    parameter: Parameter {
-        key: "subsonic_index",
-        unit: "1",
-        bounds: physics::above(0.0),
-        default: Some(0.5),
-        meaning: "Subsonic index m",
-    },
-    assumed: "",
-    follows: "",
-    unless: "",
-    within: "",
-};
-/// Rows of a wall that stores heat.
-const WALL: &[Row] = table! {
-    wall_capacity: "J/K", physics::above(0.0), within "wall", "Heat capacity of the wall: with it the wall stores heat, at one temperature; without it keeps its own";
-    wall_outer_area: "m2", physics::at_least(0.0), within "wall", "Area of the wall on the side of the air around";
-    wall_outer_heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 10.0, assumed "of still air, with radiation",
-        within "wall", "Heat-transfer coefficient from the air around to the wall";
-};
-const LINEAR_ABOVE: Row = table! {
-    linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",
-        "Pressure ratio above which the flow is linear; of a check valve its share of the closing ratio";
-}[0];
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -684,7 +424,7 @@ mod tests {
                 Instance { name: String::new(), kind, numbers, choices, friction: None, free: Vec::new() };
             for (place, port) in table.ports.iter().enumerate() {
                 let holds = match bring(&own, place, 293.15) {
-                    Brings::Volume { .. } => Holds::Volume,
+                    Brings::Volume(_) => Holds::Volume,
                     Brings::Reservoir { .. } => Holds::Pressure,
                     Brings::Mass { .. } | Brings::Room { .. } | Brings::Nothing => Holds::Nothing,
                 };

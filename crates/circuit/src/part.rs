@@ -12,6 +12,7 @@ mod coupling;
 mod cup;
 mod cushion;
 pub(crate) mod cylinder;
+pub(crate) mod damper;
 mod edge;
 mod ejector;
 mod end_stops;
@@ -49,6 +50,7 @@ pub use coupling::Coupling;
 pub use cup::Cup;
 pub use cushion::Cushion;
 pub use cylinder::{Cylinder, OtherCylinder};
+pub use damper::Meets;
 pub use edge::Edge;
 pub use ejector::Ejector;
 pub use end_stops::{Covers, EndStops};
@@ -302,12 +304,12 @@ pub trait Part<P: Real> {
     fn event_tolerance(&self, _event: usize) -> f64 {
         0.0
     }
-    /// Changes the mode of one lane, and what the mode demands of the states; what that takes goes into the part's
-    /// accounts, if the circuit keeps any.
+    /// Changes the mode of one lane - where a part says no more, from zero to one and back - and what the mode demands of
+    /// the states; what that takes goes into the part's accounts, if the circuit keeps any.
     fn switch(
         &mut self,
-        _event: usize,
-        _lane: usize,
+        event: usize,
+        lane: usize,
         _y: OwnMut<P>,
         _net: &Net<P>,
         _common: &Common<P>,
@@ -315,6 +317,8 @@ pub trait Part<P: Real> {
     ) where
         P: Lane,
     {
+        let mode = self.mode_mut(event);
+        mode.put(lane, 1.0 - mode.get(lane));
     }
     /// The mode of an event.
     fn mode_mut(&mut self, event: usize) -> &mut P {

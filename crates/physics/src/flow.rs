@@ -4,3 +4,9 @@ mod iso6358;
 mod laminar;
 pub use iso6358::{Iso6358, LINEAR_ABOVE, choked_factor};
 pub use laminar::Laminar;
+
+/// Critical pressure ratio of an ideal nozzle for a diatomic gas, (2/(k + 1))^(k/(k - 1)) at k = 1.4.
+pub const NOZZLE_RATIO: f64 = 0.528;
+/// Sonic conductance of a bore for each m2 of its area, m3/(s Pa m2): 0.2 dm3/(s bar) for each mm2, the rule C = S/5 for
+/// its effective area S.
+pub const BORE_CONDUCTANCE: f64 = 2e-3;

@@ -7,8 +7,8 @@ use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Row, Terminals, bring, check, compose,
-    joint_volume,
+    Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Row, Terminals, Vessel, bring, check,
+    compose, joint_volume,
 };
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
@@ -234,7 +234,7 @@ where
                 Brings::Reservoir { pressure, temperature } => {
                     held.push((name, Some([pressure, temperature])))
                 }
-                Brings::Volume { law, dead_volume, wall, heat_transfer, wall_temperature } => {
+                Brings::Volume(vessel) => {
                     let owner = &self.each[component];
                     let is_alone = owner.kind().ports.len() == 1;
                     if let Some(other) = own_name.replace(if is_alone { owner.name.clone() } else { name }) {
@@ -243,7 +243,7 @@ where
                             own_name.unwrap_or_default()
                         ));
                     }
-                    volume = Some((law, dead_volume, wall, heat_transfer, wall_temperature));
+                    volume = Some(vessel);
                 }
                 Brings::Room { volume } => room = Some(room.map_or(volume, |room| room + volume)),
                 _ => {}
@@ -263,12 +263,18 @@ where
                 Ok(self.build.circuit.reservoir(pressure, temperature))
             }
             ([], volume) => {
-                let zero = P::zero();
-                let alone =
-                    (ChamberLaw::EnergyBalance, P::c(joint_volume(ports)), zero, zero, self.build.ambient[1]);
-                let (law, dead_volume, wall, heat, wall_temperature) = volume.unwrap_or(alone);
-                let dead_volume = room.map_or(dead_volume, |room| dead_volume + room);
-                let node = self.build.circuit.volume(law, dead_volume, wall, heat, wall_temperature);
+                let mut vessel = volume.unwrap_or_else(|| Vessel {
+                    law: ChamberLaw::EnergyBalance,
+                    dead_volume: P::c(joint_volume(ports)),
+                    wall: P::zero(),
+                    heat_transfer: P::zero(),
+                    wall_temperature: self.build.ambient[1],
+                });
+                if let Some(room) = room {
+                    vessel.dead_volume += room;
+                }
+                let dead_volume = vessel.dead_volume;
+                let node = self.build.volume(vessel);
                 let name = own_name.unwrap_or_else(|| {
                     let name = self.name(joint.ports[0]);
                     self.joint_volumes.push((name.clone(), dead_volume));

@@ -1,6 +1,7 @@
 use super::{Build, Choice, Component, Instance, Kind, Terminals, axis, table};
 use crate::assembly::Quantity;
-use crate::part::Bumper as Elastomer;
+use crate::circuit::AxisId;
+use crate::part::{Bumper as Elastomer, Meets};
 use math::{Lane, Real};
 
 /// An elastomer that a mass runs into.
@@ -12,6 +13,11 @@ pub(super) const SIDE: Choice = Choice {
     options: &["b", "a"],
     meaning: "Where it stands: b is met in +x, as the end of chamber b, a in -x",
 };
+
+/// Where a component with a position and a side is met.
+pub(super) fn meets<P: Lane>(own: &Instance<P>, axis: AxisId) -> Meets<P> {
+    Meets { position: own.number("position"), ahead: own.chosen(SIDE.name) == Some("b"), axis: axis.index() }
+}
 
 /// Newton steps; each halves the distance at least, and squares it in the end.
 const STEPS: usize = 40;
@@ -57,13 +63,11 @@ impl Component for Bumper {
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let Some(axis) = at.axis(0) else { return };
         let part = build.circuit.add(Elastomer {
-            position: own.number("position"),
             rated_force: own.number("rated_force"),
             rated_depth: own.number("rated_depth"),
             exponent: own.number("exponent"),
             damping: damped(own.number("restitution")) / own.number("impact_speed"),
-            ahead: own.choices[0] == 0,
-            axis: axis.index(),
+            meets: meets(own, axis),
         });
         build.column(own, 0, Quantity::Force(part));
     }

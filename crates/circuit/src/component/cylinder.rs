@@ -1,6 +1,6 @@
 use super::{
     Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Row, SUBSONIC_INDEX,
-    Stroke, Symbol, Terminals, WALL, axis, chamber, exhaust, table,
+    Stroke, Symbol, Terminals, Variable, Vessel, WALL, axis, chamber, count, exhaust, join, table,
 };
 use crate::assembly::Quantity;
 use crate::assembly::end_stop::{Driven, ends};
@@ -9,7 +9,7 @@ use crate::circuit::{AxisId, GasId, PistonSide};
 use crate::part::{ChamberLaw, Cushion};
 use crate::run::Error;
 use math::{Lane, Real};
-use physics::flow::Iso6358;
+use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use std::f64::consts::PI;
 
 /// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
@@ -38,6 +38,75 @@ const PARAMETERS: &[Row] = table! {
         "Depth from which the damper acts fully";
 };
 
+/// Rows of the cushion at an end, by their keys.
+macro_rules! cushion_rows {
+    ($table:literal, [$length:ident, $plunger_diameter:ident, $needle_conductance:ident, $port_volume:ident, $check_conductance:ident, $cracking_pressure:ident, $bore_conductance:ident, $critical_pressure_ratio:ident, $transition:ident $(,)?]) => {
+        table! {
+            $length: "m", physics::above(0.0), within $table,
+                    "Distance from the end at which the plunger enters its bore";
+            $plunger_diameter: "m", physics::above(0.0), within $table,
+                    "Diameter of the plunger";
+            $needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within $table,
+                    "Sonic conductance of the needle as it is set, for air";
+            $port_volume: "m3", physics::above(0.0), within $table,
+                    "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
+            $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "of a lip seal of this size", within $table,
+                    "Sonic conductance of the check valve that lets gas from the port into the chamber";
+            $cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "of a lip seal", within $table,
+                    "Cracking pressure of the check valve, a difference";
+            $bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within $table,
+                    "Sonic conductance of the bore without the plunger";
+            $critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a needle", within $table,
+                    "Critical pressure ratio of needle, check valve and bore";
+            $transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within $table,
+                    "Way over which the bore shuts";
+        }
+    };
+}
+
+const CUSHION_A: &[Row] = cushion_rows!(
+    "cushion_a",
+    [
+        cushion_a_length,
+        cushion_a_plunger_diameter,
+        cushion_a_needle_conductance,
+        cushion_a_port_volume,
+        cushion_a_check_conductance,
+        cushion_a_cracking_pressure,
+        cushion_a_bore_conductance,
+        cushion_a_critical_pressure_ratio,
+        cushion_a_transition,
+    ]
+);
+const CUSHION_B: &[Row] = cushion_rows!(
+    "cushion_b",
+    [
+        cushion_b_length,
+        cushion_b_plunger_diameter,
+        cushion_b_needle_conductance,
+        cushion_b_port_volume,
+        cushion_b_check_conductance,
+        cushion_b_cracking_pressure,
+        cushion_b_bore_conductance,
+        cushion_b_critical_pressure_ratio,
+        cushion_b_transition,
+    ]
+);
+
+const OUTPUTS: &[Variable] = &[
+    ("position_m", "m", "position"),
+    ("velocity_m_s", "m/s", "velocity"),
+    ("acceleration_m_s2", "m/s2", "acceleration"),
+    ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
+    ("end_stop_force_n", "N", "force of the end stops, positive where it pushes towards -x"),
+    ("a.pressure_pa", "Pa", "absolute pressure in chamber a"),
+    ("a.temperature_k", "K", "temperature in chamber a"),
+    ("a.mass_flow_kg_s", "kg/s", "mass flow into chamber a"),
+    ("b.pressure_pa", "Pa", "absolute pressure in chamber b"),
+    ("b.temperature_k", "K", "temperature in chamber b"),
+    ("b.mass_flow_kg_s", "kg/s", "mass flow into chamber b"),
+];
+
 const KIND: Kind = Kind {
     key: "",
     title: "",
@@ -47,42 +116,8 @@ const KIND: Kind = Kind {
     ports: PORTS,
     parameters: table! {
         ..PARAMETERS;
-        cushion_a_length: "m", physics::above(0.0), within "cushion_a",
-                "Cushion at chamber a's end: distance from the end at which the plunger enters its bore";
-        cushion_a_plunger_diameter: "m", physics::above(0.0), within "cushion_a",
-                "Diameter of the plunger";
-        cushion_a_needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within "cushion_a",
-                "Sonic conductance of the needle as it is set, for air";
-        cushion_a_port_volume: "m3", physics::above(0.0), within "cushion_a",
-                "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
-        cushion_a_check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "of a lip seal of this size", within "cushion_a",
-                "Sonic conductance of the check valve that lets gas from the port into the chamber";
-        cushion_a_cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "of a lip seal", within "cushion_a",
-                "Cracking pressure of the check valve, a difference";
-        cushion_a_bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within "cushion_a",
-                "Sonic conductance of the bore without the plunger";
-        cushion_a_critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a needle", within "cushion_a",
-                "Critical pressure ratio of needle, check valve and bore";
-        cushion_a_transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within "cushion_a",
-                "Way over which the bore shuts";
-        cushion_b_length: "m", physics::above(0.0), within "cushion_b",
-                "Cushion at chamber b's end: distance from the end at which the plunger enters its bore";
-        cushion_b_plunger_diameter: "m", physics::above(0.0), within "cushion_b",
-                "Diameter of the plunger";
-        cushion_b_needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within "cushion_b",
-                "Sonic conductance of the needle as it is set, for air";
-        cushion_b_port_volume: "m3", physics::above(0.0), within "cushion_b",
-                "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
-        cushion_b_check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "of a lip seal of this size", within "cushion_b",
-                "Sonic conductance of the check valve that lets gas from the port into the chamber";
-        cushion_b_cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "of a lip seal", within "cushion_b",
-                "Cracking pressure of the check valve, a difference";
-        cushion_b_bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within "cushion_b",
-                "Sonic conductance of the bore without the plunger";
-        cushion_b_critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a needle", within "cushion_b",
-                "Critical pressure ratio of needle, check valve and bore";
-        cushion_b_transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within "cushion_b",
-                "Way over which the bore shuts";
+        ..CUSHION_A;
+        ..CUSHION_B;
     },
     choices: &[Choice {
         name: "chamber_law",
@@ -92,19 +127,7 @@ const KIND: Kind = Kind {
     friction: true,
     needs_friction: true,
     inputs: &[("load_force_n", "N", "external force in +x")],
-    outputs: &[
-        ("position_m", "m", "position"),
-        ("velocity_m_s", "m/s", "velocity"),
-        ("acceleration_m_s2", "m/s2", "acceleration"),
-        ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
-        ("end_stop_force_n", "N", "force of the end stops, positive where it pushes towards -x"),
-        ("a.pressure_pa", "Pa", "absolute pressure in chamber a"),
-        ("a.temperature_k", "K", "temperature in chamber a"),
-        ("a.mass_flow_kg_s", "kg/s", "mass flow into chamber a"),
-        ("b.pressure_pa", "Pa", "absolute pressure in chamber b"),
-        ("b.temperature_k", "K", "temperature in chamber b"),
-        ("b.mass_flow_kg_s", "kg/s", "mass flow into chamber b"),
-    ],
+    outputs: OUTPUTS,
     ..Kind::PLAIN
 };
 
@@ -129,14 +152,14 @@ fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
 fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> Brings<P> {
     let dead_volume =
         if cushioned(own, end) { format!("cushion_{end}_port_volume") } else { format!("dead_volume_{end}") };
-    bring_chamber(own, &dead_volume, ambient_temperature)
+    Brings::Volume(vessel(own, &dead_volume, ambient_temperature))
 }
 
 /// What a chamber is, its dead volume having this key.
-fn bring_chamber<P: Lane>(own: &Instance<P>, dead_volume: &str, ambient_temperature: P) -> Brings<P> {
+fn vessel<P: Lane>(own: &Instance<P>, dead_volume: &str, ambient_temperature: P) -> Vessel<P> {
     // A wall that stores heat gives it by itself.
     let by_wall = own.given("wall_capacity").is_some();
-    Brings::Volume {
+    Vessel {
         law: chamber_law(own),
         dead_volume: own.number(dead_volume),
         wall: P::zero(),
@@ -183,9 +206,6 @@ fn plunger<P: Lane>(own: &Instance<P>, end: &str) -> P {
     P::c(0.25 * PI) * diameter * diameter
 }
 
-/// Sonic conductance of a bore for each m2 of its area, m3/(s Pa): 0.2 dm3/(s bar) for each mm2.
-const BORE_CONDUCTANCE: f64 = 2e-3;
-
 fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error> {
     if !cushioned(own, end) {
         return Ok(());
@@ -222,8 +242,7 @@ fn cushion<P: Lane>(
     if !cushioned(own, end) {
         return port;
     }
-    let brings = bring_chamber(own, &format!("dead_volume_{end}"), build.ambient[1]);
-    let Some(chamber) = build.volume(brings) else { return port };
+    let chamber = build.volume(vessel(own, &format!("dead_volume_{end}"), build.ambient[1]));
     build.circuit.starts_as(chamber, port);
     let key = |key: &str| format!("cushion_{end}_{key}");
     let number = |name: &str| own.number(&key(name));
@@ -488,7 +507,7 @@ impl Component for SingleActing {
 
     fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
         match port {
-            0 => bring_chamber(own, "dead_volume_a", ambient_temperature),
+            0 => Brings::Volume(vessel(own, "dead_volume_a", ambient_temperature)),
             1 => Brings::Nothing,
             _ => bring_rod(own),
         }
@@ -500,8 +519,7 @@ impl Component for SingleActing {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(a), Some(around), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
-        let brings = bring_chamber(own, "dead_volume_b", build.ambient[1]);
-        let Some(b) = build.volume(brings) else { return };
+        let b = build.volume(vessel(own, "dead_volume_b", build.ambient[1]));
         build.gas_starts(b, &format!("{}.b", own.name));
         build.passage(own.path("breather_conductance", build), b, around);
         let stiffness = own.number("spring_stiffness");
@@ -511,6 +529,15 @@ impl Component for SingleActing {
         compose(own, &chambers, axis, widest, build);
     }
 }
+
+const SECOND_PAIR: &[Variable] = &[
+    ("a2.pressure_pa", "Pa", "absolute pressure in chamber a2"),
+    ("a2.temperature_k", "K", "temperature in chamber a2"),
+    ("a2.mass_flow_kg_s", "kg/s", "mass flow into chamber a2"),
+    ("b2.pressure_pa", "Pa", "absolute pressure in chamber b2"),
+    ("b2.temperature_k", "K", "temperature in chamber b2"),
+    ("b2.mass_flow_kg_s", "kg/s", "mass flow into chamber b2"),
+];
 
 /// Two pistons on one rod.
 pub struct Tandem;
@@ -529,25 +556,10 @@ impl Component for Tandem {
             dead_volume_a2: "m3", physics::above(0.0), "Volume of chamber a2 at x = 0, port and line included";
             dead_volume_b2: "m3", physics::above(0.0), "Volume of chamber b2 at the end of the stroke, port and line included";
         },
-        outputs: &[
-            ("position_m", "m", "position"),
-            ("velocity_m_s", "m/s", "velocity"),
-            ("acceleration_m_s2", "m/s2", "acceleration"),
-            ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
-            ("end_stop_force_n", "N", "force of the end stops, positive where it pushes towards -x"),
-            ("a.pressure_pa", "Pa", "absolute pressure in chamber a"),
-            ("a.temperature_k", "K", "temperature in chamber a"),
-            ("a.mass_flow_kg_s", "kg/s", "mass flow into chamber a"),
-            ("b.pressure_pa", "Pa", "absolute pressure in chamber b"),
-            ("b.temperature_k", "K", "temperature in chamber b"),
-            ("b.mass_flow_kg_s", "kg/s", "mass flow into chamber b"),
-            ("a2.pressure_pa", "Pa", "absolute pressure in chamber a2"),
-            ("a2.temperature_k", "K", "temperature in chamber a2"),
-            ("a2.mass_flow_kg_s", "kg/s", "mass flow into chamber a2"),
-            ("b2.pressure_pa", "Pa", "absolute pressure in chamber b2"),
-            ("b2.temperature_k", "K", "temperature in chamber b2"),
-            ("b2.mass_flow_kg_s", "kg/s", "mass flow into chamber b2"),
-        ],
+        outputs: {
+            const ALL: [Variable; count(&[OUTPUTS, SECOND_PAIR])] = join(&[OUTPUTS, SECOND_PAIR]);
+            &ALL
+        },
         ..KIND
     };
 
@@ -555,7 +567,7 @@ impl Component for Tandem {
         match port {
             0..4 => {
                 let key = ["dead_volume_a", "dead_volume_b", "dead_volume_a2", "dead_volume_b2"][port];
-                bring_chamber(own, key, ambient_temperature)
+                Brings::Volume(vessel(own, key, ambient_temperature))
             }
             _ => bring_rod(own),
         }

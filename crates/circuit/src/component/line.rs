@@ -1,10 +1,10 @@
-use super::{Build, Component, Instance, Kind, Port, Terminals, gas, table};
+use super::{Build, Component, Instance, Kind, Port, Terminals, Vessel, gas, table};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::part::{ChamberLaw, Column};
 use crate::run::Error;
 use math::Lane;
-use physics::flow::Iso6358;
+use physics::flow::{BORE_CONDUCTANCE, Iso6358, LINEAR_ABOVE, NOZZLE_RATIO};
 use std::f64::consts::PI;
 
 /// A tube with waves: cells of gas, and columns with inertia between them.
@@ -67,9 +67,13 @@ impl Component for Line {
         let cells: Vec<_> = (0..=n)
             .map(|cell| {
                 let own_length = if cell == 0 || cell == n { P::c(0.5) * length } else { length };
-                let (volume, wall) = (area * own_length, P::c(PI) * diameter * own_length);
-                let law = ChamberLaw::EnergyBalance;
-                let node = build.circuit.volume(law, volume, wall, heat_transfer, wall_temperature);
+                let node = build.volume(Vessel {
+                    law: ChamberLaw::EnergyBalance,
+                    dead_volume: area * own_length,
+                    wall: P::c(PI) * diameter * own_length,
+                    heat_transfer,
+                    wall_temperature,
+                });
                 build.gas_starts(node, &format!("{}.cell_{cell}", own.name));
                 node
             })
@@ -89,12 +93,12 @@ impl Component for Line {
             };
             build.flow_part(column, &[]);
         }
-        let bore = P::c(BORE) * area;
+        let bore = P::c(BORE_CONDUCTANCE) * area;
         let mouth = Iso6358::for_gas(
             bore,
-            P::c(BORE_RATIO),
+            P::c(NOZZLE_RATIO),
             P::c(0.5),
-            P::c(physics::flow::LINEAR_ABOVE),
+            P::c(LINEAR_ABOVE),
             true,
             &build.gas,
             build.is_air,
@@ -111,8 +115,5 @@ impl Component for Line {
 const CELLS: f64 = 12.8;
 /// Nusselt number of laminar flow in a round pipe times the thermal conductivity of air, W/(m K).
 const LAMINAR_HEAT: f64 = 3.66 * 0.026;
-/// Sonic conductance of a bore by its area, m/(s Pa), and its critical pressure ratio: an ideal nozzle's.
-const BORE: f64 = 2e-3;
-const BORE_RATIO: f64 = 0.528;
 /// Error scale of a mass flow by its cross-section, kg/(s m2): ambient air at the speed of sound.
 const SCALE: f64 = 400.0;

@@ -4,6 +4,7 @@ use crate::circuit::Path;
 use math::Lane;
 use physics::IdealGas;
 use physics::constants::{RHO_0, T_0};
+use physics::flow::NOZZLE_RATIO;
 use physics::flow::choked_factor;
 use std::f64::consts::PI;
 
@@ -23,7 +24,7 @@ impl Component for Orifice {
             diameter: "m", physics::above(0.0), "Diameter d";
             discharge_coefficient: "1", physics::Bounds { open: true, ..physics::within(0.0, 1.0) }, default 0.8,
                 assumed "of a short hole with sharp edges", "Discharge coefficient C_d in choked flow";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.528, assumed "of an ideal nozzle",
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default NOZZLE_RATIO, assumed "of an ideal nozzle",
                 "Critical pressure ratio b";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;

@@ -6,6 +6,7 @@ use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::part::{InputId, Regulator, SecondOrder};
 use math::Lane;
+use physics::constants::P_0;
 use std::f64::consts::PI;
 
 /// What every regulator has.
@@ -124,10 +125,12 @@ impl Component for ElectroPneumatic {
         let mut command = None;
         let follow = |build: &mut Build<P>| {
             let signal = build.circuit.signal();
+            let angular_frequency = P::c(2.0 * PI) * own.number("natural_frequency");
             let part = SecondOrder {
                 command: own.number("set_pressure"),
-                natural_frequency: P::c(2.0 * PI) * own.number("natural_frequency"),
+                angular_frequency,
                 damping_ratio: own.number("damping_ratio"),
+                rate_scale: P_0 * angular_frequency.get(0),
                 signal,
             };
             command = Some(build.circuit.add(part).input(0));

@@ -1,4 +1,4 @@
-use super::bumper::SIDE;
+use super::bumper::{SIDE, meets};
 use super::{Build, Component, Instance, Kind, Terminals, axis, table};
 use crate::assembly::Quantity;
 use crate::part::ShockAbsorber as Oil;
@@ -39,7 +39,6 @@ impl Component for ShockAbsorber {
         let Some(axis) = at.axis(0) else { return };
         let damping = own.number("damping");
         let part = build.circuit.add(Oil {
-            position: own.number("position"),
             stroke: own.number("stroke"),
             damping,
             end_damping: own.given("end_damping").unwrap_or(damping),
@@ -47,8 +46,7 @@ impl Component for ShockAbsorber {
             stiffness: own.number("stiffness"),
             body_stiffness: own.number("body_stiffness"),
             contact_depth: own.number("contact_depth"),
-            ahead: own.choices[0] == 0,
-            axis: axis.index(),
+            meets: meets(own, axis),
         });
         build.column(own, 0, Quantity::Force(part));
     }

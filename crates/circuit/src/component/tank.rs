@@ -1,4 +1,6 @@
-use super::{Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, WALL, chamber, table};
+use super::{
+    Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, Vessel, WALL, chamber, table,
+};
 use crate::assembly::Quantity;
 use crate::part::ChamberLaw;
 use math::Lane;
@@ -31,7 +33,7 @@ impl Component for Tank {
     };
 
     fn bring<P: Lane>(own: &Instance<P>, _port: usize, ambient_temperature: P) -> Brings<P> {
-        Brings::Volume {
+        Brings::Volume(Vessel {
             law: ChamberLaw::EnergyBalance,
             dead_volume: own.number("volume"),
             wall: own.number("wall_area"),
@@ -42,7 +44,7 @@ impl Component for Tank {
                 own.number("heat_transfer")
             },
             wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
-        }
+        })
     }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

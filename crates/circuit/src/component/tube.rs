@@ -4,7 +4,7 @@ use super::{
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
-use physics::flow::Iso6358;
+use physics::flow::{Iso6358, NOZZLE_RATIO};
 use std::f64::consts::PI;
 
 /// A tube without waves: a flow path, and half of its volume at each end.
@@ -48,16 +48,13 @@ impl Component for Tube {
         });
         let ratio = own
             .given("critical_pressure_ratio")
-            .unwrap_or_else(|| (P::c(474.0) * conductance / square).min(P::c(MOST_RATIO)));
+            .unwrap_or_else(|| (P::c(474.0) * conductance / square).min(P::c(NOZZLE_RATIO)));
         let above = own.number("linear_above");
         let law = Iso6358::for_gas(conductance, ratio, P::c(0.5), above, true, &build.gas, build.is_air);
         let edge = build.passage(law, from, to);
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
 }
-
-/// Critical pressure ratio of an ideal nozzle: no tube has a larger one.
-const MOST_RATIO: f64 = 0.528;
 
 const SYMBOL: Symbol = Symbol {
     strokes: &[

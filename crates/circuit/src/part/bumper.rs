@@ -1,5 +1,6 @@
+use super::damper::Meets;
 use super::path::gathered;
-use super::{Common, Own, Part};
+use super::{Common, Own, Part, damper};
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Over, Real};
@@ -14,13 +15,9 @@ gathered! {
     /// n       exponent                                          -
     /// lambda  damping, in proportion to the static force        s/m
     pub struct Bumper {
-        numbers { position, rated_force, rated_depth, exponent, damping }
-        laws {}
-        same {
-            /// It is met in +x.
-            ahead: bool,
-            axis: usize,
-        }
+        numbers { rated_force, rated_depth, exponent, damping }
+        laws { meets: Meets }
+        same {}
     }
 }
 
@@ -29,13 +26,6 @@ gathered! {
 const LEAST_DEPTH: f64 = 1e-12;
 
 impl<P: Real> Bumper<P> {
-    /// Depth and closing speed.
-    fn contact<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
-        let axis = &net.axis[self.axis];
-        let depth = axis.x - S::from(self.position);
-        if self.ahead { (depth, axis.v) } else { (-depth, -axis.v) }
-    }
-
     /// Static force at a depth, N.
     fn rests<S: Over<P>>(&self, depth: S) -> S {
         let share = (depth / S::from(self.rated_depth)).max(S::c(LEAST_DEPTH));
@@ -49,21 +39,19 @@ impl<P: Real> Bumper<P> {
     }
 
     fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let (depth, _) = self.contact(net);
+        let (depth, _) = self.meets.contact(net);
         self.rests(depth) * depth / (S::from(self.exponent) + S::one())
     }
 }
 
 impl<P: Real> Part<P> for Bumper<P> {
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let force = self.pushes(self.contact(net));
-        if self.ahead { force } else { -force }
+        self.meets.force(self.pushes(self.meets.contact(net)))
     }
 
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let force = self.force(net);
-        net.axis[self.axis].force -= force;
+        self.meets.push(self.force(net), net);
     }
 
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
@@ -71,20 +59,15 @@ impl<P: Real> Part<P> for Bumper<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
+        damper::CHANNELS.to_vec()
     }
 
-    /// The work done on it: what it holds of that is no integral.
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let contact = self.contact(net);
-        let work = self.pushes(contact) * contact.1;
-        out[0] = -work;
-        out[1] = work / S::from(common.ambient_temperature);
+        let contact = self.meets.contact(net);
+        damper::account(self.pushes(contact) * contact.1, common, out);
     }
 
     fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let spring = self.spring_energy(net);
-        out[0] = spring;
-        out[1] = -spring / S::from(common.ambient_temperature);
+        damper::standing(self.spring_energy(net), common, out);
     }
 }

@@ -1,13 +1,10 @@
-use super::path::gathered;
+use super::path::{PRESSURE_TOLERANCE, gathered};
 use super::volume::specific_entropy;
 use super::{Common, Own, OwnMut, Part};
 use crate::circuit::GasId;
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Lane, Over, Real};
-
-/// Pa: far below what any step resolves.
-const TOLERANCE: f64 = 1e-3;
 
 gathered! {
     /// A mass flow into a node that a pressure switch turns off above `stop_pressure` and on below `start_pressure`, Pa:
@@ -75,21 +72,7 @@ impl<P: Real> Part<P> for Compressor<P> {
     }
 
     fn event_tolerance(&self, _event: usize) -> f64 {
-        TOLERANCE
-    }
-
-    fn switch(
-        &mut self,
-        _event: usize,
-        lane: usize,
-        _y: OwnMut<P>,
-        _net: &Net<P>,
-        _common: &Common<P>,
-        _accounts: &mut [P],
-    ) where
-        P: Lane,
-    {
-        self.mode.put(lane, 1.0 - self.mode.get(lane));
+        PRESSURE_TOLERANCE
     }
 
     fn mode_mut(&mut self, _event: usize) -> &mut P {

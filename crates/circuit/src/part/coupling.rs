@@ -1,5 +1,5 @@
 use super::path::gathered;
-use super::{Common, Own, Part};
+use super::{Common, Own, Part, damper};
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Over, Real};
@@ -52,19 +52,14 @@ impl<P: Real> Part<P> for Coupling<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
+        damper::CHANNELS.to_vec()
     }
 
-    /// The work done on it: what it holds of that is no integral.
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let work = self.force(net) * self.apart(net).1;
-        out[0] = -work;
-        out[1] = work / S::from(common.ambient_temperature);
+        damper::account(self.force(net) * self.apart(net).1, common, out);
     }
 
     fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let spring = self.spring_energy(net);
-        out[0] = spring;
-        out[1] = -spring / S::from(common.ambient_temperature);
+        damper::standing(self.spring_energy(net), common, out);
     }
 }

@@ -1,4 +1,4 @@
-use super::{Common, Own, Part};
+use super::{Common, Own, Part, damper};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
@@ -167,7 +167,7 @@ impl<P: Real> Part<P> for EndStops<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
+        damper::CHANNELS.to_vec()
     }
 
     /// The work done on the stop. A piston that leaves faster than the stop can follow feels nothing of
@@ -175,15 +175,10 @@ impl<P: Real> Part<P> for EndStops<P> {
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.axis];
         let contact = self.contact(node.x, node.v);
-        let work = self.force(contact) * contact.1;
-        out[0] = -work;
-        out[1] = work / S::from(common.ambient_temperature);
+        damper::account(self.force(contact) * contact.1, common, out);
     }
 
-    /// Heat of the damper = work - energy of the spring.
     fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let spring = self.spring_energy(net);
-        out[0] = spring;
-        out[1] = -spring / S::from(common.ambient_temperature);
+        damper::standing(self.spring_energy(net), common, out);
     }
 }

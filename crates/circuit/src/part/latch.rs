@@ -1,5 +1,5 @@
-use super::path::{Between, gathered};
-use super::{Common, Own, OwnMut, Part};
+use super::path::{Between, PRESSURE_TOLERANCE, gathered};
+use super::{Own, OwnMut, Part};
 use crate::net::Net;
 use math::{Lane, Over, Real};
 use physics::flow::Iso6358;
@@ -8,9 +8,6 @@ use std::slice;
 /// How far above the pressure at which it falls shut the inlet must be for it to open, so that both are not one event
 /// (assumed).
 const ABOVE_RESET: f64 = 1.2;
-
-/// Pa: far below what any step resolves.
-const TOLERANCE: f64 = 1e-3;
 
 gathered! {
     /// The seat of a soft-start valve: a flow path that is a needle until the pressure behind it has risen, then open:
@@ -64,21 +61,7 @@ impl<P: Real> Part<P> for Latch<P> {
     }
 
     fn event_tolerance(&self, _event: usize) -> f64 {
-        TOLERANCE
-    }
-
-    fn switch(
-        &mut self,
-        _event: usize,
-        lane: usize,
-        _y: OwnMut<P>,
-        _net: &Net<P>,
-        _common: &Common<P>,
-        _accounts: &mut [P],
-    ) where
-        P: Lane,
-    {
-        self.mode.put(lane, 1.0 - self.mode.get(lane));
+        PRESSURE_TOLERANCE
     }
 
     fn mode_mut(&mut self, _event: usize) -> &mut P {

@@ -104,6 +104,9 @@ macro_rules! gathered {
 }
 pub(super) use gathered;
 
+/// How far beyond it an event at a pressure may be taken, Pa: far below what any step resolves.
+pub(super) const PRESSURE_TOLERANCE: f64 = 1e-3;
+
 /// A share between zero and one.
 #[inline(always)]
 pub(super) fn clip<S: Real>(share: S) -> S {

@@ -2,19 +2,32 @@ use super::path::gathered;
 use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::net::Net;
 use math::{Over, Real};
+use physics::constants::P_0;
+
+/// Rates of x and v where x follows u as a system of second order whose speed is bounded:
+///
+///   x' = v,   v' = 2 zeta w (clip(w/(2 zeta) (u - x), -v_max, v_max) - v)
+///
+/// so x'' + 2 zeta w x' + w^2 x = w^2 u while it is not clipped, and a steady v_max where it is.
+///
+/// w      natural angular frequency         rad/s
+/// zeta   damping ratio                     -
+/// v_max  largest speed                     of x, per s
+#[inline(always)]
+pub(super) fn follows<S: Real>([x, v]: [S; 2], u: S, [w, zeta, top]: [S; 3]) -> [S; 2] {
+    let double = zeta + zeta;
+    let wanted = (w / double * (u - x)).max(-top).min(top);
+    [v, double * w * (wanted - v)]
+}
 
 gathered! {
-    /// A pressure that follows a command:
-    ///
-    ///   x' = w q,   q' = w (u - x) - 2 zeta w q,   and so x'' + 2 zeta w x' + w^2 x = w^2 u
-    ///
-    /// u     command             Pa
-    /// w     natural frequency   rad/s
-    /// zeta  damping ratio       -
+    /// A pressure that follows a command, Pa; see [`follows`].
     pub struct SecondOrder {
-        numbers { command, natural_frequency, damping_ratio }
+        numbers { command, angular_frequency, damping_ratio }
         laws {}
         same {
+            /// Absolute error scale of the rate, Pa/s.
+            rate_scale: f64,
             /// Where x stands among the signals.
             signal: usize,
         }
@@ -24,8 +37,8 @@ gathered! {
 impl<P: Real> Part<P> for SecondOrder<P> {
     fn states(&self) -> Vec<State> {
         vec![
-            State { name: "set pressure", unit: "Pa", scale: 1e5 },
-            State { name: "its rate over w", unit: "Pa", scale: 1e5 },
+            State { name: "set pressure", unit: "Pa", scale: P_0 },
+            State { name: "rate of the set pressure", unit: "Pa/s", scale: self.rate_scale },
         ]
     }
 
@@ -49,9 +62,8 @@ impl<P: Real> Part<P> for SecondOrder<P> {
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {
-        let ([x, q], w) = (y.first(), S::from(self.natural_frequency));
-        let damping = S::from(P::c(2.0) * self.damping_ratio);
-        dy.set([w * q, w * (S::from(self.command) - x - damping * q)]);
+        let [w, zeta] = [self.angular_frequency, self.damping_ratio].map(S::from);
+        dy.set(follows(y.first(), S::from(self.command), [w, zeta, S::c(f64::INFINITY)]));
     }
 
     fn begin(&self, _given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {

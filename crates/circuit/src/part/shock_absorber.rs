@@ -1,5 +1,6 @@
+use super::damper::Meets;
 use super::path::{clip, gathered};
-use super::{Common, Own, Part};
+use super::{Common, Own, Part, damper};
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Over, Real};
@@ -18,24 +19,13 @@ gathered! {
     ///
     /// The mass is not tied to it: one that comes back leaves it behind, and it is out again when the mass comes next.
     pub struct ShockAbsorber {
-        numbers { position, stroke, preload, contact_depth, stiffness, damping, end_damping, body_stiffness }
-        laws {}
-        same {
-            /// It is met in +x.
-            ahead: bool,
-            axis: usize,
-        }
+        numbers { stroke, preload, contact_depth, stiffness, damping, end_damping, body_stiffness }
+        laws { meets: Meets }
+        same {}
     }
 }
 
 impl<P: Real> ShockAbsorber<P> {
-    /// How far it is pushed in, and how fast.
-    fn contact<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
-        let axis = &net.axis[self.axis];
-        let depth = axis.x - S::from(self.position);
-        if self.ahead { (depth, axis.v) } else { (-depth, -axis.v) }
-    }
-
     /// How far it is pushed in beyond its stroke.
     fn beyond<S: Over<P>>(&self, depth: S) -> S {
         (depth - S::from(self.stroke)).max(S::zero())
@@ -52,7 +42,7 @@ impl<P: Real> ShockAbsorber<P> {
     }
 
     fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let s = self.contact(net).0.max(S::zero());
+        let s = self.meets.contact(net).0.max(S::zero());
         let half = S::c(0.5);
         let [preload, k, body, w] =
             [self.preload, self.stiffness, self.body_stiffness, self.contact_depth].map(S::from);
@@ -64,14 +54,12 @@ impl<P: Real> ShockAbsorber<P> {
 
 impl<P: Real> Part<P> for ShockAbsorber<P> {
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let force = self.pushes(self.contact(net));
-        if self.ahead { force } else { -force }
+        self.meets.force(self.pushes(self.meets.contact(net)))
     }
 
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let force = self.force(net);
-        net.axis[self.axis].force -= force;
+        self.meets.push(self.force(net), net);
     }
 
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
@@ -79,20 +67,15 @@ impl<P: Real> Part<P> for ShockAbsorber<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
+        damper::CHANNELS.to_vec()
     }
 
-    /// The work done on it: what its springs hold of that is no integral.
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let contact = self.contact(net);
-        let work = self.pushes(contact) * contact.1;
-        out[0] = -work;
-        out[1] = work / S::from(common.ambient_temperature);
+        let contact = self.meets.contact(net);
+        damper::account(self.pushes(contact) * contact.1, common, out);
     }
 
     fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let spring = self.spring_energy(net);
-        out[0] = spring;
-        out[1] = -spring / S::from(common.ambient_temperature);
+        damper::standing(self.spring_energy(net), common, out);
     }
 }

@@ -1,6 +1,7 @@
 //! What positions the edges of a valve: a signal between parts.
 
 use super::path::{clip, gathered};
+use super::second_order::follows;
 use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::net::Net;
 use math::{Over, Real};
@@ -13,7 +14,7 @@ pub(crate) const COMMANDED: usize = 2;
 const COMMAND: physics::Bounds = physics::within(-1.0, 1.0);
 
 macro_rules! commanded {
-    ($part:ident, $acts:literal, $bounds:expr) => {
+    ($acts:literal, $bounds:expr) => {
         fn inputs(&self) -> &'static [Input] {
             const {
                 &[
@@ -47,7 +48,7 @@ gathered! {
 }
 
 impl<P: Real> Part<P> for Held<P> {
-    commanded!(Held, "command that acts", COMMAND);
+    commanded!("command that acts", COMMAND);
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
@@ -56,16 +57,8 @@ impl<P: Real> Part<P> for Held<P> {
 }
 
 gathered! {
-    /// A spool of second order whose speed is bounded:
-    ///
-    ///   v' = 2 zeta w (clip(w/(2 zeta) (u - x), -v_max, v_max) - v),   x' = v
-    ///
-    /// so x'' + 2 zeta w x' + w^2 x = w^2 u while it is not clipped, and a steady v_max where it is.
-    ///
-    /// x, u   position and command that acts    -
-    /// w      natural angular frequency         rad/s
-    /// zeta   damping ratio                     -
-    /// v_max  largest speed                     1/s
+    /// A spool of second order whose speed is bounded; see [`follows`]. Its position goes from -1 to 1, its top speed is
+    /// in 1/s.
     pub struct Spool {
         numbers { acts, remembered, commanded, angular_frequency, damping_ratio, top_speed }
         laws {}
@@ -77,7 +70,7 @@ gathered! {
 }
 
 impl<P: Real> Part<P> for Spool<P> {
-    commanded!(Spool, "command that acts", COMMAND);
+    commanded!("command that acts", COMMAND);
 
     fn states(&self) -> Vec<State> {
         // The speed of a full stroke within one radian.
@@ -95,12 +88,8 @@ impl<P: Real> Part<P> for Spool<P> {
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {
-        let [x, v] = y.first();
-        let (w, zeta) = (S::from(self.angular_frequency), S::from(self.damping_ratio));
-        let double = zeta + zeta;
-        let top = S::from(self.top_speed);
-        let wanted = (w / double * (S::from(self.acts) - x)).max(-top).min(top);
-        dy.set([v, double * w * (wanted - v)]);
+        let laws = [self.angular_frequency, self.damping_ratio, self.top_speed].map(S::from);
+        dy.set(follows(y.first(), S::from(self.acts), laws));
     }
 
     fn begin(&self, _given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
@@ -124,7 +113,7 @@ gathered! {
 }
 
 impl<P: Real> Part<P> for Armature<P> {
-    commanded!(Armature, "rate", physics::any());
+    commanded!("rate", physics::any());
 
     fn states(&self) -> Vec<State> {
         vec![State { name: "armature position", unit: "-", scale: 1.0 }]

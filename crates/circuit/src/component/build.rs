@@ -1,0 +1,177 @@
+//! What components add their parts to.
+
+use super::{Instance, Vessel};
+use crate::assembly::end_stop::Ends;
+use crate::assembly::{Quantity, Starting, Timing};
+use crate::circuit::{AxisId, Circuit, GasId, Path};
+use crate::part::{CheckValve, Edge, InputId, Kept, PartId, Wall};
+use math::Lane;
+use physics::flow::Iso6358;
+use physics::{Bounds, IdealGas};
+
+/// What an input acts on, known once the circuit is built.
+#[derive(Clone, Copy, Debug)]
+pub enum Acts {
+    On(InputId),
+    /// The edges of a valve.
+    Command([InputId; 4]),
+    /// The external force on an axis.
+    Force(AxisId),
+    /// What follows from a command later on, and the bounds of that.
+    Timed(Timing, Bounds),
+    /// Pressure and temperature of a reservoir.
+    Pressure(GasId),
+    Temperature(GasId),
+}
+
+/// The piston of a cylinder.
+#[derive(Clone, Debug)]
+pub struct Piston<P> {
+    pub axis: AxisId,
+    /// The name of its cylinder.
+    pub name: String,
+    pub ends: Ends<P>,
+    /// Areas on both sides, m2, and what an end stop may take up there, m3.
+    pub areas: [P; 2],
+    pub dead_volumes: [P; 2],
+}
+
+/// A circuit that is being made of components.
+pub struct Build<P> {
+    pub circuit: Circuit<P>,
+    pub gas: IdealGas<P>,
+    pub is_air: bool,
+    /// Pressure, Pa, and temperature, K, of the ambient air.
+    pub ambient: [P; 2],
+    /// The highest pressure of a supply, Pa absolute, and the highest temperature of it or the ambient air, K.
+    pub highest: Option<P>,
+    pub hottest: P,
+    /// Mass, kg, and external force, N, of each axis.
+    pub masses: Vec<(P, P)>,
+    /// Stiffness, N/m, and rest position, m, of springs on axes.
+    pub springs: Vec<(AxisId, P, P)>,
+    pub pistons: Vec<Piston<P>>,
+    /// Restrictions that are always open.
+    pub open: Vec<InputId>,
+    /// Sonic conductance of each restriction and its ends.
+    pub paths: Vec<(P, GasId, GasId)>,
+    pub inputs: Vec<(String, &'static str, Acts)>,
+    pub columns: Vec<(String, Quantity)>,
+    /// Each with the names of its numbers.
+    pub starts: Vec<(Starting, Vec<String>)>,
+}
+
+impl<P: Lane> Build<P> {
+    /// A volume.
+    pub(crate) fn volume(&mut self, vessel: Vessel<P>) -> GasId {
+        let Vessel { law, dead_volume, wall, heat_transfer, wall_temperature } = vessel;
+        self.circuit.volume(law, dead_volume, wall, heat_transfer, wall_temperature)
+    }
+
+    /// Gas starts at a pressure and a temperature.
+    pub(crate) fn gas_starts(&mut self, node: GasId, name: &str) {
+        let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));
+        self.starts.push((Starting::Gas(node), names.to_vec()));
+    }
+
+    /// A restriction that is always open.
+    pub(super) fn passage(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
+        let edge = self.edge(law, from, to);
+        self.open.push(edge);
+        edge
+    }
+
+    /// A restriction that is shut until its input opens it.
+    pub(super) fn edge(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
+        self.paths.push((law.conductance, from, to));
+        self.circuit.restriction(law, from, to)
+    }
+
+    /// A part with flow paths, each of the conductance given.
+    pub(super) fn flow_part<T: Kept<P>>(&mut self, part: T, conductances: &[P]) -> PartId {
+        let paths = part.paths().iter().zip(conductances);
+        self.paths.extend(paths.map(|(path, conductance)| (*conductance, path.from, path.to)));
+        self.circuit.add(part)
+    }
+
+    /// A spring between a mass and the frame: stiffness, N/m, and the position where it has no force, m.
+    pub(super) fn spring(&mut self, axis: AxisId, stiffness: P, rest_position: P) {
+        self.circuit.spring(axis, stiffness, rest_position);
+        self.springs.push((axis, stiffness, rest_position));
+    }
+
+    /// A path that a signal opens.
+    pub(super) fn signal_edge(&mut self, edge: Edge<P>) -> Path {
+        let conductance = edge.law.conductance;
+        Path::along(self.flow_part(edge, &[conductance]), 0)
+    }
+
+    /// The wall of volumes that stores heat, and the column of its temperature.
+    pub(super) fn wall(&mut self, of: &Instance<P>, nodes: &[GasId]) {
+        let signal = self.circuit.signal();
+        self.circuit.add(Wall {
+            capacity: of.number("wall_capacity"),
+            heat_transfer: of.number("heat_transfer"),
+            outward: of.number("wall_outer_area") * of.number("wall_outer_heat_transfer"),
+            start: of.given("wall_temperature").unwrap_or(self.ambient[1]),
+            signal,
+            nodes: nodes.iter().map(|node| node.0).collect(),
+        });
+        self.columns.push((format!("{}.wall_temperature_k", of.name), Quantity::Signal(signal)));
+    }
+
+    /// A path that opens by itself.
+    pub(super) fn check_valve(
+        &mut self,
+        law: Iso6358<P>,
+        cracking_pressure: P,
+        from: GasId,
+        to: GasId,
+    ) -> Path {
+        let (conductance, path) = (law.conductance, self.circuit.between(from, to));
+        Path::along(self.flow_part(CheckValve { law, cracking_pressure, path }, &[conductance]), 0)
+    }
+
+    /// The columns of a motion: position, velocity, acceleration and friction, the first four outputs.
+    pub(super) fn motion(&mut self, of: &Instance<P>, axis: AxisId) {
+        let quantities = [
+            Quantity::Position(axis),
+            Quantity::Velocity(axis),
+            Quantity::Acceleration(axis),
+            Quantity::Friction(axis),
+        ];
+        for (output, quantity) in quantities.into_iter().enumerate() {
+            self.column(of, output, quantity);
+        }
+    }
+
+    /// The columns of the inner states of friction.
+    pub(super) fn inner_states(&mut self, of: &Instance<P>, axis: AxisId) {
+        let inner = of.friction.iter().flat_map(|contact| contact.states());
+        for (i, state) in inner.enumerate() {
+            self.columns.push((format!("{}.{}", of.name, state.name), Quantity::Inner(axis, i)));
+        }
+    }
+
+    /// A supply, with its highest pressure, Pa absolute, and temperature, K.
+    pub(crate) fn supply(&mut self, pressure: P, temperature: P) {
+        self.highest = Some(self.highest.map_or(pressure, |highest| highest.max(pressure)));
+        self.hottest = temperature.max(self.hottest);
+    }
+
+    /// The largest sonic conductance through which gas leaves a node.
+    pub(super) fn widest(&self, node: GasId) -> P {
+        let each = self.paths.iter().filter(|(_, from, to)| *from == node || *to == node);
+        each.fold(P::zero(), |widest, (conductance, ..)| widest.max(*conductance))
+    }
+
+    pub(super) fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
+        let (name, _, meaning) = of.kind().inputs[input];
+        self.inputs.push((format!("{}.{name}", of.name), meaning, acts));
+    }
+
+    pub(super) fn column(&mut self, of: &Instance<P>, output: usize, quantity: Quantity) {
+        let (name, ..) = of.kind().outputs[output];
+        self.columns.push((format!("{}.{name}", of.name), quantity));
+    }
+}

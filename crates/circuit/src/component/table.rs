@@ -1,0 +1,114 @@
+//! Tables of parameters.
+
+use physics::Parameter;
+use std::ops::Deref;
+
+/// A parameter of a component.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    pub parameter: Parameter,
+    /// What its default is assumed of; empty where it is none, or stands in a source of the component.
+    pub assumed: &'static str,
+    /// What it follows from where it is left out; empty where it does not.
+    pub follows: &'static str,
+    /// It has to be given, unless this is: the key of another number, or a choice, "throttles = both".
+    pub unless: &'static str,
+    /// The table that it belongs to, which may be left out as a whole; empty where it belongs to none.
+    pub within: &'static str,
+}
+
+impl Deref for Row {
+    type Target = Parameter;
+
+    fn deref(&self) -> &Parameter {
+        &self.parameter
+    }
+}
+
+/// Parameters of a component, in the words of a table. Rows that several kinds have stand there by their name: `NAME;` for
+/// one, `..NAMES;` for some.
+macro_rules! table {
+    ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
+        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)? $(, unless $unless:literal)?,
+        $meaning:literal)?)?;)*) => {{
+        const PARTS: &[&[$crate::component::table::Row]] = &[$(
+            $(&$rows)?
+            $(&[$crate::component::table::table!(
+                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?], $meaning)?
+            )])?
+        ),*];
+        const ROWS: [$crate::component::table::Row; $crate::component::table::count(PARTS)] = $crate::component::table::join(PARTS);
+        &ROWS
+    }};
+    (@row $shared:ident) => { $shared };
+    (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
+        [$($follows:literal)?], [$($within:literal)?], [$($unless:literal)?], $meaning:literal) => {
+        $crate::component::table::Row {
+            parameter: physics::Parameter {
+                key: stringify!($key),
+                unit: $unit,
+                bounds: $bounds,
+                default: $crate::component::table::table!(@or None $(Some($default))?),
+                meaning: $meaning,
+            },
+            assumed: $crate::component::table::table!(@or "" $($assumed)?),
+            follows: $crate::component::table::table!(@or "" $($follows)?),
+            unless: $crate::component::table::table!(@or "" $($unless)?),
+            within: $crate::component::table::table!(@or "" $($within)?),
+        }
+    };
+    (@or $other:tt) => { $other };
+    (@or $other:tt $own:expr) => { $own };
+}
+pub(super) use table;
+
+/// How many there are in all.
+pub(super) const fn count<T>(parts: &[&[T]]) -> usize {
+    let (mut sum, mut i) = (0, 0);
+    while i < parts.len() {
+        sum += parts[i].len();
+        i += 1;
+    }
+    sum
+}
+
+/// One after the other.
+pub(super) const fn join<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
+    let mut all = [parts[0][0]; N];
+    let (mut done, mut i) = (0, 0);
+    while i < parts.len() {
+        let mut row = 0;
+        while row < parts[i].len() {
+            all[done] = parts[i][row];
+            (done, row) = (done + 1, row + 1);
+        }
+        i += 1;
+    }
+    all
+}
+
+/// Rows that flow paths by ISO 6358 share.
+pub(super) const SUBSONIC_INDEX: Row = Row {
+    parameter: Parameter {
+        key: "subsonic_index",
+        unit: "1",
+        bounds: physics::above(0.0),
+        default: Some(0.5),
+        meaning: "Subsonic index m",
+    },
+    assumed: "",
+    follows: "",
+    unless: "",
+    within: "",
+};
+pub(super) const LINEAR_ABOVE: Row = table! {
+    linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",
+        "Pressure ratio above which the flow is linear; of a check valve its share of the closing ratio";
+}[0];
+/// Rows of a wall that stores heat.
+pub(super) const WALL: &[Row] = table! {
+    wall_capacity: "J/K", physics::above(0.0), within "wall", "Heat capacity of the wall: with it the wall stores heat, at one temperature; without it keeps its own";
+    wall_outer_area: "m2", physics::at_least(0.0), within "wall", "Area of the wall on the side of the air around";
+    wall_outer_heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 10.0, assumed "of still air, with radiation",
+        within "wall", "Heat-transfer coefficient from the air around to the wall";
+};
