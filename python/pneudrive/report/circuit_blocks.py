@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -110,7 +111,7 @@ def _block(name: str, one: Component) -> Block:
     entry = one.entry
     symbol = entry.get("symbol") or {"strokes": []}
     if symbol["strokes"]:
-        chosen = {str(getattr(one, choice["name"])) for choice in entry["choices"]}
+        chosen = {str(getattr(one, choice["name"])) for choice in entry["choices"]} | set(one.plain())
         strokes = [*symbol["strokes"], *(s for option, own in symbol["when"] if option in chosen for s in own)]
         places = [(round(x), round(y)) for x, y in symbol["ports"]]
     else:
@@ -214,4 +215,8 @@ _WORDS = {"conductance": "C", "critical_pressure_ratio": "b", "needle_conductanc
 
 
 def _typeset(value: object) -> str:
-    return str(value).replace("m3", "m\N{SUPERSCRIPT THREE}").replace("m2", "m\N{SUPERSCRIPT TWO}")
+    number, space, unit = str(value).partition(" ")
+    with suppress(ValueError):
+        number = f"{float(number):.5g}".replace("e+0", "e").replace("e-0", "e-")
+    unit = unit.replace("m3", "m\N{SUPERSCRIPT THREE}").replace("m2", "m\N{SUPERSCRIPT TWO}")
+    return f"{number}{space}{unit}"

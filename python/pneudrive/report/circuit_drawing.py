@@ -95,8 +95,10 @@ def _figure(circuit: Circuit, placed: dict[str, Block], nets: Sequence[Net], rou
     axis.set_xlim(left, right)
     axis.set_ylim(bottom, top)
     for number, net in enumerate(nets):
-        for ends in routes.runs(number):
-            _path(axis, ends, lw=THICK if net.kind == "axis" else PEN, dashed=net.kind not in ("axis", "gas"))
+        for ends in routes.runs(number, pilots=False):
+            _path(axis, ends, lw=THICK if net.kind == "axis" else PEN)
+        for ends in routes.runs(number, pilots=True):
+            _path(axis, ends, dashed=True)
         for branch in routes.branches(number):
             _dot(axis, branch, 0.28)
     for block in placed.values():

@@ -10,10 +10,10 @@ from pneudrive.errors import DescriptionError
 from pneudrive.report.circuit_blocks import Block, blocks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from pneudrive.describe import Circuit
-    from pneudrive.describe.connections import Joint, Wiring
+    from pneudrive.describe.connections import Joint, Port, Wiring
     from pneudrive.report.circuit_blocks import Place
 
 SWEEPS = 12
@@ -25,10 +25,16 @@ class Net(NamedTuple):
 
     pins: tuple[tuple[str, str], ...]  # component, port
     kind: str  # "gas" or "axis"
+    pilots: tuple[tuple[str, str], ...] = ()  # those that feel the pressure alone
+
+    @staticmethod
+    def point(placed: Mapping[str, Block], pin: tuple[str, str]) -> Place:
+        """Return where a port is."""
+        return placed[pin[0]].port(pin[1])
 
     def points(self, placed: Mapping[str, Block]) -> list[Place]:
         """Return where the ports are."""
-        return [placed[name].port(port) for name, port in self.pins]
+        return [self.point(placed, pin) for pin in self.pins]
 
 
 def nets(circuit: Circuit, placed: Mapping[str, Block]) -> list[Net]:
@@ -40,7 +46,8 @@ def nets(circuit: Circuit, placed: Mapping[str, Block]) -> list[Net]:
             for name, port in pins:
                 placed[name].marks[port] = "exhaust"
         elif len(pins) > 1:
-            out.append(Net(pins, joint.ports[0].kind))
+            kind = "axis" if joint.ports[0].kind == "axis" else "gas"
+            out.append(Net(pins, kind, tuple((port.component, port.name) for port in joint.ports if port.is_pilot)))
         elif pins and joint.ports[0].kind == "gas":
             placed[pins[0][0]].marks[pins[0][1]] = "shut"
     return out
@@ -60,11 +67,11 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside])
     for name, rank in ranks.items():
         placed[name].rank = rank
-    groups = {name: [name, *(other for other, of in beside.items() if of == name)] for name in ranks}
+    groups = {name: [name, *(other for other, (of, _) in beside.items() if of == name)] for name in ranks}
     rows: dict[int, list[str]] = {}
     for name, rank in sorted(ranks.items(), key=lambda item: item[1]):
         rows.setdefault(rank, []).append(name)
-    extent = {name: _group_extent(groups[name], placed) for name in ranks}
+    extent = {name: _group_extent(groups[name], beside, placed) for name in ranks}
     _order(rows, extent, lines, placed, spread)
     y = 0.0
     for rank in sorted(rows):
@@ -74,8 +81,8 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
         for block in row:
             block.y = round(y)
         y = math.ceil(y) + max(block.box[3] for block in row) + 3.0 * spread + 0.5 * spread * between
-    for name, of in beside.items():
-        _put_beside(placed[name], placed[of], [other for other in groups[of][1:] if other != name], placed)
+    for group in groups.values():
+        _put_beside(group, beside, placed)
     _fix(circuit, placed)
     return placed, lines
 
@@ -86,48 +93,63 @@ def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
     return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
 
 
-def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, str]:
-    """Return what moves with an actuator and has no gas, and the actuator beside which it stands."""
+def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, tuple[str, str]]:
+    """Return what moves with an actuator and has no gas: the actuator, and what it stands beside, which that moves."""
     has_gas = {name for name in circuit.components if any(p.kind == "gas" for p in circuit.wiring.ports(name))}
-    out: dict[str, str] = {}
+    out: dict[str, tuple[str, str]] = {}
     found = {name: name for name in has_gas}
     grows = True
     while grows:
         grows = False
         for line in (line for line in lines if line.kind == "axis"):
             known = next((name for name, _ in line.pins if name in found), None)
-            new = {name for name, _ in line.pins if name not in found}
+            new = [name for name, _ in line.pins if name not in found]
             if known is not None and new:
                 found |= dict.fromkeys(new, found[known])
-                out |= dict.fromkeys((name for name, _ in line.pins if name in new), found[known])
+                out |= dict.fromkeys(new, (found[known], known))
                 grows = True
     return out
 
 
-def _put_beside(block: Block, of: Block, others: Iterable[str], placed: Mapping[str, Block]) -> None:
-    """Stand a load to the right of its actuator, at the height of its rod, above what stands there."""
-    done = [placed[name] for name in others if placed[name].rank < 0]
-    block.rank = -1  # it stands
-    block.x = math.ceil(of.x + of.box[2] - block.box[0] + 3)
-    rods = [place[1] for port, place in of.ports.items() if of.directions[port] == "right"]
-    own = next(iter(block.ports.values()))[1]
-    first = of.y + (rods[0] - own if rods else math.ceil(of.symbol[1]) + 1)
-    block.y = max([first, *(math.ceil(one.y + one.box[3] + 1 - block.box[1]) for one in done)])
+def _columns(names: Sequence[str], beside: Mapping[str, tuple[str, str]]) -> list[list[str]]:
+    """Return the blocks beside an actuator in columns: what it moves, what that moves, and so on."""
+    columns = [[names[0]]]
+    while column := [name for name in names[1:] if beside[name][1] in columns[-1]]:
+        columns.append(column)
+    return columns[1:]
 
 
-def _group_extent(names: Sequence[str], placed: Mapping[str, Block]) -> tuple[float, float]:
+def _put_beside(names: Sequence[str], beside: Mapping[str, tuple[str, str]], placed: Mapping[str, Block]) -> None:
+    """Stand what an actuator moves to its right, each at the height of what moves it, above what stands there."""
+    last = placed[names[0]].x + placed[names[0]].box[2]
+    for column in _columns(names, beside):
+        floor = -math.inf
+        for name in column:
+            block, of = placed[name], placed[beside[name][1]]
+            block.x = math.ceil(last - block.box[0] + 3)
+            own = next(iter(block.ports.values()))[1]
+            rods = [place[1] for port, place in of.ports.items() if of.directions[port] == "right"]
+            first = of.y + (rods[0] if rods else math.ceil(of.symbol[3]) + 1) - own
+            block.y = first if floor == -math.inf else max(first, math.ceil(floor - block.box[1]))
+            floor = block.y + block.box[3] + 1
+        last = max(placed[name].x + placed[name].box[2] for name in column)
+
+
+def _group_extent(
+    names: Sequence[str], beside: Mapping[str, tuple[str, str]], placed: Mapping[str, Block]
+) -> tuple[float, float]:
     """Return how far a block reaches to the left and to the right of its origin, with what stands beside it."""
     own = placed[names[0]]
-    extra = max((placed[name].box[2] - placed[name].box[0] + 4 for name in names[1:]), default=0.0)
+    widths = (max(placed[name].box[2] - placed[name].box[0] + 4 for name in c) for c in _columns(names, beside))
     marked = 1.0 if own.marks else 0.0
-    return own.box[0] - marked, own.box[2] + extra + marked
+    return own.box[0] - marked, own.box[2] + sum(widths) + marked
 
 
 def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
     """Return how far each component is from the supply; what is behind exhausts lies below, actuators on top."""
     known: dict[str, int] = {}
     ports = {name: [port for port in wiring.ports(name) if port.kind == "gas"] for name in names}
-    first = [name for name in names if any(port.holds == "pressure" for port in ports[name])] or list(names[:1])
+    first = [name for name in names if _is_supply(ports[name])] or list(names[:1])
     todo = list(first)
     known |= dict.fromkeys(first, 0)
     while len(known) < len(names):
@@ -146,6 +168,11 @@ def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
     actuators = [name for name in names if len(ports[name]) and any(p.kind == "axis" for p in wiring.ports(name))]
     top = max([known[name] for name in actuators] + [rank + 1 for name, rank in known.items() if name not in actuators])
     return known | dict.fromkeys(actuators, top)
+
+
+def _is_supply(ports: Sequence[Port]) -> bool:
+    """Whether a component with these ports gives gas: a reservoir, a compressor."""
+    return any(port.holds == "pressure" for port in ports) or (len(ports) == 1 and ports[0].is_single)
 
 
 def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, known: Mapping[str, int]) -> int | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pneudrive.report.circuit_blocks import DIRECTIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from pneudrive.report.circuit_blocks import Block, Place
     from pneudrive.report.circuit_layout import Net
@@ -38,6 +38,8 @@ class Routes:
     ----------
     lines : list of set
         For each net its steps.
+    pilots : list of set
+        Those of them that are pilot lines.
     """
 
     def __init__(self, placed: Mapping[str, Block], nets: Sequence[Net]) -> None:
@@ -46,20 +48,24 @@ class Routes:
         self.pins = {point: number for number, net in enumerate(nets) for point in net.points(placed)}
         self.through: dict[Place, dict[int, str]] = {}  # point -> net -> "h", "v", or "x" where it bends or branches
         self.lines: list[set[Step]] = [set() for _ in nets]
+        self.pilots: list[set[Step]] = [set() for _ in nets]
         points = [net.points(placed) for net in nets]
         for number in sorted(range(len(nets)), key=lambda one: _reach(points[one])):
-            self._join(number, points[number])
+            self._join(number, points[number], {nets[number].point(placed, pin) for pin in nets[number].pilots})
 
-    def _join(self, net: int, points: Sequence[Place]) -> None:
-        """Join the ports of a net, each to what is joined already."""
-        tree, left = {points[0]}, list(points[1:])
+    def _join(self, net: int, points: Sequence[Place], pilots: Collection[Place]) -> None:
+        """Join the ports of a net, each to what is joined already, those that feel a pressure last."""
+        first = next(point for point in points if point not in pilots)
+        tree, left = {first}, [point for point in points if point != first]
         while left:
-            goal = min(left, key=lambda point: min(_far(point, own) for own in tree))
+            goal = min(left, key=lambda point: (point in pilots, min(_far(point, own) for own in tree)))
             left.remove(goal)
             if goal in tree:
                 continue
             way = self._way(net, tree, goal)
-            self.lines[net] |= {tuple(sorted(pair)) for pair in pairwise(way)}  # type: ignore[misc]
+            steps: set[Step] = {tuple(sorted(pair)) for pair in pairwise(way)}  # type: ignore[misc]
+            self.lines[net] |= steps
+            self.pilots[net] |= steps if goal in pilots else set()
             tree |= set(way)
         for point in tree:
             self.through.setdefault(point, {})[net] = self._kind(net, point)
@@ -130,13 +136,12 @@ class Routes:
                 count[point] = count.get(point, 0) + 1
         return sorted(point for point, number in count.items() if number > 2)
 
-    def runs(self, net: int) -> list[Step]:
-        """Return the straight parts of a line, each as long as can be."""
+    def runs(self, net: int, *, pilots: bool) -> list[Step]:
+        """Return the straight parts of a line, each as long as can be: of its pilot lines, or of all else."""
         out = []
+        own = self.pilots[net] if pilots else self.lines[net] - self.pilots[net]
         for axis in (0, 1):
-            steps = sorted(
-                (step for step in self.lines[net] if step[0][axis] == step[1][axis]), key=lambda s: (s[0][axis], s)
-            )
+            steps = sorted((step for step in own if step[0][axis] == step[1][axis]), key=lambda s: (s[0][axis], s))
             for low, high in steps:
                 if out and out[-1][1] == low and out[-1][0][axis] == out[-1][1][axis]:
                     out[-1] = out[-1][0], high

@@ -9,7 +9,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.describe.components import component_kinds
+from pneudrive.describe.components import component, component_kinds
 from pneudrive.report import circuit_blocks as blocks
 from pneudrive.report.circuit_drawing import arranged, draw_circuit
 
@@ -76,6 +76,82 @@ def simple():
     return drive.replace({"tubing": {"a": line}, "load": {"mass": "3 kg"}}).circuit
 
 
+def held():
+    """Return a tandem cylinder that piloted check valves hold, and what its rod moves and runs into."""
+    check = {"kind": "check-valve/piloted"} | SIZE
+    components = {
+        "mains": {"kind": "reservoir", "pressure": "7 bar gauge"},
+        "set": {"kind": "regulator/electro-pneumatic", "set_pressure": "6 bar gauge"} | SIZE,
+        "valve": {"kind": "valve/switching-5/3", "centre": "exhaust", "time_on": "9 ms", "time_off": "9 ms"} | FLOW,
+        "hold_a": check,
+        "hold_b": check,
+        "open_a": {"kind": "fitting"} | FLOW,
+        "open_b": {"kind": "fitting"} | FLOW,
+        "axis": {
+            "kind": "cylinder/tandem",
+            "bore": "32 mm",
+            "rod_diameter": "12 mm",
+            "stroke": "100 mm",
+            "moving_mass": "1 kg",
+            "dead_volume": dict.fromkeys(("a", "b", "a2", "b2"), "8 cm3"),
+            "friction": FRICTION,
+        },
+        "link": {"kind": "coupling", "stiffness": "1e6 N/m"},
+        "slide": {"kind": "slide", "mass": "4 kg"},
+        "mass": {"kind": "load", "mass": "3 kg"},
+        "rubber": {"kind": "bumper", "position": "95 mm", "rated_force": "1000 N", "rated_depth": "3 mm"},
+        "oil": {"kind": "shock-absorber", "side": "a", "position": "5 mm", "stroke": "9 mm", "damping": "150 kg/m"},
+    }
+    connections = [
+        "mains -> set -> valve.1",
+        "valve.4 -> hold_a -> axis.a",
+        "valve.2 -> hold_b -> axis.b",
+        "valve.2 .. hold_a.12",
+        "valve.4 .. hold_b.12",
+        "axis.a2 -> open_a -> ambient",
+        "axis.b2 -> open_b -> ambient",
+        "axis.rod -> link -> slide",
+        "axis.rod -> mass",
+        "slide -> rubber",
+        "slide -> oil",
+    ]
+    return pn.Circuit(name="held", components=components, connections=connections)
+
+
+def vacuum():
+    """Return a compressor with a receiver, and an ejector behind a soft-start valve; a leak to another supply."""
+    components = {
+        "press": {
+            "kind": "compressor",
+            "free_air_delivery": "100 l/min",
+            "start_pressure": "6 bar gauge",
+            "stop_pressure": "8 bar gauge",
+        },
+        "receiver": {"kind": "tank", "volume": "10 l"},
+        "soft": {"kind": "soft-start", "needle_conductance": "0.2 dm3/(s bar)"} | SIZE,
+        "manifold": {"kind": "tank", "volume": "1 l"},
+        "hole": {"kind": "orifice", "diameter": "2 mm"},
+        "ejector": {"kind": "ejector", "suction_conductance": "0.5 dm3/(s bar)"} | SIZE,
+        "cup": {"kind": "tank", "volume": "50 cm3"},
+        "quiet": {"kind": "silencer"} | FLOW,
+        "swing": {
+            "kind": "reservoir/pulsating",
+            "pressure": "6 bar gauge",
+            "amplitude": "0.3 bar",
+            "frequency": "5 Hz",
+        },
+        "gap": {"kind": "leak", "coefficient": "1e-20 kg K/(s Pa2)"},
+        "line": {"kind": "tube/distributed", "length": "2 m", "diameter": "4 mm"},
+    }
+    connections = [
+        "press -> receiver -> soft -> manifold -> hole -> ejector.1",
+        "ejector.2 -> line -> cup",
+        "ejector.3 -> quiet",
+        "swing -> gap -> manifold",
+    ]
+    return pn.Circuit(name="vacuum", components=components, connections=connections)
+
+
 CIRCUITS = {
     "two cylinders": lambda: pn.Circuit.load(EXAMPLES / "two_cylinders.toml"),
     "lines": lambda: pn.Circuit.load(EXAMPLES / "one_cylinder_with_lines.toml"),
@@ -83,6 +159,8 @@ CIRCUITS = {
     "pulses": lambda: pn.Circuit.load(EXAMPLES / "pwm_axis.toml"),
     "drive": simple,
     "dense": dense,
+    "held": held,
+    "vacuum": vacuum,
 }
 
 
@@ -130,6 +208,41 @@ def test_no_text_lies_outside_or_on_another(name):
     assert all(f"{name} " in f"{words} " for name in circuit.components)
     assert all(volume in words for volume, _ in circuit.joint_volumes)
     assert words.endswith("after ISO 1219.")
+
+
+def test_a_pilot_line_is_dashed_and_gas_is_not():
+    circuit = held()
+    placed, nets, routes = arranged(circuit)
+    piloted = [number for number, net in enumerate(nets) if net.pilots]
+    assert len(piloted) == 2
+    for number in piloted:
+        dashed = {point for step in routes.pilots[number] for point in step}
+        gas = {point for step in routes.lines[number] - routes.pilots[number] for point in step}
+        for pin in nets[number].pins:
+            assert nets[number].point(placed, pin) in (dashed if pin in nets[number].pilots else gas)
+    drawn = [line for line in draw_circuit(circuit).axes[0].lines if line.is_dashed()]
+    corners = {(x, y) for line in drawn for x, y in zip(*line.get_data(), strict=True)}
+    assert all(placed[name].port("12") in corners for name in ("hold_a", "hold_b"))
+    solid = {point for number, _ in enumerate(nets) for run in routes.runs(number, pilots=False) for point in run}
+    assert not solid & {placed[name].port("12") for name in ("hold_a", "hold_b")}
+
+
+def test_what_a_coupling_moves_stands_to_its_right():
+    placed, *_ = arranged(held())
+    assert placed["axis"].x < placed["link"].x < placed["slide"].x
+    assert placed["axis"].port("rod")[1] == placed["link"].port("1")[1] == placed["slide"].port("1")[1]
+    assert placed["rubber"].y > placed["slide"].y
+
+
+@pytest.mark.parametrize("end", "ab")
+def test_a_cushion_is_drawn_where_there_is_one(end):
+    plain = dense().components["axis0"].plain()
+    cushion = {"length": "20 mm", "plunger_diameter": "16 mm", "needle_conductance": "0.1 dm3/(s bar)"}
+    cushioned = plain | {"cushion": {end: cushion | {"port_volume": "6 cm3"}}}
+    without, own = (blocks._block("axis", component(table)) for table in (plain, cushioned))
+    added = [point for stroke in own.strokes if stroke not in without.strokes for point in blocks._points(stroke)]
+    assert min(x for x, _ in added) < 3.0 if end == "a" else max(x for x, _ in added) > 3.8  # faces of the piston
+    assert own.box == without.box
 
 
 def test_supply_stands_below_and_actuators_above():

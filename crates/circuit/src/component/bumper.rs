@@ -1,4 +1,4 @@
-use super::{Build, Choice, Component, Instance, Kind, Terminals, axis, table};
+use super::{Build, Choice, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
 use crate::assembly::Quantity;
 use crate::circuit::AxisId;
 use crate::part::{Bumper as Elastomer, Meets};
@@ -57,6 +57,7 @@ impl Component for Bumper {
         },
         choices: &[SIDE],
         outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -72,3 +73,23 @@ impl Component for Bumper {
         build.column(own, 0, Quantity::Force(part));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 1.0], [1.0, 1.0]]),
+        Stroke::Line(&[[1.0, 0.2], [1.0, 1.8]]),
+        Stroke::Arc([2.9, 1.0], 0.8, [90.0, 270.0]),
+        Stroke::Line(&[[2.9, 0.0], [2.9, 2.0]]),
+        Stroke::Line(&[[2.9, 1.9], [3.4, 1.4]]),
+        Stroke::Line(&[[2.9, 1.3], [3.4, 0.8]]),
+        Stroke::Line(&[[2.9, 0.7], [3.4, 0.2]]),
+    ],
+    when: MET_FROM,
+    ports: &[[0.0, 1.0]],
+};
+
+/// The direction in which it is met, by the side on which it stands.
+pub(super) const MET_FROM: &[(&str, &[Stroke])] = &[
+    ("b", &[Stroke::Line(&[[0.0, 2.6], [1.2, 2.6]]), Stroke::Head([[1.8, 2.6], [1.1, 2.85], [1.1, 2.35]])]),
+    ("a", &[Stroke::Line(&[[1.8, 2.6], [0.6, 2.6]]), Stroke::Head([[0.0, 2.6], [0.7, 2.85], [0.7, 2.35]])]),
+];

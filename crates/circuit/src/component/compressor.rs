@@ -1,4 +1,4 @@
-use super::{Build, Component, Instance, Kind, Terminals, gas, table};
+use super::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, gas, table};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::run::Error;
@@ -23,6 +23,7 @@ impl Component for Compressor {
                 "Temperature T_out of the gas that it delivers";
         },
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of port 1")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -55,3 +56,18 @@ impl Component for Compressor {
         build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Arc([0.0, 2.0], 2.0, [0.0, 360.0]),
+        Stroke::Triangle([[0.0, 4.0], [-0.9, 2.5], [0.9, 2.5]]),
+        Stroke::Line(&[[0.0, 4.0], [0.0, 6.0]]),
+        Stroke::Line(&[[-2.0, 2.2], [-3.5, 2.2]]),
+        Stroke::Line(&[[-2.0, 1.8], [-3.5, 1.8]]),
+        Stroke::Arc([-5.0, 2.0], 1.5, [0.0, 360.0]),
+        Stroke::Text([-5.0, 2.0], "M"),
+        Stroke::Dashed(&[[0.0, 5.0], [-5.0, 5.0], [-5.0, 3.5]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 6.0]],
+};

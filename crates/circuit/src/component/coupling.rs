@@ -1,4 +1,4 @@
-use super::{Build, Component, Instance, Kind, Terminals, axis, table};
+use super::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
 use crate::assembly::Quantity;
 use crate::part::Coupling as Play;
 use math::Lane;
@@ -22,6 +22,7 @@ impl Component for Coupling {
                 "Depth d_c from which on the damper acts fully, where there is play";
         },
         outputs: &[("force_n", "N", "force in +x on the mass at port 2")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -37,3 +38,29 @@ impl Component for Coupling {
         build.column(own, 0, Quantity::Force(part));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
+        Stroke::Line(&[[1.0, 0.8], [1.0, 3.2]]),
+        Stroke::Line(&[
+            [1.0, 3.0],
+            [1.7, 3.0],
+            [1.95, 3.5],
+            [2.45, 2.5],
+            [2.95, 3.5],
+            [3.45, 2.5],
+            [3.95, 3.5],
+            [4.2, 3.0],
+            [5.0, 3.0],
+        ]),
+        Stroke::Line(&[[1.0, 1.2], [2.6, 1.2]]),
+        Stroke::Line(&[[2.6, 0.7], [2.6, 1.7]]),
+        Stroke::Line(&[[2.2, 1.8], [3.6, 1.8], [3.6, 0.6], [2.2, 0.6]]),
+        Stroke::Line(&[[3.6, 1.2], [5.0, 1.2]]),
+        Stroke::Line(&[[5.0, 0.8], [5.0, 3.2]]),
+        Stroke::Line(&[[5.0, 2.0], [6.0, 2.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 2.0], [6.0, 2.0]],
+};

@@ -392,25 +392,81 @@ fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, wides
     build.inner_states(own, axis);
 }
 
-const BARREL: Stroke = Stroke::Line(&[[0.0, 0.0], [0.0, 4.0], [12.0, 4.0], [12.0, 0.0], [0.0, 0.0]]);
+/// The barrel with an opening for the rod on the right.
+const BARREL: Stroke =
+    Stroke::Line(&[[12.0, 2.3], [12.0, 4.0], [0.0, 4.0], [0.0, 0.0], [12.0, 0.0], [12.0, 1.7]]);
 const PISTON: Stroke = Stroke::Line(&[[3.0, 0.0], [3.0, 4.0], [3.8, 4.0], [3.8, 0.0]]);
 const PORT_A: Stroke = Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]);
 const PORT_B: Stroke = Stroke::Line(&[[11.0, 0.0], [11.0, -1.0]]);
 const ROD: Stroke = Stroke::Line(&[[3.8, 2.3], [15.0, 2.3], [15.0, 1.7], [3.8, 1.7]]);
-const ROD_BEHIND: Stroke = Stroke::Line(&[[3.0, 2.3], [-3.0, 2.3], [-3.0, 1.7], [3.0, 1.7]]);
-const CARRIAGE: Stroke = Stroke::Line(&[[1.0, 4.5], [1.0, 6.0], [5.0, 6.0], [5.0, 4.5], [1.0, 4.5]]);
+/// Cushions, at the piston, with the arrow of what is set.
+const CUSHIONS: &[(&str, &[Stroke])] = &[
+    (
+        "cushion_a_length",
+        &[
+            Stroke::Line(&[[2.2, 1.4], [2.2, 2.6], [3.0, 2.6], [3.0, 1.4], [2.2, 1.4]]),
+            Stroke::Line(&[[2.0, 0.6], [4.9, 3.5]]),
+            Stroke::Head([[5.2, 3.8], [4.65, 3.55], [4.95, 3.25]]),
+        ],
+    ),
+    (
+        "cushion_b_length",
+        &[
+            Stroke::Line(&[[3.8, 1.4], [4.6, 1.4], [4.6, 2.6], [3.8, 2.6]]),
+            Stroke::Line(&[[2.0, 0.6], [4.9, 3.5]]),
+            Stroke::Head([[5.2, 3.8], [4.65, 3.55], [4.95, 3.25]]),
+        ],
+    ),
+];
 
 const SINGLE_ROD: Symbol = Symbol {
     strokes: &[BARREL, PISTON, PORT_A, PORT_B, ROD],
-    when: &[],
+    when: CUSHIONS,
     ports: &[[1.0, -1.0], [11.0, -1.0], [15.0, 2.0]],
 };
-const THROUGH_ROD: Symbol =
-    Symbol { strokes: &[BARREL, PISTON, PORT_A, PORT_B, ROD, ROD_BEHIND], ..SINGLE_ROD };
+const THROUGH_ROD: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 2.3], [0.0, 4.0], [12.0, 4.0], [12.0, 2.3]]),
+        Stroke::Line(&[[0.0, 1.7], [0.0, 0.0], [12.0, 0.0], [12.0, 1.7]]),
+        PISTON,
+        PORT_A,
+        PORT_B,
+        ROD,
+        Stroke::Line(&[[3.0, 2.3], [-3.0, 2.3], [-3.0, 1.7], [3.0, 1.7]]),
+    ],
+    ..SINGLE_ROD
+};
 const RODLESS: Symbol = Symbol {
-    strokes: &[BARREL, PISTON, PORT_A, PORT_B, CARRIAGE, Stroke::Line(&[[3.4, 4.0], [3.4, 4.5]])],
-    when: &[],
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0], [12.0, 4.0], [12.0, 0.0], [0.0, 0.0]]),
+        PISTON,
+        PORT_A,
+        PORT_B,
+        // The carriage.
+        Stroke::Line(&[[1.0, 4.5], [1.0, 6.0], [5.0, 6.0], [5.0, 4.5], [1.0, 4.5]]),
+        Stroke::Line(&[[3.4, 4.0], [3.4, 4.5]]),
+    ],
     ports: &[[1.0, -1.0], [11.0, -1.0], [3.0, 6.0]],
+    ..SINGLE_ROD
+};
+
+const TANDEM: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[16.0, 2.3], [16.0, 4.0], [0.0, 4.0], [0.0, 0.0], [16.0, 0.0], [16.0, 1.7]]),
+        Stroke::Line(&[[8.0, 0.0], [8.0, 1.7]]),
+        Stroke::Line(&[[8.0, 2.3], [8.0, 4.0]]),
+        Stroke::Line(&[[2.4, 0.0], [2.4, 4.0], [3.2, 4.0], [3.2, 0.0]]),
+        Stroke::Line(&[[10.4, 0.0], [10.4, 4.0], [11.2, 4.0], [11.2, 0.0]]),
+        Stroke::Line(&[[3.2, 2.3], [10.4, 2.3]]),
+        Stroke::Line(&[[3.2, 1.7], [10.4, 1.7]]),
+        Stroke::Line(&[[11.2, 2.3], [19.0, 2.3], [19.0, 1.7], [11.2, 1.7]]),
+        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
+        Stroke::Line(&[[7.0, 0.0], [7.0, -1.0]]),
+        Stroke::Line(&[[9.0, 0.0], [9.0, -1.0]]),
+        Stroke::Line(&[[15.0, 0.0], [15.0, -1.0]]),
+    ],
+    when: &[],
+    ports: &[[1.0, -1.0], [7.0, -1.0], [9.0, -1.0], [15.0, -1.0], [19.0, 2.0]],
 };
 
 macro_rules! cylinder {
@@ -486,6 +542,7 @@ impl Component for SingleActing {
                     [12.0, 3.2],
                 ]),
             ],
+            when: &[],
             ..SINGLE_ROD
         },
         text: "A cylinder with a rod on the side of chamber b that pressure in chamber a drives out, and a spring in \
@@ -546,6 +603,7 @@ impl Component for Tandem {
     const KIND: Kind = Kind {
         key: "cylinder/tandem",
         title: "Tandem cylinder",
+        symbol: TANDEM,
         text: "Two pistons on one rod, in two barrels in a row with a wall between them. Chambers a and a2 drive the rod \
                out, b and b2 drive it in; the rod goes through all of them but a. Friction that follows pressure takes \
                those of a2 and b2.",

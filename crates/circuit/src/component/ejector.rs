@@ -1,4 +1,7 @@
-use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, exhaust, gas, table};
+use super::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, exhaust, gas,
+    table,
+};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
@@ -31,6 +34,7 @@ impl Component for Ejector {
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 3"),
             ("suction_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
         ],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -50,3 +54,18 @@ impl Component for Ejector {
         }
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-3.0, 1.0], [-3.0, 5.0], [3.0, 5.0], [3.0, 1.0], [-3.0, 1.0]]),
+        Stroke::Line(&[[-2.0, 0.0], [-2.0, 3.0], [-1.6, 3.0]]),
+        Stroke::Triangle([[-0.4, 3.0], [-1.6, 3.6], [-1.6, 2.4]]),
+        Stroke::Line(&[[0.3, 3.2], [3.0, 3.9]]),
+        Stroke::Line(&[[0.3, 2.8], [3.0, 2.1]]),
+        Stroke::Line(&[[0.0, 6.0], [0.0, 3.4]]),
+        Stroke::Head([[0.0, 3.4], [-0.3, 4.1], [0.3, 4.1]]),
+        Stroke::Line(&[[3.0, 3.0], [4.0, 3.0]]),
+    ],
+    when: &[],
+    ports: &[[-2.0, 0.0], [0.0, 6.0], [4.0, 3.0]],
+};

@@ -1,4 +1,4 @@
-use super::{Build, Component, Instance, Kind, Terminals, gas, table};
+use super::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, gas, table};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::part::Gap;
@@ -28,6 +28,7 @@ impl Component for Leak {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -56,3 +57,13 @@ impl Component for Leak {
         build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Dashed(&[[0.0, 0.0], [0.0, 4.0]]),
+        Stroke::Arc([-3.2, 2.0], 2.8, [-28.0, 28.0]),
+        Stroke::Arc([3.2, 2.0], 2.8, [152.0, 208.0]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

@@ -1,4 +1,4 @@
-use super::{Build, Component, Instance, Kind, Port, Terminals, Vessel, gas, table};
+use super::{Build, Component, Instance, Kind, Port, Stroke, Symbol, Terminals, Vessel, gas, table};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::part::{ChamberLaw, Column};
@@ -39,6 +39,7 @@ impl Component for Line {
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 into the tube"),
             ("outlet_flow_kg_s", "kg/s", "mass flow out of the tube at port 2"),
         ],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -117,3 +118,15 @@ const CELLS: f64 = 12.8;
 const LAMINAR_HEAT: f64 = 3.66 * 0.026;
 /// Error scale of a mass flow by its cross-section, kg/(s m2): ambient air at the speed of sound.
 const SCALE: f64 = 400.0;
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Dot([0.0, 0.0], 0.2),
+        Stroke::Arc([1.5, 2.0], 2.5, [126.87, 233.13]),
+        Stroke::Dot([0.0, 4.0], 0.2),
+        Stroke::Arc([0.5, 2.5], 0.5, [90.0, 270.0]),
+        Stroke::Arc([0.5, 1.5], 0.5, [-90.0, 90.0]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

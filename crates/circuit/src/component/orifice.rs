@@ -1,4 +1,6 @@
-use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, gas, table};
+use super::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, table,
+};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
@@ -31,6 +33,7 @@ impl Component for Orifice {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -44,3 +47,13 @@ impl Component for Orifice {
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
+        Stroke::Line(&[[-1.0, 2.8], [-0.25, 2.0], [-1.0, 1.2]]),
+        Stroke::Line(&[[1.0, 2.8], [0.25, 2.0], [1.0, 1.2]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

@@ -1,4 +1,7 @@
-use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Terminals, gas, pilot, table};
+use super::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, pilot,
+    table,
+};
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::part::Poppet;
@@ -30,6 +33,7 @@ impl Component for PilotedCheckValve {
                 "Rise dp_full above p_c at which it is fully open, a difference";
         },
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -50,3 +54,23 @@ impl Component for PilotedCheckValve {
         build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 1.2]]),
+        Stroke::Line(&[[-0.9, 2.1], [0.0, 1.2], [0.9, 2.1]]),
+        Stroke::Arc([0.0, 2.05], 0.6, [0.0, 360.0]),
+        Stroke::Line(&[
+            [0.0, 2.65],
+            [0.35, 2.75],
+            [-0.35, 2.95],
+            [0.35, 3.15],
+            [-0.35, 3.35],
+            [0.0, 3.45],
+            [0.0, 4.0],
+        ]),
+        Stroke::Dashed(&[[-3.0, 1.0], [-1.2, 1.0], [-0.5, 1.7]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0], [-3.0, 1.0]],
+};

@@ -1,4 +1,6 @@
-use super::{Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Terminals, gas, table};
+use super::{
+    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Stroke, Symbol, Terminals, gas, table,
+};
 use crate::assembly::Quantity;
 use crate::part::Pulsation;
 use crate::run::Error;
@@ -26,6 +28,7 @@ impl Component for Pulsating {
             ("pressure_pa", "Pa", "absolute pressure"),
             ("mass_flow_kg_s", "kg/s", "mass flow out of the reservoir"),
         ],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -58,3 +61,14 @@ impl Component for Pulsating {
         build.column(own, 1, Quantity::OutOf(node));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Triangle([[0.0, 1.6], [-1.0, 0.0], [1.0, 0.0]]),
+        Stroke::Line(&[[0.0, 1.6], [0.0, 3.0]]),
+        Stroke::Arc([1.6, 0.8], 0.4, [0.0, 180.0]),
+        Stroke::Arc([2.4, 0.8], 0.4, [180.0, 360.0]),
+    ],
+    when: &[],
+    ports: &[[0.0, 3.0]],
+};

@@ -117,7 +117,7 @@ impl Component for ElectroPneumatic {
         choices: CHOICES,
         inputs: &[("set_pressure_pa", "Pa", "commanded pressure, absolute")],
         outputs: OUTPUTS,
-        symbol: SYMBOL,
+        symbol: ELECTRIC,
         ..Kind::PLAIN
     };
 
@@ -159,6 +159,22 @@ const SYMBOL: Symbol = Symbol {
         ]),
         Stroke::Line(&[[-3.2, 1.9], [-2.3, 3.9]]),
         Stroke::Head([[-2.1, 4.3], [-2.6, 3.9], [-2.1, 3.7]]),
+        Stroke::Dashed(&[[0.0, 5.5], [2.6, 5.5], [2.6, 4.0], [2.0, 4.0]]),
+        Stroke::Line(&[[2.0, 2.0], [3.0, 2.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 6.0], [3.0, 2.0]],
+};
+
+const ELECTRIC: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[-2.0, 1.0], [-2.0, 5.0], [2.0, 5.0], [2.0, 1.0], [-2.0, 1.0]]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, 6.0]]),
+        Stroke::Head([[0.0, 5.0], [-0.35, 4.2], [0.35, 4.2]]),
+        Stroke::Line(&[[-2.0, 2.0], [-4.0, 2.0], [-4.0, 4.0], [-2.0, 4.0]]),
+        Stroke::Line(&[[-3.3, 4.0], [-2.7, 2.0]]),
+        Stroke::Line(&[[-4.0, 1.6], [-2.6, 4.2]]),
+        Stroke::Head([[-2.3, 4.7], [-2.85, 4.25], [-2.4, 4.0]]),
         Stroke::Dashed(&[[0.0, 5.5], [2.6, 5.5], [2.6, 4.0], [2.0, 4.0]]),
         Stroke::Line(&[[2.0, 2.0], [3.0, 2.0]]),
     ],

@@ -1,5 +1,5 @@
-use super::bumper::{SIDE, meets};
-use super::{Build, Component, Instance, Kind, Terminals, axis, table};
+use super::bumper::{MET_FROM, SIDE, meets};
+use super::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
 use crate::assembly::Quantity;
 use crate::part::ShockAbsorber as Oil;
 use math::Lane;
@@ -32,6 +32,7 @@ impl Component for ShockAbsorber {
         },
         choices: &[SIDE],
         outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -51,3 +52,20 @@ impl Component for ShockAbsorber {
         build.column(own, 0, Quantity::Force(part));
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 1.0], [1.0, 1.0]]),
+        Stroke::Line(&[[1.0, 0.2], [1.0, 1.8]]),
+        Stroke::Line(&[[1.7, 0.4], [1.7, 1.6]]),
+        Stroke::Line(&[[1.7, 1.0], [3.4, 1.0]]),
+        Stroke::Line(&[[3.4, 0.35], [3.4, 1.65]]),
+        Stroke::Line(&[[2.6, 0.2], [4.6, 0.2], [4.6, 1.8], [2.6, 1.8]]),
+        Stroke::Line(&[[4.6, 0.0], [4.6, 2.0]]),
+        Stroke::Line(&[[4.6, 1.9], [5.1, 1.4]]),
+        Stroke::Line(&[[4.6, 1.3], [5.1, 0.8]]),
+        Stroke::Line(&[[4.6, 0.7], [5.1, 0.2]]),
+    ],
+    when: MET_FROM,
+    ports: &[[0.0, 1.0]],
+};

@@ -1,4 +1,4 @@
-use super::{Acts, Brings, Build, Component, Instance, Kind, Terminals, axis, table};
+use super::{Acts, Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
 use math::Lane;
 
 /// A mass on a line of its own.
@@ -22,6 +22,7 @@ impl Component for Slide {
             ("acceleration_m_s2", "m/s2", "acceleration"),
             ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
         ],
+        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -41,3 +42,16 @@ impl Component for Slide {
         build.inner_states(own, axis);
     }
 }
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
+        Stroke::Line(&[[1.0, 0.7], [1.0, 3.3], [5.0, 3.3], [5.0, 0.7], [1.0, 0.7]]),
+        Stroke::Text([3.0, 2.0], "m"),
+        Stroke::Arc([2.0, 0.35], 0.35, [0.0, 360.0]),
+        Stroke::Arc([4.0, 0.35], 0.35, [0.0, 360.0]),
+        Stroke::Line(&[[0.3, 0.0], [5.7, 0.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 2.0]],
+};

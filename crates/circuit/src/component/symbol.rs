@@ -21,7 +21,7 @@ pub enum Stroke {
 #[derive(Clone, Copy, Debug)]
 pub struct Symbol {
     pub strokes: &'static [Stroke],
-    /// Strokes that are drawn where a choice has this option.
+    /// Strokes that are drawn where a choice has this option, or where the number with this key is given.
     pub when: &'static [(&'static str, &'static [Stroke])],
     /// Places of the ports in their order, on whole modules at the rim of the symbol.
     pub ports: &'static [[f64; 2]],
