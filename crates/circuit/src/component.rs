@@ -13,6 +13,7 @@ mod flow_control;
 mod leak;
 mod line;
 mod load;
+mod magnetic_coupling;
 mod orifice;
 mod piloted;
 mod pulsating;
@@ -386,6 +387,7 @@ components! {
     load::Spring,
     slide::Slide,
     coupling::Coupling,
+    magnetic_coupling::MagneticCoupling,
     bumper::Bumper,
     shock_absorber::ShockAbsorber,
     // Last: the end stops of a cylinder follow from what is joined to it.

@@ -47,28 +47,50 @@ pub struct Balance {
 /// a stiff stop, less is turned over.
 const LEAST_SHARE: f64 = 1.0 / 300.0;
 
+/// What the ledger takes from one sample: what a part stores may depend on the mode that it is in then.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Mass, kg, energy, J, and entropy of the gas, J/K.
+    stored: [f64; 3],
+    accounts: Vec<f64>,
+    /// The energy of each store, J.
+    stores: Vec<f64>,
+}
+
+impl Entry {
+    /// That of a state, accounts included.
+    pub fn of(circuit: &Circuit<f64>, y: &[f64]) -> Self {
+        let (stored, accounts) = circuit.books(y);
+        Entry { stored, accounts, stores: circuit.stores(y) }
+    }
+}
+
 /// The accounts of a run closed, from its states at the samples (accounts included).
 pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
-    let books: Vec<([f64; 3], Vec<f64>)> = samples.iter().map(|y| circuit.books(y)).collect();
-    let stores: Vec<Vec<f64>> = samples.iter().map(|y| circuit.stores(y)).collect();
-    let (start, first) = books.first().expect("at least the initial state");
-    let (end, last) = books.last().expect("at least the initial state");
+    closed(circuit, &samples.iter().map(|y| Entry::of(circuit, y)).collect::<Vec<_>>())
+}
+
+/// The accounts of a run closed, from what was entered at its samples.
+pub(crate) fn closed(circuit: &Circuit<f64>, entries: &[Entry]) -> Balance {
+    let [first, last] =
+        [entries.first(), entries.last()].map(|entry| entry.expect("at least the initial state"));
+    let (start, end, last, first) = (first.stored, last.stored, &last.accounts, &first.accounts);
     let total = |kind: Kind| -> f64 { sum(circuit, kind, |i| last[i] - first[i]) };
     let turned = |kind: Kind| -> f64 { sum(circuit, kind, |i| (last[i] - first[i]).abs()) };
     let produced = total(Kind::EntropyOfGas);
     let mut least_production = f64::INFINITY;
-    for pair in books.windows(2) {
+    for pair in entries.windows(2) {
         for (i, channel) in circuit.channels().iter().enumerate() {
             if matches!(channel.kind, Kind::EntropyOfGas | Kind::EntropyOfSolid) {
-                least_production = least_production.min(pair[1].1[i] - pair[0].1[i]);
+                least_production = least_production.min(pair[1].accounts[i] - pair[0].accounts[i]);
             }
         }
     }
     let turnover = turned(Kind::Energy);
     let entropy_turnover = turned(Kind::EntropyIn) + produced.abs();
     // What swings between a mass and a spring or a gas, again and again, is in no account.
-    let swing = (0..stores[0].len()).map(|store| {
-        let each = stores.iter().map(|stores| stores[store]);
+    let swing = (0..entries[0].stores.len()).map(|store| {
+        let each = entries.iter().map(|entry| entry.stores[store]);
         each.clone().fold(f64::MIN, f64::max) - each.fold(f64::MAX, f64::min)
     });
     let stored = start[1].abs().max(end[1].abs());

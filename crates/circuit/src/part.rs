@@ -20,6 +20,7 @@ mod face;
 mod gap;
 mod latch;
 mod link;
+mod magnet;
 mod path;
 mod poppet;
 mod pulsation;
@@ -58,6 +59,7 @@ pub use face::Face;
 pub use gap::Gap;
 pub use latch::Latch;
 pub use link::Link;
+pub use magnet::Magnet;
 pub use path::Between;
 pub use poppet::Poppet;
 pub use pulsation::Pulsation;
@@ -396,5 +398,6 @@ parts! {
         bumpers: Bumper,
         shock_absorbers: ShockAbsorber,
         couplings: Coupling,
+        magnets: Magnet,
         walls: Wall,
 }

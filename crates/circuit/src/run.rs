@@ -3,7 +3,7 @@
 use crate::assembly::{Assembly, Session};
 use crate::circuit::{Circuit, Lacking, Scarce};
 use crate::impacts::{Impact, Impacts};
-use crate::ledger::{Balance, balance};
+use crate::ledger::{Balance, Entry, closed};
 use crate::net::Net;
 use math::Lane;
 use ode::{Accepted, Failure, Output, Paused, Statistics, Stepper, System};
@@ -71,7 +71,7 @@ pub struct Recorder {
     net: Net<f64>,
     columns: Vec<Vec<f64>>,
     row: Vec<f64>,
-    states: Option<Vec<Vec<f64>>>,
+    entries: Option<Vec<Entry>>,
     impacts: Vec<Impacts>,
 }
 
@@ -83,7 +83,7 @@ impl Recorder {
             net: circuit.work(),
             columns: vec![Vec::with_capacity(times.len()); n],
             row: vec![0.0; n],
-            states: (!circuit.channels().is_empty()).then(Vec::new),
+            entries: (!circuit.channels().is_empty()).then(Vec::new),
             impacts: circuit.impacts(),
             assembly: assembly.clone(),
             times,
@@ -102,7 +102,7 @@ impl Recorder {
     pub fn finish(mut self, session: &Session) -> Run {
         self.complete(session);
         let statistics = session.statistics();
-        let balance = self.states.as_ref().map(|states| balance(session.circuit(), states));
+        let balance = self.entries.as_ref().map(|entries| closed(session.circuit(), entries));
         let mut impacts: Vec<Impact> = self.impacts.into_iter().flat_map(Impacts::finish).collect();
         impacts.sort_by(|one, other| one.time.total_cmp(&other.time));
         Run { columns: self.columns, statistics, balance, impacts }
@@ -127,8 +127,8 @@ impl Output<f64, Circuit<f64>> for Recorder {
         for (column, value) in self.columns.iter_mut().zip(&self.row) {
             column.push(*value);
         }
-        if let Some(states) = &mut self.states {
-            states.push(y.to_vec());
+        if let Some(entries) = &mut self.entries {
+            entries.push(Entry::of(circuit, y));
         }
         self.next += 1;
     }

@@ -1,0 +1,130 @@
+//! What moves beside a piston, against what is known of it: magnets, locks, mechanisms, forces from tables.
+
+mod support;
+
+use serde_json::{Value, json};
+use std::f64::consts::PI;
+use support::ROOM;
+use support::circuits::{network, run};
+
+type Columns = std::collections::BTreeMap<String, Vec<f64>>;
+
+fn slide(name: &str, mass: f64) -> Value {
+    json!({ "name": name, "kind": "slide", "numbers": { "mass": mass } })
+}
+
+/// Holding force, N, and pole pitch, m, and the energy up to where they decouple, J.
+const HOLDS: f64 = 363.0;
+const PITCH: f64 = 0.01;
+const DECOUPLES: f64 = HOLDS * PITCH / PI;
+
+fn magnet(damping: f64) -> Value {
+    json!({ "name": "magnet", "kind": "magnetic-coupling",
+            "numbers": { "holding_force": HOLDS, "pole_pitch": PITCH, "damping": damping } })
+}
+
+/// Two masses with magnets between them; the first starts at a speed.
+fn coupled(masses: [f64; 2], v: f64, spring: Option<f64>, duration: f64) -> Columns {
+    let mut components = vec![slide("one", masses[0]), slide("two", masses[1]), magnet(0.0)];
+    let mut joints = json!([["one.1", "magnet.1"], ["two.1", "magnet.2"]]);
+    if let Some(stiffness) = spring {
+        let numbers = json!({ "stiffness": stiffness, "rest_position": 0.0 });
+        components.push(json!({ "name": "spring", "kind": "spring", "numbers": numbers }));
+        joints = json!([["one.1", "magnet.1", "spring.1"], ["two.1", "magnet.2"]]);
+    }
+    let network = network(&json!(components), &joints).expect("assembles");
+    let start = [
+        ("one.position_m", 0.0),
+        ("one.velocity_m_s", v),
+        ("two.position_m", 0.0),
+        ("two.velocity_m_s", 0.0),
+    ];
+    let (columns, ledger) = run(&network, &[], (duration, 10_000.0), &start);
+    assert!(ledger[1].abs() < 1e-6 && ledger[2].abs() < 1e-5, "{ledger:?}");
+    columns
+}
+
+#[test]
+fn magnets_swing_couple_and_let_go_by_their_energy() {
+    let masses = [2.0, 3.0];
+    let reduced: f64 = 2.0 * 3.0 / 5.0;
+    let w = (PI * HOLDS / (PITCH * reduced)).sqrt();
+    let columns = coupled(masses, 1e-3, None, 0.05);
+    let apart = |columns: &Columns, i: usize| columns["one.position_m"][i] - columns["two.position_m"][i];
+    for i in [20, 111, 500] {
+        let swing = 1e-3 / w * (w * 1e-4 * i as f64).sin();
+        assert!((apart(&columns, i) - swing).abs() < 1e-9, "{i}: {} {swing}", apart(&columns, i));
+    }
+    let limit = (2.0 * DECOUPLES / reduced).sqrt();
+    for sign in [1.0, -1.0] {
+        let held = coupled(masses, sign * 0.999 * limit, None, 0.1);
+        assert!(
+            (0..=1000).all(|i| apart(&held, i).abs() < 0.5 * PITCH && held["magnet.decoupled"][i] == 0.0)
+        );
+        assert!(held["magnet.force_n"].iter().all(|force| force.abs() < HOLDS));
+        let away = coupled(masses, sign * 1.01 * limit, None, 0.1);
+        let rate = away["one.velocity_m_s"][1000] - away["two.velocity_m_s"][1000];
+        let left = sign * limit * (1.01_f64.powi(2) - 1.0).sqrt();
+        assert!((rate / left - 1.0).abs() < 1e-5, "{rate} {left}");
+        assert!(away["magnet.decoupled"][1000] == 1.0 && away["magnet.force_n"][1000] == 0.0);
+    }
+}
+
+#[test]
+fn magnets_take_hold_again_where_they_come_near() {
+    let (m, v) = (2.0, 1.2_f64);
+    let columns = coupled([m, 1e9], v, Some(100.0), 1.0);
+    let (x, decoupled) = (&columns["one.position_m"], &columns["magnet.decoupled"]);
+    let changes: Vec<usize> = (1..x.len()).filter(|&i| decoupled[i] != decoupled[i - 1]).collect();
+    let &[away, back] = &changes[..] else { panic!("it decouples at {changes:?}") };
+    assert!(x[away] > 0.5 * PITCH && x[away - 1] <= 0.5 * PITCH);
+    assert!(x[back] < 0.25 * PITCH && x[back - 1] >= 0.25 * PITCH);
+    // What they lose is their energy from a quarter to half of the pitch.
+    let centre = (back..x.len()).find(|&i| x[i] < 0.0).expect("it comes back");
+    let share = x[centre - 1] / (x[centre - 1] - x[centre]);
+    let v_of = &columns["one.velocity_m_s"];
+    let found = v_of[centre - 1] + share * (v_of[centre] - v_of[centre - 1]);
+    let lost = DECOUPLES * (0.25 * PI).cos();
+    let expected = -(v * v - 2.0 * lost / m).sqrt();
+    assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
+}
+
+#[test]
+fn a_held_carriage_lets_go_of_the_piston_at_the_pressure_of_the_data_sheet() {
+    // CY1B25H: 363 N on a bore of 25 mm, 7.39 bar.
+    let components = json!([
+        { "name": "supply", "kind": "reservoir", "numbers": { "pressure": 1e6 } },
+        { "name": "inlet", "kind": "fitting", "numbers": { "conductance": 3e-11, "critical_pressure_ratio": 0.3 } },
+        { "name": "vent", "kind": "fitting", "numbers": { "conductance": 1e-8, "critical_pressure_ratio": 0.3 } },
+        { "name": "own", "kind": "cylinder/rodless", "friction": { "law": "coulomb", "parameters": { "coulomb": 1e-3 } },
+          "numbers": { "bore": 0.025, "stroke": 0.2, "dead_volume_a": 1e-5, "dead_volume_b": 1e-5, "moving_mass": 0.5 } },
+        magnet(200.0),
+        slide("carriage", 1e9),
+    ]);
+    let joints = json!([
+        ["supply.1", "inlet.1"],
+        ["inlet.2", "own.a"],
+        ["own.b", "vent.1"],
+        ["vent.2", "ambient"],
+        ["own.rod", "magnet.1"],
+        ["carriage.1", "magnet.2"],
+    ]);
+    let network = network(&components, &joints).expect("assembles");
+    let start = [
+        ("own.position_m", 0.1),
+        ("own.velocity_m_s", 0.0),
+        ("own.a.pressure_pa", 7.8e5),
+        ("own.a.temperature_k", ROOM),
+        ("own.b.pressure_pa", 101_300.0),
+        ("own.b.temperature_k", ROOM),
+        ("carriage.position_m", 0.1),
+        ("carriage.velocity_m_s", 0.0),
+    ];
+    let (columns, ledger) = run(&network, &[], (4.0, 1000.0), &start);
+    assert!(ledger[0].abs() < 1e-12 && ledger[1].abs() < 1e-6, "{ledger:?}");
+    let decoupled = &columns["magnet.decoupled"];
+    let at = decoupled.iter().position(|mode| *mode == 1.0).expect("it decouples") - 1;
+    let gauge = columns["own.a.pressure_pa"][at] - columns["own.b.pressure_pa"][at];
+    let carries = HOLDS / (0.25 * PI * 0.025 * 0.025);
+    assert!(at > 1000 && (gauge / carries - 1.0).abs() < 2e-3, "{at}: {gauge} {carries}");
+}
