@@ -53,6 +53,9 @@ pub struct Tank {
     pub ambient: GasState,
     pub volume: FixedVolume,
     pub line: Option<Line>,
+    /// Numbers of the tube with waves between line and volume.
+    #[serde(default)]
+    pub tube: Option<BTreeMap<String, f64>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

@@ -133,7 +133,7 @@ fn tank() {
         options: options(1e-6),
         threads: 1,
     };
-    let tank = Tank::assemble(&serde_json::from_str(&json).expect("fits"));
+    let tank = Tank::assemble(&serde_json::from_str(&json).expect("fits")).expect("fits");
     let shot = tank.shoot(&json, &asked, &mut |_| false).expect("runs");
     pinned("tank", [shot.values, shot.sensitivities, shot.ends, shot.end_sensitivities].concat());
 }

@@ -1,6 +1,6 @@
 //! `Tank`: a fixed volume on a line, by shooting alone.
 
-use crate::convert::{Numbers, Teller, parse, watched};
+use crate::convert::{Numbers, Teller, parse, to_python, watched};
 use crate::drive::{WithInitial, shot_to_dict};
 use circuit::{Shooting, Tank, specification};
 use numpy::PyReadonlyArray2;
@@ -20,7 +20,7 @@ impl PyTank {
     #[new]
     fn new(json: String) -> PyResult<Self> {
         let spec: specification::Tank = parse(&json)?;
-        Ok(PyTank { json, tank: Tank::assemble(&spec) })
+        Ok(PyTank { json, tank: Tank::assemble(&spec).map_err(to_python)? })
     }
 
     /// As `Drive.shoot`; a command is the share of the line's opening, a start pressure and temperature.

@@ -27,8 +27,9 @@ if TYPE_CHECKING:
 CHANNEL_UNITS = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
 # Channels that a recording of a drive has beside them; a layout that names the command is one of a drive.
 DRIVE_UNITS = {"command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"}
-# Channels of a recording of a fixed volume: its command is the share of the line's opening.
-VOLUME_UNITS = {"time": "s", "pressure": "Pa", "command": ""}
+# Channels of a recording of a fixed volume: its command is the share of the line's opening, its inlet pressure that
+# between line and tube.
+VOLUME_UNITS = {"time": "s", "pressure": "Pa", "inlet_pressure": "Pa", "command": ""}
 KINDS = ("rig", "drive", "fixed-volume")
 COLUMN_KEYS = {"column", "unit", "positive", "scale", "offset", "delay", "accuracy", "range", "calibration", "format"}
 TOP_KEYS: dict[str, tuple[type, str]] = {

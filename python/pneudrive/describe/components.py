@@ -294,15 +294,15 @@ def component(table: Mapping[str, Any]) -> Component:
     return cast("Component", component_class(kind).model_validate(dict(table)))
 
 
-def within(error: DescriptionError, name: str, table: Mapping[str, Any]) -> DescriptionError:
-    """Return what is wrong with a table as an error of the circuit that has it under a name."""
+def within(
+    error: DescriptionError, name: str, table: Mapping[str, Any], above: str = "components."
+) -> DescriptionError:
+    """Return what is wrong with a table as an error of the file that has it under a name, below another table."""
     out = []
     for one in error.each():
         key = getattr(one, "key", None) or ""
         what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
-        out.append(
-            wrong(f"components.{name}.{_nested(key, table)}".rstrip("."), what, rule=one.rule, remedy=one.remedy)
-        )
+        out.append(wrong(f"{above}{name}.{_nested(key, table)}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
     return together(out)
 
 

@@ -1,4 +1,7 @@
-"""A tank: a volume without a piston, on a line and with a leak, as leak-down, discharge and charging tests have it."""
+"""A tank: a volume without a piston, on a line, perhaps through a tube, and with a leak.
+
+Leak-down, discharge and charging tests have it.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,17 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from pneudrive import units
 from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Fraction, Quantity, StatedPressure, wrong
+from pneudrive.describe.components import Component, component, within
 from pneudrive.describe.parts import NOT_NEGATIVE, Ambient, Gas
 from pneudrive.errors import DescriptionError
 
+#: The kind of component that the tube of a tank is.
+TUBE = "tube/distributed"
 _TEMPERATURE = Quantity("K", "K", Bounds(above=0.0))
 
 
@@ -62,8 +68,20 @@ class Line(Described):
         return self
 
 
+def _tube(table: object) -> object:
+    """Read the table of the tube as that of a component with waves."""
+    if not isinstance(table, dict):
+        return table
+    if table.get("kind", TUBE) != TUBE:
+        raise wrong("tube.kind", f"tube.kind = {table['kind']!r}", rule=f'a tube of a tank is a "{TUBE}"')
+    try:
+        return component(table | {"kind": TUBE})
+    except DescriptionError as error:
+        raise within(error, "tube", table, above="") from None
+
+
 class Tank(Described):
-    """A fixed volume on a line, or shut where there is no line.
+    """A fixed volume on a line, or shut where there is no line; a tube may lie between line and volume.
 
     Examples
     --------
@@ -78,7 +96,14 @@ class Tank(Described):
     ambient: Ambient = Ambient()
     volume: FixedVolume
     line: Line | None = None
+    tube: Annotated[Component | None, BeforeValidator(_tube)] = None
     labels: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _tube_on_a_line(self) -> Tank:
+        if self.tube is not None and self.line is None:
+            raise wrong("tube", "the tube leads nowhere", rule="a tube lies between [line] and [volume]")
+        return self
 
     @classmethod
     def load(cls, source: str | Path) -> Tank:
@@ -144,7 +169,11 @@ class Tank(Described):
                 "pressure_pa": self._other_side_pa(line),
                 "temperature_k": ambient["temperature_k"] if line.temperature_k is None else line.temperature_k,
             },
+            "tube": self._numbers_of_tube(),
         }
+
+    def _numbers_of_tube(self) -> dict[str, float] | None:
+        return None if self.tube is None else self.tube.numbers(self.ambient.pressure_pa)
 
     def _other_side_pa(self, line: Line) -> float:
         if line.pressure is None:

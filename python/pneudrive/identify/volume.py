@@ -1,4 +1,4 @@
-"""Identification of a fixed volume from its pressure: conductance, critical pressure ratio, heat transfer, leak.
+"""Identification of a fixed volume from pressures: conductance, critical ratio, heat transfer, leak, tube friction.
 
 The core simulates the tank under the recorded opening of its line; weighted least squares find what is free and the
 pressure at the start of each recording. Derivatives are exact (dual numbers through the integrator). Every value is
@@ -9,7 +9,7 @@ times the variance of the residuals; a side on which it never does is open, and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,11 @@ NUMBERS: dict[str, tuple[str, str, str]] = {
         "record until the pressures on both sides of the line are nearly equal",
     ),
     "line.pressure": ("line.pressure_pa", "Pa", "record until the pressure stays, or measure it"),
+    "tube.friction_scale": (
+        "tube.friction_scale",
+        "1",
+        "record a pressure on each side of the tube, or a volume that is small beside the tube's",
+    ),
     "volume.value": ("volume.volume_m3", "m^3", "measure it: the pressure shows conductance over volume alone"),
     "volume.heat_transfer": (
         "volume.heat_transfer_w_k",
@@ -97,12 +102,13 @@ def identify_volume(
         Start values of what is free; everything else is taken as known.
     recordings
         One or several of: a file that a layout with ``kind = "fixed-volume"`` reads, a mapping of SI columns
-        (``time_s``, ``pressure_pa`` absolute, ``command``: the share of the line's opening), a `VolumeRecording`.
-        Any rate of sampling will do.
+        (``time_s``, ``pressure_pa`` absolute, ``command``: the share of the line's opening, ``inlet_pressure_pa``:
+        absolute, between line and tube), a `VolumeRecording`. Any rate of sampling will do.
     free : sequence of str, optional
         Names as in the file: ``line.conductance``, ``line.critical_pressure_ratio``, ``line.pressure``,
-        ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``. Where nothing is said: conductance, critical
-        pressure ratio, heat transfer and, where a recording can tell it from the line, the leak.
+        ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Where nothing is said:
+        conductance, critical pressure ratio, heat transfer, friction of a tube and, where a recording can tell it from
+        the line, the leak.
     layout : Layout or path, optional
         How files are read.
     progress, cancel
@@ -130,7 +136,8 @@ def _free(
     tank: Tank, records: list[VolumeRecording], asked: Sequence[str] | None
 ) -> tuple[list[str], list[Undetermined]]:
     """Names of what is free, and what is held since nothing can tell it."""
-    known = [name for name in NUMBERS if name.startswith("volume") or tank.line is not None]
+    form = tank.core_form()
+    known = [name for name in NUMBERS if form[name.partition(".")[0]] is not None]
     if asked is not None:
         if not asked:
             raise FitError("nothing is free", remedy='Name what is sought, e.g. free=["line.conductance"].')
@@ -141,7 +148,7 @@ def _free(
             raise FitError("a parameter is named twice", value=", ".join(asked))
         return list(asked), []
     names = [n for n in known if n not in ("line.pressure", "volume.value")]
-    line = tank.core_form()["line"]
+    line = form["line"]
     into_ambient = line is not None and abs(line["pressure_pa"] / tank.ambient.pressure_pa - 1.0) < 0.01
     if into_ambient and all((r.opening > 0.0).all() for r in records):
         names.remove("volume.leakage")
@@ -173,9 +180,7 @@ def _thinned(record: VolumeRecording) -> VolumeRecording:
     keep = np.zeros(record.time_s.size, dtype=bool)
     keep[::step] = True
     keep[1:] |= np.diff(record.opening) != 0.0
-    return replace(
-        record, time_s=record.time_s[keep], pressure_pa=record.pressure_pa[keep], opening=record.opening[keep]
-    )
+    return record.at(keep)
 
 
 @dataclass
@@ -252,15 +257,17 @@ class _Problem:
             times, openings = record.steps
             initial = np.array([[np.exp(q[p + j]), self.tank.start_temperature_k]])
             segment = (times, openings, record.time_s, [0], initial)
-            shot = core.shoot(*segment, self.paths, [0], ["pressure_pa"], RTOL, threads=1, look=lambda _: watch.look())
+            names = list(record.measured)
+            shot = core.shoot(*segment, self.paths, [0], names, RTOL, threads=1, look=lambda _: watch.look())
             if shot["failures"][0] is not None:
                 return None
-            by = shot["sensitivities"][:, 0, :]
-            slope = np.zeros((len(by), q.size))
-            slope[:, :p] = by[:, :p] * by_value
-            slope[:, p + j] = by[:, p] * initial[0, 0]
-            residuals.append(record.pressure_pa - shot["values"][:, 0])
-            slopes.append(slope)
+            for place, measured in enumerate(record.measured.values()):
+                by = shot["sensitivities"][:, place, :]
+                slope = np.zeros((len(by), q.size))
+                slope[:, :p] = by[:, :p] * by_value
+                slope[:, p + j] = by[:, p] * initial[0, 0]
+                residuals.append(measured - shot["values"][:, place])
+                slopes.append(slope)
         return _Found(q, np.concatenate(residuals), np.concatenate(slopes), converged=False)
 
     def solve(self, q: Array, watch: Watch, held: int | None = None) -> _Found:
@@ -359,12 +366,13 @@ def _correlation_time(residual: Array) -> float:
 
 
 def _result(problem: _Problem, found: _Found, held: list[Undetermined], watch: Watch) -> VolumeFit:
-    samples = [slice(a, b) for a, b in _bounds([r.time_s.size for r in problem.records])]
+    measured = [(record, pressure) for record in problem.records for pressure in record.measured.values()]
+    samples = [slice(a, b) for a, b in _bounds([pressure.size for _, pressure in measured])]
     parts = [found.residual[part] for part in samples]
     freedom = max(found.residual.size - found.q.size, 1)
     tau = float(np.median([_correlation_time(part) for part in parts]))
     variance = found.cost / freedom * tau
-    exact = max(float(r.pressure_pa.max()) for r in problem.records) * RTOL
+    exact = max(float(pressure.max()) for _, pressure in measured) * RTOL
     reach = student(max(freedom / tau, 1.0)) ** 2 * max(variance, exact**2)
     intervals = _intervals(problem, found, reach, watch) if found.converged else {}
     values = dict(zip(problem.names, problem.values(found.q).tolist(), strict=True))
@@ -372,7 +380,9 @@ def _result(problem: _Problem, found: _Found, held: list[Undetermined], watch: W
         *held,
         *(u for n in problem.names if n in intervals if (u := _lost(problem, n, values[n], *intervals[n]))),
     ]
-    notes = _notes(problem, parts, tau, converged=found.converged)
+    notes = _notes(problem, [(*one, part) for one, part in zip(measured, parts, strict=True)], tau)
+    if not found.converged:
+        notes.insert(0, "the search has not converged: there are no intervals; give other start values")
     return VolumeFit(
         values=values,
         units={name: NUMBERS[name][1] for name in values},
@@ -383,8 +393,8 @@ def _result(problem: _Problem, found: _Found, held: list[Undetermined], watch: W
             "samples": float(found.residual.size),
             "rms.pressure": float(np.sqrt(found.cost / found.residual.size)),
             "rms_share.pressure": max(
-                float(np.sqrt(np.mean(part**2))) / float(np.ptp(r.pressure_pa) or 1.0)
-                for part, r in zip(parts, problem.records, strict=True)
+                float(np.sqrt(np.mean(part**2))) / float(np.ptp(pressure) or 1.0)
+                for part, (_, pressure) in zip(parts, measured, strict=True)
             ),
             "noise.pressure": float(np.sqrt(found.cost / freedom)),
             "correlation_time.samples": tau,
@@ -402,8 +412,8 @@ def _result(problem: _Problem, found: _Found, held: list[Undetermined], watch: W
         },
         start=problem.tank,
         series={
-            r.name: (r.time_s, r.pressure_pa, r.pressure_pa - part)
-            for r, part in zip(problem.records, parts, strict=True)
+            r.name if pressure is r.pressure_pa else f"{r.name}, inlet": (r.time_s, pressure, pressure - part)
+            for part, (r, pressure) in zip(parts, measured, strict=True)
         },
     )
 
@@ -441,18 +451,15 @@ def _lost(problem: _Problem, name: str, value: float, low: float, high: float) -
     return Undetermined(name, reason, NUMBERS[name][2])
 
 
-def _notes(problem: _Problem, parts: list[Array], tau: float, *, converged: bool) -> list[str]:
+def _notes(problem: _Problem, measured: list[tuple[VolumeRecording, Array, Array]], tau: float) -> list[str]:
     notes = []
-    if not converged:
-        notes.append("the search has not converged: there are no intervals; give other start values")
     if problem.tank.volume.start_temperature_k is None:
         notes.append(
             f"assumed: the gas has {problem.tank.start_temperature_k:g} K, that of the wall, where a recording begins"
         )
-    white = [noise_level(r.pressure_pa) for r in problem.records]
-    ratios = [float(np.sqrt(np.mean(part**2))) / max(w, 1e-300) for part, w in zip(parts, white, strict=True)]
+    ratios = [float(np.sqrt(np.mean(part**2))) / max(noise_level(p), 1e-300) for _, p, part in measured]
     if max(ratios) > MISFIT:
-        worst = problem.records[int(np.argmax(ratios))].name
+        worst = measured[int(np.argmax(ratios))][0].name
         notes.append(
             f"the model does not fit {worst}: residuals are {max(ratios):.2g} times the noise from sample to sample. "
             "Values and intervals make up for what it lacks: look at the opening, the volume, the pressure on the "

@@ -152,3 +152,42 @@ def test_mistakes_are_one_message(tmp_path):
     (tmp_path / "a.csv").write_text("0 1\n" * 20)
     with pytest.raises(LayoutError, match="kind = 'fixed volume' is not known"):
         pn.identify_volume(pn.Tank.model_validate(TANK), tmp_path / "a.csv")
+
+
+def test_a_tube_between_line_and_volume_gives_its_friction_from_the_pressures_at_its_ends():
+    hose = {"kind": "tube/distributed", "length": "1.3 m", "diameter": "4 mm", "friction_scale": 1.3}
+    tank = {"kind": "tank", "volume": "0.4 dm3", "wall_area": "0.04 m2", "heat_transfer": "10 W/(m2 K)"}
+    nozzle = {"kind": "fitting", "conductance": "0.8 dm3/(s bar)", "critical_pressure_ratio": 0.35}
+    mains = {"kind": "reservoir", "pressure": "7 bar abs"}
+    circuit = pn.Circuit(
+        components={"mains": mains, "nozzle": nozzle, "hose": hose, "tank": tank},
+        connections=["mains -> nozzle -> hose -> tank"],
+    )
+    run = circuit.simulate(None, 1.5, initial={"tank.pressure": "1 bar abs"}, sample_rate="50 Hz", rtol=1e-8)
+    noise = NOISE * np.random.default_rng(5).standard_normal((2, run.time.size))
+    columns = {
+        "time_s": run.time.to_numpy(),
+        "pressure_pa": run["tank.pressure"].to_numpy() + noise[0],
+        "inlet_pressure_pa": run["nozzle.2.pressure"].to_numpy() + noise[1],
+    }
+    started = {
+        "volume": {"value": "0.4 dm3", "heat_transfer": "0.2 W/K"},
+        "line": {"conductance": "0.5 dm3/(s bar)", "critical_pressure_ratio": 0.25, "pressure": "7 bar abs"},
+        "tube": {"length": "1.3 m", "diameter": "4 mm"},
+    }
+    truth = {
+        "line.conductance": 0.8e-8,
+        "line.critical_pressure_ratio": 0.35,
+        "tube.friction_scale": 1.3,
+        "volume.heat_transfer": 0.4,
+    }
+    fit = pn.identify_volume(pn.Tank.model_validate(started), columns, free=list(truth))
+    for name, value in truth.items():
+        low, high = fit.intervals[name]
+        assert low <= value <= high
+        assert high - low < 0.25 * value
+    assert fit.apply().tube.friction_scale == fit.values["tube.friction_scale"]
+    with pytest.raises(DescriptionError, match="the tube leads nowhere"):
+        pn.Tank.model_validate({key: started[key] for key in ("volume", "tube")})
+    with pytest.raises(DescriptionError, match=r"tube\.diameter is missing"):
+        pn.Tank.model_validate({**started, "tube": {"length": "1 m"}})

@@ -5,7 +5,7 @@ use physics::IdealGas;
 use physics::flow::{Iso6358, LINEAR_ABOVE};
 
 /// Critical pressure ratio of a leak: a narrow gap, far from an ideal nozzle (assumed).
-const LEAK_CRITICAL_RATIO: f64 = 0.2;
+pub(crate) const LEAK_CRITICAL_RATIO: f64 = 0.2;
 
 /// A leak by its sonic conductance, m3/(s Pa).
 pub(crate) fn leak<P: Lane>(conductance: P, gas: &IdealGas<P>, is_air: bool) -> Iso6358<P> {

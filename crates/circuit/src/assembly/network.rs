@@ -335,7 +335,7 @@ pub(super) struct Wired<P> {
     /// Name, meaning, and what it acts on.
     pub inputs: Vec<(String, &'static str, Acts)>,
     columns: Vec<(String, Quantity)>,
-    starts: Vec<(Starting, Vec<String>)>,
+    pub starts: Vec<(Starting, Vec<String>)>,
     /// Joints of gas whose volume is no component's: the first port, and what its ports bring, m3.
     joint_volumes: Vec<(String, P)>,
 }
@@ -553,7 +553,7 @@ impl Network {
                     axes.push((id, number(&names[0], false)?, number(&names[1], false)?));
                     ages.push((id, 0.0));
                 }
-                Starting::Inner(_) => {}
+                Starting::Inner(_) | Starting::Alike(_) => {}
             }
         }
         let mut circuit = Circuit::clone(&self.assembly.circuit);

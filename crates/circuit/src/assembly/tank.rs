@@ -1,64 +1,112 @@
-use super::leak::leak;
+use super::leak::LEAK_CRITICAL_RATIO;
+use super::network::{self, Joint};
 use super::shoot::{Shooting, Shot, shoot};
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
-use crate::circuit::Circuit;
+use crate::component::{Acts, Instance, Node};
 use crate::lifted::{Lifted, seeds};
-use crate::part::ChamberLaw;
 use crate::run::Error;
 use crate::specification;
 use math::{Deps, Lane, Over};
 use physics::IdealGas;
-use physics::flow::Iso6358;
+use std::collections::BTreeMap;
+use std::iter;
 
-/// A volume without a piston, on a line with a restriction and with a leak into the ambient air. A command is
-/// the share of the line's opening.
+/// A volume without a piston, on a line with a restriction and perhaps a tube, and with a leak into the ambient air. A
+/// command is the share of the line's opening.
 #[derive(Clone, Debug)]
 pub struct Tank {
     assembly: Assembly,
 }
 
+type Spec = specification::Tank;
+
+/// Where the volume stands among the components of a tank, and the line.
+const VOLUME: usize = 0;
+const LINE: usize = 1;
+
+/// A tank as components and joints.
+fn components<P: Lane>(lifted: &Lifted<Spec>) -> (Vec<Instance<P>>, Vec<Joint>) {
+    let number = |f: fn(&Spec) -> f64| Some((lifted.number(f), lifted.is_free(f)));
+    // The whole wall's conductance: a coefficient, W/(m2 K), on a wall of 1 m2.
+    let volume = Instance::new("volume", "tank", |key| match key {
+        "volume" => number(|s| s.volume.volume_m3),
+        "wall_area" => Some((P::one(), false)),
+        "heat_transfer" => number(|s| s.volume.heat_transfer_w_k),
+        "wall_temperature" => number(|s| s.volume.wall_temperature_k),
+        _ => None,
+    });
+    let (mut each, mut at_volume, mut joints) = (vec![volume], vec![(VOLUME, 0)], Vec::new());
+    if let Some(line) = lifted.optional(|spec| spec.line.as_ref()) {
+        let number = |f: fn(&specification::Line) -> f64| Some((line.number(f), line.is_free(f)));
+        each.push(Instance::new("line", "fitting", |key| match key {
+            "conductance" => number(|l| l.conductance_m3_s_pa),
+            "critical_pressure_ratio" => number(|l| l.critical_pressure_ratio),
+            "subsonic_index" => number(|l| l.subsonic_index),
+            "linear_above" => number(|l| l.linear_above),
+            _ => None,
+        }));
+        each.push(Instance::new("other_side", "reservoir", |key| match key {
+            "pressure" => number(|l| l.pressure_pa),
+            "temperature" => number(|l| l.temperature_k),
+            _ => None,
+        }));
+        joints.push(vec![(LINE + 1, 0), (LINE, 0)]);
+        if let Some(tube) = lifted.optional(|spec| spec.tube.as_ref()) {
+            joints.push(vec![(LINE, 1), (each.len(), 0)]);
+            at_volume.push((each.len(), 1));
+            each.push(Instance::new("tube", "tube/distributed", |key| {
+                let one = |table: &BTreeMap<String, f64>| table.get(key).copied();
+                one(tube.value)?;
+                Some((tube.number_or(0.0, one), tube.is_free(|table| one(table).unwrap_or(f64::NAN))))
+            }));
+        } else {
+            at_volume.push((LINE, 1));
+        }
+    }
+    let leakage = |s: &Spec| s.volume.leakage_m3_s_pa;
+    let mut open = Vec::new();
+    if leakage(lifted.value) != 0.0 || lifted.is_free(leakage) {
+        at_volume.push((each.len(), 0));
+        open.push((each.len(), 1));
+        each.push(Instance::new("leak", "fitting", |key| match key {
+            "conductance" => number(leakage),
+            "critical_pressure_ratio" => Some((P::c(LEAK_CRITICAL_RATIO), false)),
+            _ => None,
+        }));
+    }
+    joints.push(at_volume);
+    let joints = joints.into_iter().map(|ports| Joint { ports, ambient: false });
+    (each, joints.chain([Joint { ports: open, ambient: true }]).collect())
+}
+
 /// The equations, from numbers with or without derivatives.
-fn wire<P: Lane>(lifted: &Lifted<specification::Tank>) -> Assembly<P>
+fn wire<P: Lane>(lifted: &Lifted<Spec>) -> Result<Assembly<P>, Error>
 where
     Deps: Over<P>,
 {
-    let number = |f: fn(&specification::Tank) -> f64| -> P { lifted.number(f) };
+    let number = |f: fn(&Spec) -> f64| -> P { lifted.number(f) };
     let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
     let is_air =
         IdealGas::new(lifted.value.gas.heat_capacity_ratio, lifted.value.gas.gas_constant_j_kg_k).is_air();
     let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
-    let mut circuit = Circuit::new(&gas, ambient[0], ambient[1]);
-    let around = circuit.reservoir(ambient[0], ambient[1]);
-    // The whole wall's conductance: a coefficient, W/(m2 K), on a wall of 1 m2.
-    let heat = number(|s| s.volume.heat_transfer_w_k);
-    let wall = number(|s| s.volume.wall_temperature_k);
-    let volume = number(|s| s.volume.volume_m3);
-    let tank = circuit.volume(ChamberLaw::EnergyBalance, volume, P::one(), heat, wall);
-    let line = lifted.optional(|spec| spec.line.as_ref()).map(|line| {
-        let other = circuit.reservoir(line.number(|l| l.pressure_pa), line.number(|l| l.temperature_k));
-        let index = |l: &specification::Line| l.subsonic_index;
-        let law = Iso6358::for_gas(
-            line.number(|l| l.conductance_m3_s_pa),
-            line.number(|l| l.critical_pressure_ratio),
-            line.number(index),
-            line.number(|l| l.linear_above),
-            index(line.value) == 0.5 && !line.is_free(index),
-            &gas,
-            is_air,
-        );
-        circuit.restriction(law, other, tank)
+    let (each, joints) = components(lifted);
+    let network::Wired { circuit, nodes, inputs, starts, .. } =
+        network::wire(&gas, is_air, ambient, (&each, &joints), false)?;
+    let Node::Gas(tank) = nodes[VOLUME][0] else { unreachable!("a tank holds gas") };
+    let command = inputs.iter().find_map(|(name, _, acts)| match acts {
+        Acts::On(id) if name == "line.opening" => Some(*id),
+        _ => None,
     });
-    let leakage = |s: &specification::Tank| s.volume.leakage_m3_s_pa;
-    let leaks = leakage(lifted.value) != 0.0 || lifted.is_free(leakage);
-    let gap = leaks.then(|| circuit.restriction(leak(lifted.number(leakage), &gas, is_air), tank, around));
-    let mut circuit = circuit.build(false);
-    if let Some(gap) = gap {
-        circuit.set_input(gap, 0, P::one());
-    }
-    let inputs = line.map(|line| Settable::of(&circuit, line, "command", "opening of the line"));
+    let alike = starts.into_iter().filter_map(|(starting, _)| match starting {
+        Starting::Gas(node) if node != tank => Some((Starting::Alike(node), Vec::new())),
+        _ => None,
+    });
+    let own = (Starting::Gas(tank), ["pressure_pa", "temperature_k"].map(Into::into).to_vec());
     let mut variables = Variables {
-        inputs: inputs.into_iter().collect(),
-        starts: vec![(Starting::Gas(tank), ["pressure_pa", "temperature_k"].map(Into::into).to_vec())],
+        inputs: (command.iter())
+            .map(|line| Settable::of(&circuit, *line, "command", "opening of the line"))
+            .collect(),
+        starts: iter::once(own).chain(alike).collect(),
         ..Variables::default()
     };
     variables.read([
@@ -67,13 +115,16 @@ where
         ("temperature_k", Quantity::Temperature(tank)),
         ("mass_flow_kg_s", Quantity::MassFlow(tank)),
     ]);
-    Assembly::new(circuit, variables)
+    if let Some(Node::Gas(inlet)) = nodes.get(LINE).map(|ports| ports[1]) {
+        variables.read([("inlet_pressure_pa", Quantity::Pressure(inlet))]);
+    }
+    Ok(Assembly::new(circuit, variables))
 }
 
 impl Tank {
     /// Assembles the tank.
-    pub fn assemble(spec: &specification::Tank) -> Self {
-        Tank { assembly: wire(&Lifted::plain(spec)) }
+    pub fn assemble(spec: &Spec) -> Result<Self, Error> {
+        Ok(Tank { assembly: wire(&Lifted::plain(spec))? })
     }
 
     /// Names of the numbers that a run starts from.
@@ -89,8 +140,8 @@ impl Tank {
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
         let lift = || {
-            let seeds = seeds::<specification::Tank>(json, "", &asked.parameters)?;
-            Ok(move |first| Ok(wire(&Lifted::new(&seeds, first))))
+            let seeds = seeds::<Spec>(json, "", &asked.parameters)?;
+            Ok(move |first| wire(&Lifted::new(&seeds, first)))
         };
         shoot(&self.assembly, lift, asked, interrupted)
     }
@@ -132,7 +183,7 @@ mod tests {
             options: Options { rtol: 1e-9, ..Options::default() },
             threads: 1,
         };
-        let tank = Tank::assemble(&serde_json::from_str(&json).unwrap());
+        let tank = Tank::assemble(&serde_json::from_str(&json).unwrap()).unwrap();
         (times, tank.shoot(&json, &asked, &mut |_| false).unwrap())
     }
 

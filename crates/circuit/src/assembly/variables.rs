@@ -78,6 +78,8 @@ pub enum Quantity {
 pub enum Starting {
     /// Pressure, Pa absolute, and temperature, K.
     Gas(GasId),
+    /// None: as the gas before it.
+    Alike(GasId),
     /// Position, m, and velocity, m/s.
     Axis(AxisId),
     /// All inner states of an axis' friction.
@@ -194,6 +196,7 @@ impl<P: Lane> Assembly<P> {
             let (own, others) = rest.split_at(names.len());
             match *starting {
                 Starting::Gas(id) => gas.push((id, own[0], own[1])),
+                Starting::Alike(id) => gas.extend(gas.last().map(|&(_, p, t)| (id, p, t))),
                 Starting::Axis(id) => axes.push((id, own[0], own[1])),
                 Starting::Inner(id) => inner.push((id, own)),
             }
@@ -208,6 +211,7 @@ impl<P: Lane> Assembly<P> {
         circuit.observe(y, net);
         let each = self.variables.starts.iter().flat_map(|(starting, _)| match *starting {
             Starting::Gas(id) => vec![net[id].p, net[id].t],
+            Starting::Alike(_) => Vec::new(),
             Starting::Axis(id) => vec![net[id].x, net[id].v],
             Starting::Inner(id) => circuit.inner_states(id, y).to_vec(),
         });

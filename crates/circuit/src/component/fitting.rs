@@ -1,18 +1,20 @@
 use super::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, table,
+    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
+    table,
 };
 use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
 
-/// A restriction that is always open.
+/// A restriction that is open where nothing sets it.
 pub struct Fitting;
 
 impl Component for Fitting {
     const KIND: Kind = Kind {
         key: "fitting",
         title: "Fitting, orifice",
-        text: "A flow path by ISO 6358: m_dot = C p1 rho0 sqrt(T0/T1) phi(p2/p1), in both directions.",
+        text: "A flow path by ISO 6358: m_dot = y C p1 rho0 sqrt(T0/T1) phi(p2/p1), in both directions; y is its opening, \
+               1 where nothing sets it.",
         sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2")],
         parameters: table! {
@@ -22,6 +24,7 @@ impl Component for Fitting {
             LINEAR_ABOVE;
         },
         open: true,
+        inputs: &[("opening", "1", "share of the full opening")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
         symbol: SYMBOL,
         ..Kind::PLAIN
@@ -31,6 +34,7 @@ impl Component for Fitting {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let law = own.path("conductance", build);
         let edge = build.passage(law, from, to);
+        build.input(own, 0, Acts::On(edge));
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
 }
