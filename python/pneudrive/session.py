@@ -67,7 +67,8 @@ class Linear(Shown):
     A, B, C, D : numpy.ndarray
         Shapes (states, states), (states, inputs), (outputs, states), (outputs, inputs); exact derivatives, in SI.
     states, inputs, outputs : tuple of str
-        Names; those of states end with their unit.
+        Their names; a state is called as a column is, by the component and what it is of: ``"position_m"``,
+        ``"mass_a_kg"``, of a circuit ``"left.position_m"``, ``"hose.cell_3.internal_energy_j"``.
     state, rates, output : numpy.ndarray
         The state, its rates and the outputs where the derivatives are taken.
     """
@@ -126,11 +127,10 @@ class Session:
         """All inputs, outputs and states, in their order."""
         inputs = [Variable(name, unit, "input", bounds, what) for name, unit, bounds, what in self._core.inputs]
         outputs = [(name, *meaning(name)[1:]) for name in self._core.columns]
-        states = [state.rpartition(" [") for state in self._core.states]
         return (
             *inputs,
             *(Variable(name, unit, "output", "", what) for name, unit, what in outputs),
-            *(Variable(name, unit.rstrip("]"), "state", "", name.partition(": ")[2]) for name, _, unit in states),
+            *(Variable(name, unit, "state", "", meaning(name)[2]) for name, unit in self._core.states),
         )
 
     def set(self, name: str, value: float) -> None:
@@ -297,7 +297,7 @@ class Session:
         outputs = (name for name in self._core.columns if name.rpartition(".")[2] not in ("time_s", "command"))
         return Linear(
             *(found["a"], found["b"], found["c"], found["d"]),
-            *(tuple(self._core.states), names, tuple(outputs)),
+            *(tuple(name for name, _ in self._core.states), names, tuple(outputs)),
             *(found["state"], found["rates"], found["outputs"]),
         )
 
@@ -387,6 +387,10 @@ class _Short:
     @property
     def columns(self) -> list[str]:
         return [short_name(name) for name in self._core.columns]
+
+    @property
+    def states(self) -> list[tuple[str, str]]:
+        return [(short_name(name), unit) for name, unit in self._core.states]
 
     def set(self, name: str, value: float) -> None:
         self._core.set(self._full(name), value)

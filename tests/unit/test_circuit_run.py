@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.errors import CommandError, DescriptionError, SimulationError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
 DISCHARGE = {
@@ -241,3 +241,38 @@ def test_a_cushion_is_given_whole():
     with pytest.raises(DescriptionError, match=r"axis\.cushion_a_port_volume is missing") as told:
         pn.Circuit.load(text)
     assert "cushion_a is given whole" in str(told.value)
+
+
+def test_states_are_named_by_their_component_and_what_they_are():
+    """As columns are: the slope of each is found by name, against the state that is read."""
+    drive = pn.Drive.load("catalogue:reference").replace(
+        {"tubing": {"a": {"length": "1 m", "diameter": "4 mm", "kind": "tube/distributed", "cells": 4}}}
+    )
+    session = drive.start("position = 0.25 m, pressure_a = 3 bar abs, pressure_b = 2 bar abs")
+    session.set("command", 0.5)
+    session.advance(0.05)
+    linear = session.linearise(["load_force_n"])
+    slope = {
+        (one, other): linear.A[i, j] for i, one in enumerate(linear.states) for j, other in enumerate(linear.states)
+    }
+    rate = dict(zip(linear.states, linear.rates, strict=True))
+    assert {"mass_b_kg", "internal_energy_a_j", "tube_a.cell_0.mass_kg", "bristle_deflection_m"} <= set(linear.states)
+    assert len(set(linear.states)) == len(linear.states)
+    assert (slope["position_m", "velocity_m_s"], rate["position_m"]) == (1.0, session.read("velocity_m_s"))
+    # What a mass gains is what its column says.
+    assert rate["mass_b_kg"] == pytest.approx(session.read("mass_flow_b_kg_s"), rel=1e-12)
+    state = dict(zip(linear.states, linear.state, strict=True))
+    volume = state["internal_energy_b_j"] * 0.4 / session.read("pressure_b_pa")
+    assert state["mass_b_kg"] * 287.05 * session.read("temperature_b_k") == pytest.approx(
+        session.read("pressure_b_pa") * volume, rel=1e-12
+    )
+    assert [v.unit for v in session.variables if v.name in ("mass_b_kg", "tube_a.cell_0.internal_energy_j")] == [
+        "kg",
+        "J",
+    ]
+
+
+def test_a_message_names_the_states_of_a_circuit():
+    circuit = as_circuit(pn.Drive.load("catalogue:reference"))
+    with pytest.raises(SimulationError, match=r"State: cylinder\.position_m = .*, cylinder\.a\.mass_kg = "):
+        circuit.simulate("0 s: 1", "1 s", initial="cylinder.position = 50 mm", budget=20)

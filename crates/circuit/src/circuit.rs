@@ -93,9 +93,10 @@ impl Lacking {
 
 /// A volume with little room or gas left: which, of what, and how much as a share of its dead volume or of the gas
 /// in that at standard conditions.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Scarce {
-    pub volume: &'static str,
+    /// By name: "left.a", or "chamber a" of a drive.
+    pub volume: String,
     pub what: Lacking,
     pub share: f64,
 }
@@ -120,7 +121,8 @@ impl<P> PistonSide<P> {
 /// What does not change while a circuit runs; shared by all its copies.
 #[derive(Debug)]
 struct Topology {
-    names: Vec<String>,
+    /// The name and unit of each state.
+    names: Vec<(String, &'static str)>,
     n_states: usize,
     channels: Vec<Channel>,
     structure: Arc<Structure>,
@@ -140,8 +142,8 @@ pub struct Circuit<P> {
     gas_nodes: usize,
     axis_nodes: usize,
     signals: usize,
-    /// The components that parts belong to: what their accounts are called by.
-    owners: Vec<String>,
+    /// What parts and nodes are called until it is built.
+    called: Called,
     /// The number of what its reservoirs hold: no other values have it, in any circuit.
     filled: u64,
 }
@@ -178,7 +180,7 @@ impl<R: Lane> Circuit<R> {
             gas_nodes: each[0].gas_nodes,
             axis_nodes: each[0].axis_nodes,
             signals: each[0].signals,
-            owners: each[0].owners.clone(),
+            called: Called::default(),
             filled: next_filling(),
         }
     }
@@ -273,7 +275,7 @@ impl<R: Lane> Circuit<R> {
     }
 
     /// The name and unit of each state.
-    pub fn state_names(&self) -> &[String] {
+    pub fn state_names(&self) -> &[(String, &'static str)] {
         &self.topology.names
     }
 
@@ -282,7 +284,8 @@ impl<R: Lane> Circuit<R> {
         let mut net = self.work::<R>();
         self.evaluate(y, &mut net);
         let each = self.volumes().flat_map(|(first, volume, name)| {
-            let scarce = move |what, share| Scarce { volume: name, what, share };
+            let named = self.topology.names[first].0.rsplit_once('.').map_or(name, |(of, _)| of);
+            let scarce = move |what, share| Scarce { volume: named.into(), what, share };
             let share = |value: R, of: R| value.get(lane) / of.get(lane);
             let room = net.gas[volume.node].volume;
             [
@@ -296,9 +299,10 @@ impl<R: Lane> Circuit<R> {
         each.min_by(|a, b| near(a).total_cmp(&near(b)))
     }
 
-    /// How many states its parts have: before it is built too.
-    pub(crate) fn count_states(&self) -> usize {
-        self.parts.count_states()
+    /// How many states its parts have, before it is built too, by the component that brings them.
+    pub(crate) fn count_states(&self) -> Vec<(&str, usize)> {
+        let names = std::iter::once("").chain(self.called.owners.iter().map(String::as_str));
+        names.zip(self.parts.count_states(self.called.owners.len())).collect()
     }
 
     /// The first state of a part within `y`.

@@ -37,6 +37,7 @@ mod wall;
 use crate::circuit::{AxisId, GasId};
 use crate::ledger::{Channel, Kind};
 use crate::net::Net;
+pub(crate) use kinds::Called;
 use kinds::Names;
 use math::{Lane, Over, Real};
 use physics::{Bounds, IdealGas};
@@ -73,13 +74,36 @@ pub use spring::Spring;
 pub use volume::{ChamberLaw, Volume};
 pub use wall::Wall;
 
+/// What a state is of: what people call it by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Of {
+    Part,
+    /// A node of gas, an axis.
+    Gas(usize),
+    Axis(usize),
+}
+
 /// A state of a part.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
+    /// Ends with its unit, as the name of a column does.
     pub name: &'static str,
     pub unit: &'static str,
     /// Absolute error scale, in the unit.
     pub scale: f64,
+    pub of: Of,
+}
+
+impl State {
+    /// A state of a part itself.
+    pub(crate) fn own(name: &'static str, unit: &'static str, scale: f64) -> Self {
+        State { name, unit, scale, of: Of::Part }
+    }
+
+    /// The same of what has a name of its own.
+    pub(crate) fn of(self, of: Of) -> Self {
+        State { of, ..self }
+    }
 }
 
 /// An input of a part: a number that may change at any time.

@@ -188,6 +188,11 @@ impl Output<f64, Circuit<f64>> for States {
     }
 }
 
+/// A number with its unit, for people.
+pub(crate) fn with_unit(value: f64, unit: &str) -> String {
+    if unit == "1" { value.to_string() } else { format!("{value} {unit}") }
+}
+
 /// k/rate for k = 0 .. round(duration rate), the last one at the duration.
 pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
     let n = (duration * rate).round().max(1.0) as usize;
@@ -231,7 +236,7 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
     let (circuit, y) = (stepper.system(), stepper.state());
     let names = circuit.state_names();
     let state = |i: usize| {
-        names.get(i).map_or("an account".to_string(), |name| format!("{name} = {:.6e}", y[i].get(lane)))
+        names.get(i).map_or("an account".to_string(), |(name, _)| format!("{name} = {:.6e}", y[i].get(lane)))
     };
     let (t, reason, remedy) = match failure {
         Failure::StepTooSmall { t, h, state: i } => (
@@ -267,13 +272,27 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
                 "the piston has gone through the end stop to the cover of {volume}, where {:.2} % of the dead volume is left",
                 100.0 * share
             ),
-            "a larger cylinder.end_stop.stiffness, a larger cylinder.dead_volume or a slower approach",
+            match volume.split_once('.') {
+                Some((of, end)) => {
+                    format!(
+                        "a larger {of}.end_stop_stiffness, a larger {of}.dead_volume_{end} or a slower approach"
+                    )
+                }
+                None => {
+                    "a larger cylinder.end_stop.stiffness, a larger cylinder.dead_volume or a slower approach"
+                        .into()
+                }
+            },
         ),
         Some(Scarce { volume, what: Lacking::Gas, .. }) => (
             format!("no gas is left in {volume}"),
-            "another start or command, or a larger cylinder.dead_volume",
+            if volume.starts_with("chamber ") {
+                "another start or command, or a larger cylinder.dead_volume".into()
+            } else {
+                format!("another start or command, or more volume in {volume}")
+            },
         ),
-        None => (reason, remedy),
+        None => (reason, remedy.to_string()),
     };
     let shown: Vec<String> = (0..circuit.n_states().min(SHOWN)).map(state).collect();
     format!(

@@ -100,7 +100,7 @@ fn the_stops_of_an_axis_are_obstacles_also_where_it_is_no_cylinder() {
 fn energy_is_stored_in_the_same_places() {
     let stores = |split: bool| {
         let (circuit, .., mut y) = cylinder(split, "lugre");
-        let at = |what: &str| circuit.state_names().iter().position(|name| name.contains(what));
+        let at = |what: &str| circuit.state_names().iter().position(|(name, _)| name.contains(what));
         y[at("position").expect("a mass")] = 0.301;
         y[at("velocity").expect("a mass")] = 2.0;
         let mut stores = circuit.stores(&y);

@@ -274,6 +274,20 @@ fn a_regulator_droops_with_its_flow_and_relieves_what_is_too_much() {
 }
 
 #[test]
+fn too_many_states_are_told_with_the_components_that_bring_them() {
+    let tube = |name: &str, cells: f64| {
+        json!({ "name": name, "kind": "tube/distributed",
+                "numbers": { "length": 10.0, "diameter": 4e-3, "cells": cells } })
+    };
+    let components = json!([tube("short", 60.0), tube("hose", 140.0)]);
+    let joints = json!([["short.1", "ambient"], ["short.2", "hose.1"], ["hose.2", "ambient"]]);
+    let message = network(&components, &joints).expect_err("too many").to_string();
+    // Two states of each cell, one between two cells, two of the joint.
+    assert!(message.contains("has 606 states, most of them in hose (422), short (182)"), "{message}");
+    assert!(message.contains("at most 512"), "{message}");
+}
+
+#[test]
 fn what_cannot_be_joined_is_said() {
     let supply =
         |name: &str, p: f64| json!({ "name": name, "kind": "reservoir", "numbers": { "pressure": p } });
@@ -396,6 +410,12 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
         }
         let network =
             network(&json!(components), &json!(joints)).unwrap_or_else(|e| panic!("{}: {e}", kind.key));
+        let states = network.assembly().circuit.state_names();
+        for (i, (name, _)) in states.iter().enumerate() {
+            let of = |own: &Value| name.starts_with(&format!("{}.", own["name"].as_str().expect("a name")));
+            assert!(components.iter().any(of), "{}: {name} is no component's", kind.key);
+            assert!(states[..i].iter().all(|(other, _)| other != name), "{}: {name} twice", kind.key);
+        }
         let start = |driven: bool| -> Vec<(String, f64)> {
             let each = network.start_names().into_iter().map(|name| {
                 let given = pressures.iter().find(|(own, _)| own == name).filter(|_| driven).map(|(_, p)| *p);

@@ -37,7 +37,8 @@ fn pulled(stiffness: f64) -> (Circuit<f64>, AxisId, AxisId) {
 /// Where x, v and z of the mass lie among the states.
 fn own(circuit: &Circuit<f64>) -> [usize; 3] {
     let names = circuit.state_names();
-    let z = names.iter().position(|name| name.contains("bristle_deflection_m")).expect("it has bristles");
+    let z =
+        names.iter().position(|(name, _)| name.contains("bristle_deflection_m")).expect("it has bristles");
     [z - 2, z - 1, z]
 }
 

@@ -50,9 +50,9 @@ impl PyCircuit {
         self.network.joint_volumes().to_vec()
     }
 
-    /// Names of the states, each with its unit.
+    /// Name and unit of each state.
     #[getter]
-    fn states(&self) -> Vec<String> {
+    fn states(&self) -> Vec<(String, &'static str)> {
         self.network.assembly().circuit.state_names().to_vec()
     }
 

@@ -56,9 +56,9 @@ impl PySession {
         self.session.columns().to_vec()
     }
 
-    /// Names of the states, each with its unit.
+    /// Name and unit of each state.
     #[getter]
-    fn states(&self) -> Vec<String> {
+    fn states(&self) -> Vec<(String, &'static str)> {
         self.session.state_names().to_vec()
     }
 

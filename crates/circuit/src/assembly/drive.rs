@@ -163,8 +163,9 @@ where
         let is_air = IdealGas::new(plain.heat_capacity_ratio, plain.gas_constant_j_kg_k).is_air();
         let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
         let (each, joints) = components(lifted)?;
-        let network::Wired { circuit, nodes, mut pistons, inputs, .. } =
+        let network::Wired { mut circuit, nodes, mut pistons, inputs, .. } =
             wire(&gas, is_air, ambient, (&each, &joints), ledger)?;
+        circuit.call_states(short);
         let command = inputs.iter().find_map(|(_, _, acts)| match acts {
             Acts::Command(edges) => Some(*edges),
             _ => None,
@@ -219,6 +220,15 @@ where
         variables.read(COLUMNS.into_iter().zip(quantities));
         variables.read(inner.into_iter().enumerate().map(|(i, name)| (name, Quantity::Inner(axis, i))));
         Ok(Wired { assembly: Assembly::new(circuit, variables), a, b, piston })
+    }
+}
+
+/// The name that a drive has for a state of its cylinder: "cylinder.a.mass_kg" is "mass_a_kg".
+fn short(state: &str) -> String {
+    let name = state.strip_prefix("cylinder.").unwrap_or(state);
+    match name.split_once('.').and_then(|(chamber, of)| Some((chamber, of.rsplit_once('_')?))) {
+        Some((chamber, (what, unit))) => format!("{what}_{chamber}_{unit}"),
+        None => name.into(),
     }
 }
 

@@ -13,7 +13,7 @@ use crate::component::{
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
 use crate::part::{ChamberLaw, Given, InputId};
-use crate::run::{Error, Look, Recorder, Run, sample_times};
+use crate::run::{Error, Look, Recorder, Run, sample_times, with_unit};
 use crate::specification;
 use math::{Deps, Lane, Over};
 use ode::Options;
@@ -47,8 +47,8 @@ fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
     Err(Error::Specification(message.into()))
 }
 
-fn one_of<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    names.collect::<Vec<_>>().join(", ")
+fn one_of<T: Into<String>>(names: impl Iterator<Item = T>) -> String {
+    names.map(Into::into).collect::<Vec<String>>().join(", ")
 }
 
 /// A component with its numbers, checked.
@@ -95,8 +95,10 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         let value = spec.numbers.get(parameter.key).copied().or(parameter.default);
         match value {
             Some(value) if !value.is_finite() || !parameter.bounds.contain(value) => refuse(format!(
-                "{name}.{} = {value} {} is out of bounds: it must be {}",
-                parameter.key, parameter.unit, parameter.bounds
+                "{name}.{} = {} is out of bounds: it must be {}",
+                parameter.key,
+                with_unit(value, parameter.unit),
+                parameter.bounds
             )),
             None if parameter.follows.is_empty() && !spared(parameter.unless) => {
                 refuse(format!("{name}.{} is missing", parameter.key))
@@ -318,12 +320,34 @@ where
             .collect();
         let axis = self.build.circuit.axis(mass, incline, force, friction);
         self.build.circuit.own(&name);
+        self.build.circuit.call_axis(axis, format!("{name}."));
         self.build.masses.push((mass, force));
         let names = ["position_m", "velocity_m_s"].map(|quantity| format!("{name}.{quantity}"));
         self.build.starts.push((Starting::Axis(axis), names.to_vec()));
         self.build.starts.push((Starting::Inner(axis), inner));
         Ok(axis)
     }
+}
+
+/// Refuses more states than there can be, with the components that bring most of them.
+fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
+    let states: usize = counts.iter().map(|(_, count)| count).sum();
+    if states <= Deps::CAPACITY {
+        return Ok(());
+    }
+    let mut by_name = BTreeMap::new();
+    for (name, count) in counts {
+        *by_name.entry(*name).or_insert(0) += count;
+    }
+    let mut most: Vec<_> = by_name.into_iter().collect();
+    most.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let most = one_of(
+        most.iter().filter(|own| own.1 * 10 > states).map(|(name, count)| format!("{name} ({count})")),
+    );
+    refuse(format!(
+        "the circuit has {states} states, most of them in {most}: it must have at most {}. Give long tubes fewer cells or a smaller bandwidth",
+        Deps::CAPACITY
+    ))
 }
 
 /// Components that are joined, as equations.
@@ -380,10 +404,7 @@ where
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
         build.circuit.own(&each[i].name);
     }
-    let states = build.circuit.count_states();
-    if states > Deps::CAPACITY {
-        return refuse(format!("the circuit has {states} states: at most {}", Deps::CAPACITY));
-    }
+    check_size(&build.circuit.count_states())?;
     let Build { circuit, open, pistons, inputs, columns, starts, .. } = build;
     let mut circuit = circuit.build(ledger);
     for id in open {

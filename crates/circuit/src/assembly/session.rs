@@ -6,7 +6,7 @@ use super::variables::{Assembly, Quantity, Settable, Target};
 use crate::circuit::Circuit;
 use crate::net::Net;
 use crate::part::InputId;
-use crate::run::{Error, Look, advance, budget, settled};
+use crate::run::{Error, Look, advance, budget, settled, with_unit};
 use math::{Dual, Lane, Real};
 use ode::{NoOutput, Options, Output, Statistics, Stepper, System};
 
@@ -263,7 +263,7 @@ impl Session {
             }
             return Ok(());
         }
-        refuse(format!("{name} = {value} {unit} is out of bounds: it must be {bounds}"))
+        refuse(format!("{name} = {} is out of bounds: it must be {bounds}", with_unit(value, unit)))
     }
 
     /// Sets an input from now on.
@@ -369,7 +369,7 @@ impl Session {
     }
 
     /// The names and units of the states.
-    pub fn state_names(&self) -> &[String] {
+    pub fn state_names(&self) -> &[(String, &'static str)] {
         self.circuit().state_names()
     }
 

@@ -27,15 +27,31 @@ impl<R: Lane> Circuit<R> {
             gas_nodes: 0,
             axis_nodes: 0,
             signals: 0,
-            owners: Vec::new(),
+            called: Called::default(),
             filled: next_filling(),
         }
     }
 
     /// What was added since the last call belongs to this component.
     pub(crate) fn own(&mut self, name: &str) {
-        self.owners.push(name.into());
-        self.parts.own(self.owners.len());
+        self.called.owners.push(name.into());
+        self.parts.own(self.called.owners.len());
+    }
+
+    /// The names of the states of a node of gas begin so.
+    pub(crate) fn call_gas(&mut self, node: GasId, name: String) {
+        self.called.gas.insert(node.0, name);
+    }
+
+    /// The names of the states of an axis begin so.
+    pub(crate) fn call_axis(&mut self, axis: AxisId, name: String) {
+        self.called.axes.insert(axis.0, name);
+    }
+
+    /// Calls each state as `name` says, once the circuit is built and before it has copies.
+    pub(crate) fn call_states(&mut self, name: impl Fn(&str) -> String) {
+        let topology = Arc::get_mut(&mut self.topology).expect("not shared yet");
+        topology.names.iter_mut().for_each(|(own, _)| *own = name(own));
     }
 
     fn next_gas(&mut self) -> usize {
@@ -226,10 +242,10 @@ where
     /// without touching a step or a bit of the states.
     pub fn build(mut self, ledger: bool) -> Self {
         self.join_cylinders();
-        let (states, channels) = self.parts.lay_out(&self.owners);
+        let (states, channels) = self.parts.lay_out(&std::mem::take(&mut self.called));
         let n_states = states.len();
         let (names, mut scale): (Vec<_>, Vec<_>) =
-            states.into_iter().map(|(name, state)| (format!("{name} [{}]", state.unit), state.scale)).unzip();
+            states.into_iter().map(|(name, state)| ((name, state.unit), state.scale)).unzip();
         let channels = if ledger { channels } else { Vec::new() };
         scale.extend(channels.iter().map(|_| f64::INFINITY));
         let events = self.parts.events();

@@ -70,6 +70,7 @@ impl<P: Lane> Build<P> {
 
     /// Gas starts at a pressure and a temperature.
     pub(crate) fn gas_starts(&mut self, node: GasId, name: &str) {
+        self.circuit.call_gas(node, format!("{name}."));
         let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));
         self.starts.push((Starting::Gas(node), names.to_vec()));
     }

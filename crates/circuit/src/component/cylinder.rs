@@ -244,6 +244,8 @@ fn cushion<P: Lane>(
     }
     let chamber = build.volume(vessel(own, &format!("dead_volume_{end}"), build.ambient[1]));
     build.circuit.starts_as(chamber, port);
+    build.circuit.call_gas(chamber, format!("{}.{end}.", own.name));
+    build.circuit.call_gas(port, format!("{}.{end}.port_", own.name));
     let key = |key: &str| format!("cushion_{end}_{key}");
     let number = |name: &str| own.number(&key(name));
     let area = plunger(own, end);

@@ -1,4 +1,4 @@
-use super::{Common, Given, Input, Own, OwnMut, Part, State};
+use super::{Common, Given, Input, Of, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
@@ -380,18 +380,13 @@ pub(super) use events_of_a_mass;
 
 impl<P: Real> Part<P> for Axis<P> {
     fn states(&self) -> Vec<State> {
-        let mut states = vec![
-            State { name: "position", unit: "m", scale: 0.1 },
-            State { name: "velocity", unit: "m/s", scale: 0.1 },
-        ];
+        let mut states = vec![State::own("position_m", "m", 0.1), State::own("velocity_m_s", "m/s", 0.1)];
         if let Some(contact) = &self.friction {
-            states.extend(contact.states().iter().zip(&self.largest_scales).map(|(s, largest)| State {
-                name: s.name,
-                unit: s.unit,
-                scale: s.scale.min(*largest),
-            }));
+            let inner = contact.states();
+            let each = inner.iter().zip(&self.largest_scales);
+            states.extend(each.map(|(s, largest)| State::own(s.name, s.unit, s.scale.min(*largest))));
         }
-        states
+        states.into_iter().map(|state| state.of(Of::Axis(self.node))).collect()
     }
 
     fn inputs(&self) -> &'static [Input] {

@@ -114,23 +114,16 @@ impl<P: Real> Carriage<P> {
 
 impl<P: Real> Part<P> for Carriage<P> {
     fn states(&self) -> Vec<State> {
-        let mut states = vec![
-            State { name: "carriage position", unit: "m", scale: 0.1 },
-            State { name: "carriage velocity", unit: "m/s", scale: 0.1 },
-            State { name: "carriage acceleration", unit: "m/s2", scale: 1.0 },
-        ];
-        if self.follows {
-            for (state, name) in
-                states.iter_mut().zip(["commanded position", "commanded velocity", "commanded acceleration"])
-            {
-                state.name = name;
-            }
-            states.extend([
-                State { name: "carriage position", unit: "m", scale: 0.1 },
-                State { name: "carriage velocity", unit: "m/s", scale: 0.1 },
-            ]);
+        let own = [State::own("position_m", "m", 0.1), State::own("velocity_m_s", "m/s", 0.1)];
+        if !self.follows {
+            return own.into_iter().chain([State::own("acceleration_m_s2", "m/s2", 1.0)]).collect();
         }
-        states
+        let commanded = [
+            State::own("commanded_position_m", "m", 0.1),
+            State::own("commanded_velocity_m_s", "m/s", 0.1),
+            State::own("commanded_acceleration_m_s2", "m/s2", 1.0),
+        ];
+        commanded.into_iter().chain(own).collect()
     }
 
     fn begin(&self, given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {

@@ -110,7 +110,7 @@ impl<P: Real> Column<P> {
 
 impl<P: Real> Part<P> for Column<P> {
     fn states(&self) -> Vec<State> {
-        vec![State { name: "mass flow", unit: "kg/s", scale: self.scale }]
+        vec![State::own("inner_flow_kg_s", "kg/s", self.scale)]
     }
 
     #[inline(always)]

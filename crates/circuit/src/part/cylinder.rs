@@ -146,18 +146,7 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
     fn states(&self) -> Vec<State> {
         let axis = Part::<P>::states(&self.axis);
         let mut states = axis[..2].to_vec();
-        for (volume, side) in self.volumes.iter().zip(["a", "b"]) {
-            states.extend(Part::<P>::states(volume).into_iter().map(|mut state| {
-                state.name = match (side, state.name) {
-                    ("a", "mass") => "mass in chamber a",
-                    ("a", "internal energy") => "internal energy in chamber a",
-                    (_, "mass") => "mass in chamber b",
-                    (_, "internal energy") => "internal energy in chamber b",
-                    (_, name) => name,
-                };
-                state
-            }));
-        }
+        states.extend(self.volumes.iter().flat_map(Part::<P>::states));
         states.extend_from_slice(&axis[2..]);
         states
     }

@@ -1,5 +1,6 @@
 //! The kinds of part: what a circuit does with each of its parts.
 
+use super::{Of, State};
 use std::collections::BTreeMap;
 
 /// Names of parts for people: a cylinder is a cylinder, whatever its friction.
@@ -13,6 +14,47 @@ impl Names {
         let count = self.0.entry(kind).or_default();
         *count += 1;
         format!("{kind} {}", *count - 1)
+    }
+}
+
+/// What the components that parts belong to are called, and the nodes: what begins the names of their states.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Called {
+    pub owners: Vec<String>,
+    pub gas: BTreeMap<usize, String>,
+    pub axes: BTreeMap<usize, String>,
+}
+
+impl Called {
+    /// What the states of the `i`-th part of a kind are called by, of which these have the others: its owner, with a
+    /// number where that has several.
+    pub(super) fn part(&self, owners: &[usize], i: usize, name: &str) -> String {
+        let kind = |name: &str| name.to_lowercase().replace(' ', "_");
+        let own = |owner: &&usize| **owner == owners[i];
+        match (owners[i], owners.iter().filter(own).count()) {
+            (0, _) => kind(name),
+            (owner, 1) => self.owners[owner - 1].clone(),
+            (owner, _) => {
+                let number = owners[..=i].iter().filter(own).count();
+                format!(
+                    "{}.{}_{number}",
+                    self.owners[owner - 1],
+                    kind(name.split(' ').next().unwrap_or(name))
+                )
+            }
+        }
+    }
+
+    /// The name of a state of a part.
+    pub(super) fn state(&self, part: &str, state: &State) -> String {
+        let node = |names: &BTreeMap<usize, String>, what: &str, node: usize| {
+            names.get(&node).map_or_else(|| format!("{what}_{node}."), Clone::clone) + state.name
+        };
+        match state.of {
+            Of::Part => format!("{part}.{}", state.name),
+            Of::Gas(own) => node(&self.gas, "gas", own),
+            Of::Axis(own) => node(&self.axes, "axis", own),
+        }
     }
 }
 
@@ -106,8 +148,13 @@ macro_rules! parts {
                 all.into_iter()
             }
 
-            pub fn count_states(&self) -> usize {
-                0 $(+ self.$field.iter().map(|(_, part)| Part::<P>::states(part).len()).sum::<usize>())*
+            /// How many states the parts of each owner have; those that nobody has first.
+            pub fn count_states(&self, owners: usize) -> Vec<usize> {
+                let mut counts = vec![0; owners + 1];
+                $(for (place, part) in &self.$field {
+                    counts[place.owner] += Part::<P>::states(part).len();
+                })*
+                counts
             }
 
             pub fn place_of(&self, part: PartId) -> Place {
@@ -138,21 +185,25 @@ macro_rules! parts {
             }
 
             /// Gives every part its place; the states' names and scales in that order, then the accounts.
-            pub fn lay_out(&mut self, owners: &[String]) -> (Vec<(String, State)>, Vec<Channel>) {
+            pub fn lay_out(&mut self, called: &Called) -> (Vec<(String, State)>, Vec<Channel>) {
                 let usual = [PartKind::Cylinder, PartKind::Reservoir, PartKind::Restriction];
                 let all = [$((PartKind::$part, self.$field.len())),*];
                 let others = all.into_iter().filter(|(kind, count)| *count > 0 && !usual.contains(kind));
                 self.present = others.map(|(kind, _)| kind).collect();
                 let (mut states, mut channels) = (Vec::new(), Vec::new());
                 let (mut named, mut counted) = (Names::default(), Names::default());
-                $(for (place, part) in &mut self.$field {
-                    let (own, part) = (part.states(), named.next(stringify!($part)));
-                    *place = Place { first: states.len(), count: own.len(), ..*place };
-                    states.extend(own.into_iter().map(|s| (format!("{part}: {}", s.name), s)));
+                $({
+                    let owners: Vec<usize> = self.$field.iter().map(|(place, _)| place.owner).collect();
+                    for (i, (place, part)) in self.$field.iter_mut().enumerate() {
+                        let (own, name) = (part.states(), named.next(stringify!($part)));
+                        *place = Place { first: states.len(), count: own.len(), ..*place };
+                        let name = called.part(&owners, i, &name);
+                        states.extend(own.into_iter().map(|s| (called.state(&name, &s), s)));
+                    }
                 })*
                 $(for (place, part) in &mut self.$field {
                     let (own, part) = (part.channels(), counted.next(stringify!($part)));
-                    let part = place.owner.checked_sub(1).map_or(part, |owner| owners[owner].clone());
+                    let part = place.owner.checked_sub(1).map_or(part, |owner| called.owners[owner].clone());
                     place.first_account = channels.len();
                     place.accounts = own.len();
                     channels.extend(own.into_iter().map(|(name, kind)| {

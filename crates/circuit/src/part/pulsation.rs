@@ -19,7 +19,7 @@ gathered! {
 
 impl<P: Real> Part<P> for Pulsation<P> {
     fn states(&self) -> Vec<State> {
-        ["sine", "cosine"].map(|name| State { name, unit: "-", scale: 1.0 }).to_vec()
+        ["sine", "cosine"].map(|name| State::own(name, "1", 1.0)).to_vec()
     }
 
     fn inputs(&self) -> &'static [Input] {

@@ -43,7 +43,7 @@ impl<P: Real> Regulator<P> {
 
 impl<P: Real> Part<P> for Regulator<P> {
     fn states(&self) -> Vec<State> {
-        vec![State { name: "seat", unit: "-", scale: 1.0 }]
+        vec![State::own("opening", "1", 1.0)]
     }
 
     fn inputs(&self) -> &'static [Input] {

@@ -37,8 +37,8 @@ gathered! {
 impl<P: Real> Part<P> for SecondOrder<P> {
     fn states(&self) -> Vec<State> {
         vec![
-            State { name: "set pressure", unit: "Pa", scale: P_0 },
-            State { name: "rate of the set pressure", unit: "Pa/s", scale: self.rate_scale },
+            State::own("acting_set_pressure_pa", "Pa", P_0),
+            State::own("acting_set_pressure_rate_pa_s", "Pa/s", self.rate_scale),
         ]
     }
 

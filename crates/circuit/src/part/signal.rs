@@ -74,10 +74,7 @@ impl<P: Real> Part<P> for Spool<P> {
 
     fn states(&self) -> Vec<State> {
         // The speed of a full stroke within one radian.
-        vec![
-            State { name: "spool position", unit: "-", scale: 1.0 },
-            State { name: "spool speed", unit: "1/s", scale: SPEED },
-        ]
+        vec![State::own("position", "1", 1.0), State::own("speed_1_s", "1/s", SPEED)]
     }
 
     #[inline(always)]
@@ -116,7 +113,7 @@ impl<P: Real> Part<P> for Armature<P> {
     commanded!("rate", physics::any());
 
     fn states(&self) -> Vec<State> {
-        vec![State { name: "armature position", unit: "-", scale: 1.0 }]
+        vec![State::own("position", "1", 1.0)]
     }
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-use super::{Common, Given, Own, OwnMut, Part, State};
+use super::{Common, Given, Of, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::{GasNode, Net};
 use math::{Lane, Over, Real};
@@ -141,16 +141,15 @@ impl<R: Lane> Volume<R> {
 impl<P: Real> Part<P> for Volume<P> {
     fn states(&self) -> Vec<State> {
         let [first, second] = self.scales;
-        match self.law {
-            ChamberLaw::EnergyBalance => vec![
-                State { name: "mass", unit: "kg", scale: first },
-                State { name: "internal energy", unit: "J", scale: second },
-            ],
-            ChamberLaw::AsPrinted => vec![
-                State { name: "pressure", unit: "Pa", scale: first },
-                State { name: "temperature", unit: "K", scale: second },
-            ],
-        }
+        let both = match self.law {
+            ChamberLaw::EnergyBalance => {
+                [State::own("mass_kg", "kg", first), State::own("internal_energy_j", "J", second)]
+            }
+            ChamberLaw::AsPrinted => {
+                [State::own("pressure_pa", "Pa", first), State::own("temperature_k", "K", second)]
+            }
+        };
+        both.map(|state| state.of(Of::Gas(self.node))).to_vec()
     }
 
     #[inline(always)]

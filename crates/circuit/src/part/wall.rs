@@ -60,7 +60,7 @@ impl<P: Real> Wall<P> {
 
 impl<P: Real> Part<P> for Wall<P> {
     fn states(&self) -> Vec<State> {
-        vec![State { name: "temperature", unit: "K", scale: 1.0 }]
+        vec![State::own("wall_temperature_k", "K", 1.0)]
     }
 
     fn begin(&self, _given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
