@@ -38,7 +38,8 @@ def lines(
     from pneudrive.cli.described import load
     from pneudrive.cli.progress import on_terminal
     from pneudrive.lines import study
-    from pneudrive.report.lines_figure import PICTURES, plot_lines
+    from pneudrive.report.lines_figure import plot_lines
+    from pneudrive.report.written import PICTURES
     from pneudrive.trajectory import check_target
 
     for path, suffixes in ((out, TABLES), (plot, PICTURES)):

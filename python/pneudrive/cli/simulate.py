@@ -51,9 +51,9 @@ def simulate(
     if out is not None:
         check_target(out)
     if plot is not None:
-        from pneudrive.report.trajectory import PICTURES
+        from pneudrive.report.trajectory import ENDINGS
 
-        check_target(plot, PICTURES)
+        check_target(plot, ENDINGS)
     described = load(drive)
     result = run(
         described,

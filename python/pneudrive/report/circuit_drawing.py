@@ -8,7 +8,8 @@ from pneudrive.report import style
 from pneudrive.report.circuit_blocks import DIRECTIONS, LINE, MODULE_IN, TEXT_PT, size, text_width
 from pneudrive.report.circuit_layout import place
 from pneudrive.report.circuit_routes import NoWayError, Routes
-from pneudrive.trajectory import check_target, whole
+from pneudrive.report.written import PICTURES, write_picture
+from pneudrive.trajectory import check_target
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from pneudrive.report.circuit_blocks import Block
     from pneudrive.report.circuit_layout import Net
 
-PICTURES = (".svg", ".png", ".pdf")
 SPREADS = (1.0, 1.4, 2.0, 3.0, 5.0)  # room between the blocks, tried one after the other until all lines find a way
 EDGE = 2.0  # modules of paper around everything
 TITLE_PT = 9.0
@@ -63,9 +63,7 @@ def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> Fi
         placed, nets, routes = arranged(drawn)
         figure = _figure(drawn, placed, nets, routes)
         if target is not None:
-            with whole(target) as temporary:
-                options: dict[str, Any] = {"metadata": {"Date": None}} if target.suffix.lower() == ".svg" else {}
-                figure.savefig(temporary, format=target.suffix.lower()[1:], dpi=style.PNG_DPI, **options)
+            write_picture(figure, target)
     return figure
 
 

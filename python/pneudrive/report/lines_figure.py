@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pneudrive.report import style
-from pneudrive.trajectory import check_target, whole
+from pneudrive.report.written import PICTURES, write_picture
+from pneudrive.trajectory import check_target
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-PICTURES = (".png", ".svg", ".pdf")
 #: Panel: its label, factor from SI, and the variable in it.
 _PANELS = (
     ("mean speed of the stroke / (m/s)", 1.0, "mean_speed"),
@@ -58,6 +58,5 @@ def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> Figure:
         style.legend_above(figure, axes[0].get_legend_handles_labels()[0])
         style.finish(figure, synthetic=True)
         if target is not None:
-            with whole(target) as temporary:
-                figure.savefig(temporary, format=target.suffix.lower()[1:], dpi=style.PNG_DPI)
+            write_picture(figure, target)
     return figure

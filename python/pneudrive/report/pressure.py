@@ -10,7 +10,8 @@ from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.report import style
 from pneudrive.report.page import Items, Picture, Section, Table, Text
 from pneudrive.report.words import sentence, spread_evenly
-from pneudrive.trajectory import check_target, whole
+from pneudrive.report.written import PICTURES, write_picture
+from pneudrive.trajectory import check_target
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -114,11 +115,10 @@ def plot_pressure(found: Characterisation, path: str | Path) -> Figure:
     CommandError
         Unknown suffix, or the file cannot be written.
     """
-    target = check_target(path, (".png", ".svg", ".pdf"))
+    target = check_target(path, PICTURES)
     with style.applied():
         figure = draw(found)
-        with whole(target) as temporary:
-            figure.savefig(temporary, dpi=style.PNG_DPI)
+        write_picture(figure, target)
     return figure
 
 

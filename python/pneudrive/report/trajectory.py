@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
+from pneudrive.report.written import PICTURES, write_picture
 from pneudrive.trajectory import check_target, whole
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_IN_A_ROW = 4  # entries of a legend
-PICTURES = (".png", ".svg", ".pdf", ".html")
+ENDINGS = (*PICTURES, ".html")
 # Panel -> (label, factor from SI, variables with line style and words)
 PANELS = (
     ("position / mm", 1e3, (("position", "-", ""),)),
@@ -66,7 +67,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
     >>> len(pn.report.plot(run).axes)
     6
     """
-    target = None if path is None else check_target(path, PICTURES)
+    target = None if path is None else check_target(path, ENDINGS)
     with style.applied():
         figure = draw(run)
         if target is not None:
@@ -124,10 +125,7 @@ def _write(figure: Figure, run: xr.Dataset, target: Path) -> None:
     if target.suffix.lower() == ".html":
         _write_page(figure, run, target)
         return
-    with whole(target) as temporary:
-        figure.savefig(
-            temporary, dpi=style.PNG_DPI, metadata={"Date": None} if target.suffix.lower() == ".svg" else None
-        )
+    write_picture(figure, target)
 
 
 def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
