@@ -85,6 +85,8 @@ class Drive:
     def citations(self) -> list[str]: ...
     @property
     def end_stop(self) -> tuple[float, float, float]: ...
+    @property
+    def end_stop_takes(self) -> tuple[float, float, float, float]: ...
     def simulate(
         self,
         times: Sequence[float],
@@ -209,6 +211,10 @@ class ComponentParameter(TypedDict):
     default: float | None
     assumed: str
     follows: str
+    unless: str
+    within: str
+    only: str
+    was: str
 
 @type_check_only
 class ComponentChoice(TypedDict):
@@ -255,6 +261,8 @@ class Circuit:
     def columns(self) -> list[str]: ...
     @property
     def joint_volumes(self) -> list[tuple[str, float]]: ...
+    @property
+    def end_stops(self) -> dict[str, tuple[list[float], list[float]]]: ...
     @property
     def start_names(self) -> list[str]: ...
     @property

@@ -29,6 +29,7 @@ REST = {
     "time_off": "10 ms",
     "conductance": "1 dm3/(s bar)",
     "needle_conductance": "0.1 dm3/(s bar)",
+    "check_conductance": "1 dm3/(s bar)",
 }
 
 # What a trajectory calls its drive: another hash means that runs of before are of another drive.

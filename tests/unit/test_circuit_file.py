@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import pickle
+import re
 from pathlib import Path
 
 import pytest
@@ -331,7 +332,7 @@ def test_starts_settle_over_what_is_always_open():
     assert start["tank.pressure_pa"] == start["left.b.pressure_pa"] == start["valve_l.2.pressure_pa"] == 701325.0
     assert start["left.a.pressure_pa"] == start["valve_l.4.pressure_pa"] == 101325.0
     assert start["left.position_m"] == 0.0
-    assert "the joint of valve_l.2 has 0.4 cm3, from what is joined there" in circuit.assumed()
+    assert "the joint of valve_l.2 has 0.4 cm3, from what is joined there, and exchanges no heat" in circuit.assumed()
     assert "tank starts at 7.01325 bar abs, as mains has it" in circuit.assumed()
     assert "valve_l.2 starts at 7.01325 bar abs, as left.b does" in circuit.assumed()
     given = circuit.core_initial({"tank": "3 bar abs", "fc_la.1.pressure": "2 bar abs", "left": {"position": "5 mm"}})
@@ -373,6 +374,8 @@ def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
             "follows": "",
             "unless": "",
             "within": "",
+            "only": "",
+            "was": "",
             "meaning": "Dirt",
         }
     )
@@ -407,9 +410,58 @@ def test_what_lies_behind_a_regulator_starts_at_its_set_pressure():
     assert "tank starts at 7.01325 bar abs, as regulator has it" in circuit.assumed()
     assert start["valve.4.pressure_pa"] == 101325.0
     # Half of a tube of 4 mm and 1 m, and the port of the valve.
-    assert "the joint of valve.4 has 6.48 cm3, from what is joined there" in circuit.assumed()
+    assert "the joint of valve.4 has 6.48 cm3, from what is joined there, and exchanges no heat" in circuit.assumed()
 
 
 def test_a_number_that_is_zero_is_given():
     spring = {"kind": "spring", "stiffness": "100 N/m", "rest_position": "0 mm"}
     assert components.component(spring).rest_position_m == 0.0
+
+
+VALVE = {"kind": "valve/proportional-5/3", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3}
+CONTROL = {"kind": "flow-control", "needle_conductance": "0.1 dm3/(s bar)"}
+
+
+def test_what_has_no_effect_is_not_assumed_and_is_told_where_it_is_given():
+    ideal, slow = components.component(VALVE), components.component(VALVE | {"frequency": "100 Hz"})
+    keys = [{line.split(" ")[0] for line in one.assumed()} for one in (ideal, slow)]
+    assert keys[1] - keys[0] == {"damping_ratio", "stroke_time"}
+    assert "leakage_width" not in keys[1]
+    circuit = pn.Circuit.load(EXAMPLE)
+    assert circuit.notes == []
+    timed = circuit.replace({"components.valve_l.stroke_time": "5 ms"})
+    assert timed.notes == ["valve_l.stroke_time has no effect without frequency"]
+    regulator = {"kind": "regulator", "set_pressure": "5 bar abs", "conductance": "1 dm3/(s bar)"}
+    shut = components.component(regulator | {"relieving": "no", "relief_rise": "0.1 bar"})
+    assert list(shut.idle) == ["relief_rise has no effect without relieving = 'yes'"]
+    assert not any(line.startswith("relief") for line in shut.assumed())
+    assert any(line.startswith("relief_rise") for line in components.component(regulator).assumed())
+
+
+def test_the_check_valve_of_a_flow_control_has_the_name_of_before_too():
+    now, before = ({f"{name}nominal_flow": "60 l/min ANR"} for name in ("check_", ""))
+    one, other = (components.component(CONTROL | own) for own in (now, before))
+    assert one == other
+    assert other.to_dict()["check_nominal_flow"] == "60 l/min ANR"
+    with pytest.raises(DescriptionError, match="conductance and check_conductance are one number"):
+        components.component(CONTROL | dict.fromkeys(("conductance", "check_conductance"), "1 dm3/(s bar)"))
+
+
+def test_a_wrong_value_is_found_under_its_name_of_before(tmp_path):
+    text = changed(('check_conductance = "0.8 dm3/(s bar)"', 'conductance = "-1 dm3/(s bar)"'))
+    path = tmp_path / "circuit.toml"
+    path.write_text(text)
+    line = 1 + text.splitlines().index('conductance = "-1 dm3/(s bar)"')
+    with pytest.raises(DescriptionError, match=f"circuit.toml:{line}"):
+        pn.Circuit.load(path)
+
+
+def test_default_end_stops_are_told_with_what_they_follow_from():
+    lines = {line.split(" ")[0]: line for line in pn.Circuit.load(EXAMPLE).assumed()}
+    said = lines["left.end_stop_stiffness"]
+    number = r"([\d.e]+)"
+    found = re.search(f"= {number} N/m, .* {number} kg at {number} m/s, .* {number} N, stop within {number} mm", said)
+    k, mass, speed, force, depth = map(float, found.groups())
+    assert k == pytest.approx((mass * speed**2 + 2.0 * force * 1e-3 * depth) / (1e-3 * depth) ** 2, rel=0.02)
+    beyond = float(re.search(f"holds the piston {number} mm beyond", said)[1])
+    assert beyond == pytest.approx(1e3 * force / k, rel=0.05)

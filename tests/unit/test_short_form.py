@@ -83,13 +83,18 @@ def test_lines_lie_between_valve_and_cylinder(short):
         "spring -> cylinder.rod",
     )
     a, b = (drive.circuit.components[f"flow_control_{chamber}"].numbers(1e5) for chamber in "ab")
-    assert (a["needle_conductance"], a["conductance"]) == (4e-9, 4e-9)
+    assert (a["needle_conductance"], a["check_conductance"]) == (4e-9, 4e-9)
     assert b["needle_conductance"] == pytest.approx(60 / 6e4 / 7e5 / np.sqrt(1 - ((6 / 7 - 0.3) / 0.7) ** 2))
-    assert b["conductance"] == pytest.approx(7e-9)
-    assert any(line.startswith("flow_control_a.conductance = 0.4 dm3/(s bar), the check") for line in drive.assumed())
+    assert b["check_conductance"] == pytest.approx(7e-9)
+    assert any(
+        line.startswith("flow_control_a.check_conductance = 0.4 dm3/(s bar), the check") for line in drive.assumed()
+    )
     assert pn.Drive.model_validate(drive.to_dict()).description_hash == drive.description_hash
     assert pn.Circuit.load(drive.circuit.to_toml()).core_json() == drive.circuit.core_json()
     assert pickle.loads(pickle.dumps(drive)).description_hash == drive.description_hash
+    wider = drive.replace({"flow_control.a.needle_nominal_flow": "90 l/min ANR", "flow_control.b.check_kv": 0.2})
+    assert wider.flow_control["a"] == {"needle_nominal_flow": "90 l/min ANR", "throttles": "out"}
+    assert wider.flow_control["b"] == {"nominal_flow": "60 l/min ANR", "check_kv": 0.2}
     longer = drive.replace({"tubing.a.length": "5 m"})
     assert longer.description_hash != drive.description_hash
     with pytest.raises(DescriptionError, match=r"a drive with \[tubing\] is simulated, drawn"):
@@ -212,6 +217,12 @@ FAULTS = {
     ),
     "a key": (('throttles = "out"', 'throtles = "out"'), "flow_control_a.throtles is not", "throtles", "throttles"),
     "a chamber": (("\nb = { nominal", "\nc = { nominal"), "flow_control.c is not a known key", "c = { nominal", "a, b"),
+    "one size twice": (
+        ("{ conductance", '{ needle_conductance = "1 dm3/(s bar)", conductance'),
+        "are one number",
+        "a = { needle",
+        "Keep",
+    ),
     "no size": (('conductance = "0.4 dm3/(s bar)", ', ""), "needle_conductance", "a = { throttles", "nominal_flow"),
     "no table": (("[tubing]\na = {", "[tubing]\na = 4 # {"), "tubing.a = 4 is not a table", "a = 4", "Write {"),
     "a choice": (('"out"', '"outwards"'), "flow_control_a.throttles = 'outwards'", "outwards", "out"),

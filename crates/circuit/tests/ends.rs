@@ -187,6 +187,59 @@ fn an_impossible_cushion_is_refused() {
     assert!(whole(0.02, 0.05).contains("own.cushion_a_plunger_diameter = 0.05 m must be less than the bore"));
     assert!(whole(0.3, 0.02).contains("own.cushion_a_length = 0.3 m must be less than the stroke"));
     assert_eq!(whole(0.02, 0.02), "");
+    let both = |a: f64, b: f64| {
+        let each = [("a", a), ("b", b)].map(|(end, length)| {
+            [
+                ("length", length),
+                ("plunger_diameter", 0.02),
+                ("needle_conductance", 1e-9),
+                ("port_volume", 1e-6),
+            ]
+            .map(|(key, value)| (format!("cushion_{end}_{key}"), value))
+        });
+        message(&each.as_flattened().iter().map(|(key, value)| (key.as_str(), *value)).collect::<Vec<_>>())
+    };
+    assert_eq!(both(0.1, 0.1), "", "a stroke of 200 mm");
+    let overlap =
+        "own.cushion_b_length = 0.11 m overlaps own.cushion_a_length = 0.1 m: together they must not be";
+    assert!(both(0.1, 0.11).contains(overlap), "{}", both(0.1, 0.11));
+}
+
+#[test]
+fn what_a_piston_never_runs_into_is_refused() {
+    let message = |kind: &str, position: f64, play: Option<f64>| {
+        let (mut components, mut joints) = breathing(&[], [1e-8; 2]);
+        let needs = if kind == "bumper" {
+            json!({ "position": position, "rated_force": 100.0, "rated_depth": 1e-3 })
+        } else {
+            json!({ "position": position, "stroke": 0.01, "damping": 100.0 })
+        };
+        let each = components.as_array_mut().expect("components");
+        each.push(json!({ "name": "end", "kind": kind, "numbers": needs }));
+        let of = joints.as_array_mut().expect("joints");
+        if let Some(play) = play {
+            each.push(slide("mass", 2.0));
+            each.push(
+                json!({ "name": "link", "kind": "coupling", "numbers": { "stiffness": 1e6, "play": play } }),
+            );
+            of.extend([json!(["own.rod", "link.1"]), json!(["link.2", "mass.1", "end.1"])]);
+        } else {
+            of.push(json!(["own.rod", "end.1"]));
+        }
+        network(&components, &joints).err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    for kind in ["bumper", "shock-absorber"] {
+        for inside in [0.0, 0.15, 0.2] {
+            assert_eq!(message(kind, inside, None), "");
+        }
+        for outside in [-0.01, 0.21] {
+            let said = message(kind, outside, None);
+            let what = format!("end.position = {outside} m is outside the stroke of own, 0 to 0.2 m");
+            assert!(said.starts_with(&what), "{said}");
+        }
+        assert_eq!(message(kind, 0.205, Some(0.02)), "", "within the play of the coupling");
+        assert!(message(kind, 0.211, Some(0.02)).contains("outside the stroke of own"));
+    }
 }
 
 fn slide(name: &str, mass: f64) -> Value {

@@ -100,7 +100,7 @@ fn a_flow_control_that_throttles_both_ways_needs_no_check_valve() {
     let needs = json!([{ "name": "fc", "kind": "flow-control", "numbers": { "needle_conductance": 1e-8 } }]);
     let message =
         network(&needs, &json!([["fc.1", "ambient"], ["fc.2"]])).err().map(|error| error.to_string());
-    assert!(message.expect("refused").contains("fc.conductance is missing"));
+    assert!(message.expect("refused").contains("fc.check_conductance is missing"));
 }
 
 #[test]

@@ -127,7 +127,7 @@ fn meter_out_sets_the_speed_that_the_needle_lets_out() {
     let components = |throttles: &str| {
         let control = |name: &str| {
             json!({ "name": name, "kind": "flow-control", "choices": { "throttles": throttles },
-                    "numbers": { "needle_conductance": needle, "conductance": 2e-8 } })
+                    "numbers": { "needle_conductance": needle, "check_conductance": 2e-8 } })
         };
         json!([
             { "name": "supply", "kind": "reservoir", "numbers": { "pressure": 7e5 } },

@@ -264,8 +264,15 @@ impl PyDrive {
     /// Stiffness N/m, damping N s/m and damping depth m of the end stops, as given or as they follow from the drive.
     #[getter]
     fn end_stop(&self) -> (f64, f64, f64) {
-        let stop = self.drive.end_stop();
+        let (stop, _) = self.drive.end_stop();
         (stop.stiffness, stop.damping, stop.damping_depth)
+    }
+
+    /// What end stops that follow from the drive take up: mass kg, speed m/s and force N, within a depth m.
+    #[getter]
+    fn end_stop_takes(&self) -> (f64, f64, f64, f64) {
+        let (_, taken) = self.drive.end_stop();
+        (taken.mass, taken.speed, taken.force, taken.depth)
     }
 
     /// What the user should know about this description.

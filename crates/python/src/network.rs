@@ -50,6 +50,18 @@ impl PyCircuit {
         self.network.joint_volumes().to_vec()
     }
 
+    /// Of each cylinder stiffness N/m, damping N s/m and damping depth m of its end stops, as given or as they follow from
+    /// the circuit; and what the latter take up: mass kg, speed m/s and force N, within a depth m.
+    #[getter]
+    fn end_stops(&self) -> BTreeMap<&str, ([f64; 3], [f64; 4])> {
+        let each = self.network.end_stops();
+        each.map(|(name, stop, taken)| {
+            let stop = [stop.stiffness, stop.damping, stop.damping_depth];
+            (name, (stop, [taken.mass, taken.speed, taken.force, taken.depth]))
+        })
+        .collect()
+    }
+
     /// Name and unit of each state.
     #[getter]
     fn states(&self) -> Vec<(String, &'static str)> {
@@ -178,6 +190,8 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
             out.set_item("follows", own.follows)?;
             out.set_item("unless", own.unless)?;
             out.set_item("within", own.within)?;
+            out.set_item("only", own.only)?;
+            out.set_item("was", own.was)?;
             PyResult::Ok(out)
         });
         let choices = kind.choices.iter().map(|own| {

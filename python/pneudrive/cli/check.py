@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pneudrive.cli.options import CatalogueFolders
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
 
 def check(
@@ -22,10 +25,24 @@ def check(
     circuit = circuit_of(described)
     kinds = [f"{name} ({one.kind})" for name, one in circuit.components.items()]
     typer.echo(f"{described.name}: {len(kinds)} components, nothing wrong\n  {', '.join(kinds)}")
+    assumed = list(_together(circuit.assumptions())) if described is circuit else described.assumed()
     for title, lines in (
         ("To note", described.notes),
         ("Values with a source", described.sources()),
-        ("Assumed", described.assumed()),
+        ("Assumed", assumed),
     ):
         if lines:
             typer.echo("\n".join(["", title, *(f"  {line}" for line in lines)]))
+
+
+def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Give what was assumed; what is the same of several components or joints once."""
+    names: dict[str, list[str]] = {}
+    for line, name in assumptions:
+        names.setdefault(line, []).append(name)
+    for line, of in names.items():
+        each = ", ".join(of)
+        if len(of) > 1 and line.startswith("{}."):
+            yield f"{each}: {line[3:].format()}"
+        else:
+            yield (line.replace("joint of {} has", "joints of {} have each") if len(of) > 1 else line).format(each)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pneudrive.describe import catalogue, toml
+from pneudrive.describe import catalogue, end_stops, toml
 from pneudrive.describe.base import Described, inline, wrong
 from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pneudrive.session import Session
     from pneudrive.watch import Flag
 
+STOP_KEYS = ("stiffness", "damping", "damping_depth")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
 
@@ -158,10 +159,12 @@ class Circuit(Described):
             at = tables
             for table in path:
                 at = at.setdefault(table, {})
-            at[last] = value.to_dict() if isinstance(value, Described) else value
             one = self.components.get(path[1]) if len(path) == 2 and path[0] == "components" else None
-            for other in one.same_size(last) if one is not None else ():
-                at.pop(other, None)
+            if one is not None:
+                last = one.renamed.get(last, last)
+                for other in one.same_size(last):
+                    at.pop(other, None)
+            at[last] = value.to_dict() if isinstance(value, Described) else value
         return type(self).model_validate(tables)
 
     @cached_property
@@ -314,10 +317,23 @@ class Circuit(Described):
 
     def assumed(self) -> list[str]:
         """Return what was assumed because no source backs it."""
-        own = [f"{name}.{line}" for name, one in self.components.items() for line in one.assumed()]
+        return [line.format(name) for line, name in self.assumptions()]
+
+    def assumptions(self) -> list[tuple[str, str]]:
+        """Return what was assumed, with ``{}`` in place of the component or joint that it is of, and its name."""
+        out: list[tuple[str, str]] = []
+        stops = compiled(self.core_json()).end_stops
+        for name, one in self.components.items():
+            lines = list(one.assumed())
+            if name in stops:
+                given = [key for key in STOP_KEYS if one.fields[f"end_stop_{key}"] in one.model_fields_set]
+                lines = [line for line in lines if not line.startswith("end_stop_")]
+                lines += end_stops.assumed("end_stop_", given, stops[name])
+            out += [("{}." + _escaped(line), name) for line in lines]
         for name, volume in self.joint_volumes:
-            own.append(f"the joint of {name} has {1e6 * volume:.3g} cm3, from what is joined there")
-        return own + self._starts()[1]
+            line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from what is joined there, and exchanges no heat"
+            out.append((line, name))
+        return out + [(_escaped(line), "") for line in self._starts()[1]]
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
@@ -331,7 +347,8 @@ class Circuit(Described):
         said = [
             f"{name}.friction {friction.note}" for name, friction in frictions.items() if friction and friction.note
         ]
-        return self.wiring.warnings + said
+        idle = [f"{name}.{line}" for name, one in self.components.items() for line in one.idle]
+        return self.wiring.warnings + said + idle
 
     def _card(self) -> Card:
         """Show a line for each component, and how they are joined."""
@@ -366,6 +383,10 @@ def compiled(core_json: str) -> CoreCircuit:
         if named and named[1]:
             refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
         raise refusal from None
+
+
+def _escaped(line: str) -> str:
+    return line.replace("{", "{{").replace("}", "}}")
 
 
 def _part(table: object, key: str, read: Component | None) -> Part:

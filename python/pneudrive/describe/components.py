@@ -65,6 +65,12 @@ def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = No
     return given.get(key) != option if equals else given.get(key) is None
 
 
+def acts(parameter: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
+    """Whether a parameter has any effect beside these numbers and choices."""
+    key, equals, option = parameter["only"].partition(" = ")
+    return not key or (given.get(key) == option if equals else bool(given.get(key)))
+
+
 def _is_bare(parameter: Mapping[str, Any]) -> bool:
     return parameter["default"] is None and not parameter["follows"]
 
@@ -108,6 +114,7 @@ class Component(Described):
 
     entry: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
+    renamed: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key in files of before -> key
     kind: str
     at: Annotated[tuple[float, float] | None, _OnPaper("")] = Field(
         default=None, description="Place in a drawing, [x, y] in modules"
@@ -134,7 +141,11 @@ class Component(Described):
         """Take ``end_stop = { stiffness = ... }`` for ``end_stop_stiffness = ...``, with what is said of it."""
         out: dict[str, Any] = {}
         keys: list[str] = []
-        for key, given in table.items():
+        for old, key in cls.renamed.items():
+            if old in table and key in table:
+                raise wrong(old, f"{old} and {key} are one number", remedy=f"Keep {key}.")
+        for written, given in table.items():
+            key = cls.renamed.get(written, written)
             origin = given if sourced.has_origin(given) else None
             value = given if origin is None else origin["value"]
             inner = isinstance(value, dict) and key not in cls.keys()  # noqa: SIM118 - a method of ours
@@ -173,7 +184,7 @@ class Component(Described):
     @model_validator(mode="after")
     def _one_size(self) -> Component:
         numbers = {k: getattr(self, field) for k, field in self.fields.items() if field in self.model_fields_set}
-        choices = {choice["name"]: getattr(self, choice["name"]) for choice in self.entry["choices"]}
+        choices = self._choices()
         for parameter in self.entry["parameters"]:
             keys = flow_keys(self.entry, parameter["key"])
             given = [numbers.get(key) for key in keys]
@@ -198,6 +209,15 @@ class Component(Described):
         table = parameter["within"]
         own = (p["key"] for p in self.entry["parameters"] if p["within"] == table)
         return not table or any(self.fields[key] in self.model_fields_set for key in own)
+
+    def _choices(self) -> dict[str, str]:
+        return {choice["name"]: getattr(self, choice["name"]) for choice in self.entry["choices"]}
+
+    def _acting(self) -> Iterator[tuple[Mapping[str, Any], bool]]:
+        """Give each parameter of the tables that are there, and whether it has any effect."""
+        beside = {key: getattr(self, field) for key, field in self.fields.items()} | self._choices()
+        for parameter in filter(self._has, self.entry["parameters"]):
+            yield parameter, acts(parameter, beside)
 
     def _values(self, keys: Sequence[str]) -> list[Any]:
         return [getattr(self, self.fields[key]) for key in keys]
@@ -234,7 +254,7 @@ class Component(Described):
         return {
             "kind": self.kind,
             "numbers": self.numbers(ambient_pa),
-            "choices": {choice["name"]: getattr(self, choice["name"]) for choice in self.entry["choices"]},
+            "choices": self._choices(),
             "friction": None if friction is None else friction.core(),
         }
 
@@ -257,7 +277,7 @@ class Component(Described):
         for key, value in self.origins.items():
             if value.assumed is not None:
                 yield f"{key} = {inline(value.value)}, {value.assumed}"
-        for parameter in filter(self._has, self.entry["parameters"]):
+        for parameter in (parameter for parameter, has_effect in self._acting() if has_effect):
             field = self.fields[parameter["key"]]
             if parameter["assumed"] and field not in self.model_fields_set:
                 yield f"{parameter['key']} = {self.default(field)}, {parameter['assumed']}"
@@ -266,6 +286,14 @@ class Component(Described):
         friction = getattr(self, "friction", None)
         if friction is not None:
             yield from (f"friction.{key} = {value}" for key, value in friction.assumed)
+
+    @property
+    def idle(self) -> Iterator[str]:
+        """What is given and has no effect, and why."""
+        for parameter, has_effect in self._acting():
+            if not has_effect and self.fields[parameter["key"]] in self.model_fields_set:
+                key, _, option = parameter["only"].partition(" = ")
+                yield f"{parameter['key']} has no effect without {f'{key} = {option!r}' if option else key}"
 
     def __reduce__(self) -> tuple[object, ...]:
         """Keep it as its table: its class is made anew."""
@@ -307,7 +335,10 @@ def within(
 
 
 def _nested(key: str, table: Mapping[str, Any]) -> str:
-    """Return a key that `Component` wrote flat as it stands in the tables inside a table."""
+    """Return a key that `Component` wrote flat as it stands in the tables inside a table, or by its name of before."""
+    kind = table.get("kind")
+    before = component_class(kind).renamed if isinstance(kind, str) and kind in component_kinds() else {}
+    key = next((old for old, new in before.items() if new == key and old in table), key)
     if key not in table:
         for inner, value in table.items():
             if isinstance(value, dict) and key.startswith(f"{inner}_"):
@@ -329,7 +360,9 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         needed = f"needed in {parameter['within']}" if parameter["within"] else _unless(parameter) or "needed"
         default = follows or (needed if _is_bare(parameter) else str(kind.default(kind.fields[key])))
         assumed = f" (assumed: {parameter['assumed']})" if parameter["assumed"] else ""
-        out.append((key, takes, default + assumed, parameter["meaning"]))
+        only, was = parameter["only"], parameter["was"]
+        meaning = parameter["meaning"] + (f"; acts only with {only}" if only else "")
+        out.append((key, takes, default + assumed, meaning + (f"; in files of before `{was}`" if was else "")))
         out += [(other, _SIZES[_last(other)].written or "", "", f"In place of {key}") for other in keys[1:]]
     for choice in entry["choices"]:
         out.append((choice["name"], " | ".join(choice["options"]), choice["default"], choice["meaning"]))
@@ -390,6 +423,12 @@ def component_class(kind: str) -> type[Component]:
     name = re.sub(r"\W+", " ", kind).title().replace(" ", "")
     made = create_model(name, __base__=Component, __doc__=entry["doc"], __module__=__name__, **fields)
     made.entry, made.fields = MappingProxyType(entry), MappingProxyType(names)
+    old = (
+        zip(flow_keys(entry, p["was"]), flow_keys(entry, p["key"]), strict=True)
+        for p in entry["parameters"]
+        if p["was"]
+    )
+    made.renamed = MappingProxyType({before: key for pairs in old for before, key in pairs})
     return made
 
 

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
-from pneudrive.describe import catalogue, provenance, toml
+from pneudrive.describe import catalogue, end_stops, provenance, toml
 from pneudrive.describe.base import Described, inline, wrong
 from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import law_of, read_law_file
 from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
-from pneudrive.describe.short import TABLES
+from pneudrive.describe.short import TABLES, control_over
 from pneudrive.describe.sourced import Value
 from pneudrive.errors import DescriptionError
 from pneudrive.references import entries as references
@@ -27,6 +27,7 @@ from pneudrive.show import Card
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from pneudrive._core import Drive as CoreDrive
     from pneudrive.describe.circuit import Circuit
     from pneudrive.session import Session
 
@@ -354,13 +355,15 @@ class Drive(Described):
     @property
     def end_stop(self) -> dict[str, float]:
         """The end stops in SI by the names of `EndStop`: as given, or as they follow from the drive."""
+        return dict(zip(EndStop.model_fields, self._compiled().end_stop, strict=True))
+
+    def _compiled(self) -> CoreDrive:
         from pneudrive import _core
 
         try:
-            values = _core.Drive(self.core_json()).end_stop
+            return _core.Drive(self.core_json())
         except ValueError as error:
             raise DescriptionError(str(error)) from None
-        return dict(zip(EndStop.model_fields, values, strict=True))
 
     def sources(self) -> list[str]:
         """Return values of the catalogue that have a source, ``key = value [source]``."""
@@ -380,13 +383,10 @@ class Drive(Described):
             part = getattr(self, table)
             given = part.to_dict()
             out += [f"{table}.{key} = {part.default(key)}" for key in keys if key not in given]
-        derived = zip(EndStop.keys(), self.end_stop.items(), ("N/m", "N s/m", "m"), strict=True)
-        given = self.cylinder.end_stop.given
-        out += [
-            f"cylinder.end_stop.{key} = {value:.3g} {unit}, from the drive"
-            for key, (name, value), unit in derived
-            if name not in given
-        ]
+        stop = self.cylinder.end_stop
+        given = [key for key, name in zip(stop.keys(), type(stop).model_fields, strict=True) if name in stop.given]
+        own = self._compiled()
+        out += end_stops.assumed("cylinder.end_stop.", given, (own.end_stop, own.end_stop_takes))
         return out + [f"friction.{key} = {value}" for key, value in self.friction.assumed]
 
     @property
@@ -429,6 +429,13 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
                 old.pop("relaxation", None)
         if key == "law":
             out[key] = value
+            continue
+        if key == "flow_control":
+            tables = ((chamber, old.get(chamber), own) for chamber, own in value.items())
+            both = {
+                c: control_over(one, own) for c, one, own in tables if isinstance(one, dict) and isinstance(own, dict)
+            }
+            out[key] = old | value | both
             continue
         if key == "cylinder" and value.get("kind") == "rodless":
             old = {k: v for k, v in old.items() if k != "rod_diameter"}

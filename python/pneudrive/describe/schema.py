@@ -41,7 +41,9 @@ def circuit_schema() -> dict[str, Any]:
     definitions.pop("Component", None)
     alternatives = []
     for kind in component_kinds():
-        one = component_class(kind).model_json_schema(by_alias=True)
+        made = component_class(kind)
+        one = made.model_json_schema(by_alias=True)
+        one["properties"] |= {old: one["properties"][key] | {"deprecated": True} for old, key in made.renamed.items()}
         definitions |= one.pop("$defs", {})
         whole = _with_tables(one)
         whole["properties"] = {key: _with_origin(form) for key, form in whole["properties"].items()} | {
@@ -63,12 +65,10 @@ def circuit_schema() -> dict[str, Any]:
 
 
 def _for_each_chamber(kind: str) -> dict[str, Any]:
-    """Describe a table of lines: one for each chamber. Sizes of a flow control are those of its needle."""
+    """Describe a table of lines: one for each chamber. A size of a flow control alone is that of its needle."""
     own = component_class(kind).model_json_schema(by_alias=True)["properties"]
     keys = {key: form for key, form in own.items() if key != "kind"}
-    for key in [key for key in keys if key.startswith("needle_")]:
-        size = key.removeprefix("needle_")
-        keys[f"check_{size}"], keys[size] = keys.pop(size), keys.pop(key)
+    keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}
     one = {"type": "object", "properties": keys, "additionalProperties": False}
     return {"type": "object", "properties": {"a": one, "b": one}, "additionalProperties": False}
 

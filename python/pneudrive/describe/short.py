@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_control")
 #: Chamber -> port of the valve that feeds it while the piston moves towards +x, or -x.
 CHAMBERS = {"a": "4", "b": "2"}
-#: Sizes of a flow control in the short form are those of its needle; these are of its check valve.
-_CHECK = "check_"
+#: Before the size of a flow control's needle and of its check valve; in the short form a size without is the needle's.
+_NEEDLE, _CHECK = "needle_", "check_"
 _SIZES = ("conductance", "nominal_flow", "kv", "cv")
 _SAME = "the check valve is taken as large as the needle"
 
@@ -111,11 +111,14 @@ def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
         raise wrong(where, f"{where} is not a known key", rule=rule, remedy=nearest(chamber, CHAMBERS))
     if not isinstance(table, dict):
         raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
+    if key == "flow_control":
+        for size in (size for size in _SIZES if size in table and f"{_NEEDLE}{size}" in table):
+            what = f"{where}.{size} and {where}.{_NEEDLE}{size} are one number"
+            raise wrong(f"{where}.{size}", what, remedy=f"Keep {_NEEDLE}{size}.")
     name = f"{part}_{chamber}"
     _add(short, name, where, {"kind": kind} | renamed(table))
-    for size in _SIZES if key == "flow_control" else ():
-        short.places[f"components.{name}.{size}"] = f"{where}.{_CHECK}{size}"
-        short.places[f"components.{name}.needle_{size}"] = f"{where}.{size}"
+    for size in set(_SIZES) & set(table) if key == "flow_control" else ():
+        short.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
 
 
 def _add(short: Short, name: str, place: str, table: dict[str, Any]) -> None:
@@ -131,21 +134,25 @@ def _of_kind(table: Mapping[str, Any], family: str) -> dict[str, Any]:
 
 
 def _flow_control(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table of a flow control: sizes are the needle's; its check valve is as large where nothing is said."""
-    out: dict[str, Any] = {}
-    for key, given in table.items():
-        own = key.removeprefix(_CHECK)
-        if own in _SIZES:
-            out[own if key != own else f"needle_{own}"] = given
-        else:
-            out[key] = given
-    if not any(size in out for size in _SIZES):
-        out |= {
-            size: {"value": out[f"needle_{size}"], "assumed": _SAME}
-            for size in _SIZES
-            if f"needle_{size}" in out and not isinstance(out[f"needle_{size}"], dict)
-        }
+    """Return the table of a flow control: its check valve is as large as its needle where nothing is said."""
+    out = {f"{_NEEDLE}{key}" if key in _SIZES else key: given for key, given in table.items()}
+    needle = {size: out[f"{_NEEDLE}{size}"] for size in _SIZES if f"{_NEEDLE}{size}" in out}
+    if not any(f"{_CHECK}{size}" in out for size in _SIZES):
+        plain = {size: given for size, given in needle.items() if not isinstance(given, dict)}
+        out |= {f"{_CHECK}{size}": {"value": given, "assumed": _SAME} for size, given in plain.items()}
     return out
+
+
+def control_over(old: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Put keys of a flow control over those of another: another size of its needle, or of its check valve, for that."""
+    given = {_path(key) for key in own} - {""}
+    return {key: value for key, value in old.items() if _path(key) not in given} | dict(own)
+
+
+def _path(key: str) -> str:
+    """Return which way through a flow control a key is the size of; nothing where it is none."""
+    size = key.removeprefix(_NEEDLE).removeprefix(_CHECK)
+    return "" if size not in _SIZES else _CHECK if key.startswith(_CHECK) else _NEEDLE
 
 
 _ENDS = ["valve", "cylinder"]

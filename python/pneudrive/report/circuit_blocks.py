@@ -207,11 +207,15 @@ def _values(one: Component) -> Iterator[str]:
         key = next((key for key in keys if key in given), None)
         if is_needed(parameter) and key is not None and shown < MOST_VALUES:
             shown += 1
-            yield f"{_WORDS.get(key, key.replace('_', ' '))} {_typeset(given[key])}"
+            yield f"{_word(key)} {_typeset(given[key])}"
 
 
-#: Keys whose symbol everybody knows.
-_WORDS = {"conductance": "C", "critical_pressure_ratio": "b", "needle_conductance": "C needle"}
+def _word(key: str) -> str:
+    """Return a key as it is labelled, by the symbols that everybody knows: ``C needle`` for ``needle_conductance``."""
+    if key == "critical_pressure_ratio":
+        return "b"
+    of, is_conductance, _ = key.rpartition("conductance")
+    return f"C {of}".replace("_", " ").strip() if is_conductance else key.replace("_", " ")
 
 
 def _typeset(value: object) -> str:

@@ -1,4 +1,4 @@
-use super::end_stop::{impact_warning, stop_warning, through_warning};
+use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
 use super::network::{self, Joint, wire};
 use super::session::Session;
@@ -280,9 +280,10 @@ impl Drive {
         self.assembly().set(circuit, COMMAND, lane, u);
     }
 
-    /// The end stops, as given or as they follow from the drive.
-    pub fn end_stop(&self) -> &EndStop<f64> {
-        &self.wired.piston.ends.stop
+    /// The end stops, as given or as they follow from the drive, and what the latter take up.
+    pub fn end_stop(&self) -> (&EndStop<f64>, &Taken<f64>) {
+        let ends = &self.wired.piston.ends;
+        (&ends.stop, &ends.taken)
     }
 
     /// What the user should know about this description.

@@ -41,6 +41,18 @@ pub(crate) struct Ends<P> {
     pub covers: Option<Covers<P>>,
     /// Stiffness that keeps any piston of the drive off the covers, N/m.
     pub enough: P,
+    pub taken: Taken<P>,
+}
+
+/// What a stop that follows from the drive takes up.
+#[derive(Clone, Copy, Debug)]
+pub struct Taken<P> {
+    /// Moving mass and load, kg, its speed, m/s, and the force that drives it, N.
+    pub mass: P,
+    pub speed: P,
+    pub force: P,
+    /// Within this depth, m.
+    pub depth: P,
 }
 
 /// What the ends of a cylinder follow from, in SI units.
@@ -112,7 +124,7 @@ pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
         let law = EndStop { stiffness, damping: damping(stiffness), damping_depth: c(DAMPING_SHARE) * depth };
         Covers::new(law, rooms.map(|room| c(COVER_BEGINS) * room), 1.0 - COVER_BEGINS)
     });
-    Ends { stop, covers, enough }
+    Ends { stop, covers, enough, taken: Taken { mass, speed, force, depth } }
 }
 
 /// A stop so soft that supply pressure pushes the piston through the dead volume before it.

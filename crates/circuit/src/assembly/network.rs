@@ -1,6 +1,6 @@
 //! A circuit of components as a user describes it: components by name, and the joints of their ports.
 
-use super::end_stop::{impact_warning, stop_warning, through_warning};
+use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::contact;
 use super::friction_law;
 use super::session::Session;
@@ -18,6 +18,7 @@ use crate::specification;
 use math::{Deps, Lane, Over};
 use ode::Options;
 use physics::IdealGas;
+use physics::mechanics::EndStop;
 use std::collections::BTreeMap;
 
 /// What a joint calls the air around.
@@ -364,6 +365,26 @@ pub(super) struct Wired<P> {
     joint_volumes: Vec<(String, P)>,
 }
 
+/// Refuses what a piston never runs into.
+fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
+    for (name, position, axis) in &build.met {
+        // The piston on the axis, or on one that is coupled to it.
+        let near = build.coupled.iter().filter(|(axes, _)| axes.contains(axis));
+        let near = near.flat_map(|(axes, play)| axes.map(|other| (other, play.get(0))));
+        for (of, play) in near.chain([(*axis, 0.0)]) {
+            let Some(piston) = build.pistons.iter().find(|piston| piston.axis == of) else { continue };
+            let (x, stroke) = (position.get(0), piston.stroke.get(0));
+            if x < -0.5 * play || x > stroke + 0.5 * play {
+                return refuse(format!(
+                    "{name}.position = {x} m is outside the stroke of {}, 0 to {stroke} m: nothing runs into it there",
+                    piston.name
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Joins components, from numbers with or without derivatives.
 pub(super) fn wire<P: Lane>(
     gas: &IdealGas<P>,
@@ -385,6 +406,8 @@ where
         masses: Vec::new(),
         springs: Vec::new(),
         pistons: Vec::new(),
+        met: Vec::new(),
+        coupled: Vec::new(),
         open: Vec::new(),
         paths: Vec::new(),
         inputs: Vec::new(),
@@ -404,6 +427,7 @@ where
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
         build.circuit.own(&each[i].name);
     }
+    check_met(&build)?;
     check_size(&build.circuit.count_states())?;
     let Build { circuit, open, pistons, inputs, columns, starts, .. } = build;
     let mut circuit = circuit.build(ledger);
@@ -512,6 +536,11 @@ impl Network {
     /// Joints of gas whose volume is no component's: the first port of each, and what its ports bring, m3.
     pub fn joint_volumes(&self) -> &[(String, f64)] {
         &self.joint_volumes
+    }
+
+    /// Each cylinder's name, its end stops, as given or as they follow from the circuit, and what the latter take up.
+    pub fn end_stops(&self) -> impl Iterator<Item = (&str, &EndStop<f64>, &Taken<f64>)> {
+        self.pistons.iter().map(|piston| (&*piston.name, &piston.ends.stop, &piston.ends.taken))
     }
 
     /// Keys in references.bib of the laws and methods that this circuit uses.

@@ -30,6 +30,8 @@ pub struct Piston<P> {
     pub axis: AxisId,
     /// The name of its cylinder.
     pub name: String,
+    /// m.
+    pub stroke: P,
     pub ends: Ends<P>,
     /// Areas on both sides, m2, and what an end stop may take up there, m3.
     pub areas: [P; 2],
@@ -51,6 +53,10 @@ pub struct Build<P> {
     /// Stiffness, N/m, and rest position, m, of springs on axes.
     pub springs: Vec<(AxisId, P, P)>,
     pub pistons: Vec<Piston<P>>,
+    /// What masses run into: its name, its position, m, and the axis.
+    pub met: Vec<(String, P, AxisId)>,
+    /// Axes that move together but for a play, m.
+    pub coupled: Vec<([AxisId; 2], P)>,
     /// Restrictions that are always open.
     pub open: Vec<InputId>,
     /// Sonic conductance of each restriction and its ends.

@@ -15,8 +15,10 @@ pub(super) const SIDE: Choice = Choice {
 };
 
 /// Where a component with a position and a side is met.
-pub(super) fn meets<P: Lane>(own: &Instance<P>, axis: AxisId) -> Meets<P> {
-    Meets { position: own.number("position"), ahead: own.chosen(SIDE.name) == Some("b"), axis: axis.index() }
+pub(super) fn meets<P: Lane>(own: &Instance<P>, axis: AxisId, build: &mut Build<P>) -> Meets<P> {
+    let position = own.number("position");
+    build.met.push((own.name.clone(), position, axis));
+    Meets { position, ahead: own.chosen(SIDE.name) == Some("b"), axis: axis.index() }
 }
 
 /// Newton steps; each halves the distance at least, and squares it in the end.
@@ -63,12 +65,13 @@ impl Component for Bumper {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let Some(axis) = at.axis(0) else { return };
+        let meets = meets(own, axis, build);
         let part = build.circuit.add(Elastomer {
             rated_force: own.number("rated_force"),
             rated_depth: own.number("rated_depth"),
             exponent: own.number("exponent"),
             damping: damped(own.number("restitution")) / own.number("impact_speed"),
-            meets: meets(own, axis),
+            meets,
         });
         build.column(own, 0, Quantity::Force(part));
     }

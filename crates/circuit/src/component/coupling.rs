@@ -18,7 +18,7 @@ impl Component for Coupling {
             stiffness: "N/m", physics::above(0.0), "Stiffness k";
             damping: "N s/m", physics::at_least(0.0), default 0.0, "Damping c";
             play: "m", physics::at_least(0.0), default 0.0, "Play g between both sides";
-            damping_depth: "m", physics::above(0.0), default 1e-4, assumed "a modelling parameter",
+            damping_depth: "m", physics::above(0.0), default 1e-4, assumed "a modelling parameter", only "play",
                 "Depth d_c from which on the damper acts fully, where there is play";
         },
         outputs: &[("force_n", "N", "force in +x on the mass at port 2")],
@@ -29,6 +29,7 @@ impl Component for Coupling {
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(from), Some(to)) = (at.axis(0), at.axis(1)) else { return };
         let [stiffness, damping, play] = ["stiffness", "damping", "play"].map(|key| own.number(key));
+        build.coupled.push(([from, to], play));
         let part = if play.get(0) > 0.0 || own.is_free("play") {
             let law = EndStop { stiffness, damping, damping_depth: own.number("damping_depth") };
             build.circuit.add(Play { play, law, from: from.index(), to: to.index() })

@@ -26,7 +26,7 @@ const PARAMETERS: &[Row] = table! {
     incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
     heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
         "Heat-transfer coefficient to the wall";
-    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature",
+    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", only "heat_transfer",
         "Temperature of the wall; of one that stores heat at the start";
     ..WALL;
     leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
@@ -206,6 +206,23 @@ fn plunger<P: Lane>(own: &Instance<P>, end: &str) -> P {
     P::c(0.25 * PI) * diameter * diameter
 }
 
+fn check_cushions(own: &Instance<f64>) -> Result<(), Error> {
+    check_cushion(own, "a")?;
+    check_cushion(own, "b")?;
+    if !(cushioned(own, "a") && cushioned(own, "b")) {
+        return Ok(());
+    }
+    let [a, b, stroke] = ["cushion_a_length", "cushion_b_length", "stroke"].map(|key| own.number(key));
+    if a + b > stroke {
+        return Err(Error::Specification(format!(
+            "{}.cushion_b_length = {b} m overlaps {}.cushion_a_length = {a} m: together they must not be longer than the \
+             stroke, {stroke} m",
+            own.name, own.name
+        )));
+    }
+    Ok(())
+}
+
 fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error> {
     if !cushioned(own, end) {
         return Ok(());
@@ -370,7 +387,7 @@ fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, wides
         build.circuit.covers(axis, covers.clone());
     }
     let areas = sides.map(|side| side.area);
-    build.pistons.push(Piston { axis, name: own.name.clone(), ends, areas, dead_volumes });
+    build.pistons.push(Piston { axis, name: own.name.clone(), stroke, ends, areas, dead_volumes });
     let leakage = own.number("leakage");
     if leakage.get(0) != 0.0 || own.is_free("leakage") {
         for pair in chambers.chunks(2) {
@@ -489,8 +506,7 @@ macro_rules! cylinder {
 
             fn check(own: &Instance<f64>) -> Result<(), Error> {
                 check(own, $rods != [false; 2])?;
-                check_cushion(own, "a")?;
-                check_cushion(own, "b")
+                check_cushions(own)
             }
 
             fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

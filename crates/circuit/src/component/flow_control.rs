@@ -21,7 +21,8 @@ impl Component for FlowControl {
         ports: &[gas("1"), gas("2")],
         parameters: table! {
             needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle as it is set, for air";
-            conductance: "m3/(s Pa)", physics::above(0.0), unless "throttles = both", "Sonic conductance C of the check valve, for air";
+            check_conductance: "m3/(s Pa)", physics::above(0.0), unless "throttles = both", was "conductance",
+                "Sonic conductance C of the check valve, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a fitting of this kind",
                 "Critical pressure ratio b of both paths";
             SUBSONIC_INDEX;
@@ -46,10 +47,10 @@ impl Component for FlowControl {
         let needle = Path::of(build.passage(needle, valve, cylinder));
         let cracking = own.number("cracking_pressure");
         let free = match own.choices[0] {
-            0 => Some(build.check_valve(own.path("conductance", build), cracking, valve, cylinder)),
-            1 => {
-                Some(build.check_valve(own.path("conductance", build), cracking, cylinder, valve).backward())
-            }
+            0 => Some(build.check_valve(own.path("check_conductance", build), cracking, valve, cylinder)),
+            1 => Some(
+                build.check_valve(own.path("check_conductance", build), cracking, cylinder, valve).backward(),
+            ),
             _ => None,
         };
         build.column(own, 0, Quantity::Flow([Some(needle), free]));

@@ -19,11 +19,11 @@ const OF_A_REGULATOR: &[Row] = table! {
         "Drop dp_full below p_set at which the seat is fully open, a difference";
     time_constant: "s", physics::above(0.0), default 0.03, assumed "of a small regulator",
         "Time constant tau of the seat";
-    relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, assumed "of a small regulator",
+    relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, assumed "of a small regulator", only "relieving = yes",
         "Sonic conductance of the open relief, for air";
-    relief_offset: "Pa", physics::at_least(0.0), default 2e4, assumed "of a small regulator",
+    relief_offset: "Pa", physics::at_least(0.0), default 2e4, assumed "of a small regulator", only "relieving = yes",
         "Rise dp_on above p_set from which on it relieves, a difference";
-    relief_rise: "Pa", physics::above(0.0), default 2e4, assumed "of a small regulator",
+    relief_rise: "Pa", physics::above(0.0), default 2e4, assumed "of a small regulator", only "relieving = yes",
         "Further rise dp_relief at which the relief is fully open, a difference";
     SUBSONIC_INDEX;
     LINEAR_ABOVE;

@@ -39,6 +39,7 @@ impl Component for ShockAbsorber {
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let Some(axis) = at.axis(0) else { return };
         let damping = own.number("damping");
+        let meets = meets(own, axis, build);
         let part = build.circuit.add(Oil {
             stroke: own.number("stroke"),
             damping,
@@ -47,7 +48,7 @@ impl Component for ShockAbsorber {
             stiffness: own.number("stiffness"),
             body_stiffness: own.number("body_stiffness"),
             contact_depth: own.number("contact_depth"),
-            meets: meets(own, axis),
+            meets,
         });
         build.column(own, 0, Quantity::Force(part));
     }

@@ -15,6 +15,10 @@ pub struct Row {
     pub unless: &'static str,
     /// The table that it belongs to, which may be left out as a whole; empty where it belongs to none.
     pub within: &'static str,
+    /// It acts only where this number is above zero, or this choice is made, "relieving = yes"; empty where it always does.
+    pub only: &'static str,
+    /// Its key in files of before.
+    pub was: &'static str,
 }
 
 impl Deref for Row {
@@ -29,12 +33,14 @@ impl Deref for Row {
 /// one, `..NAMES;` for some.
 macro_rules! table {
     ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
-        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)? $(, unless $unless:literal)?,
+        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)? $(, unless $unless:literal)?
+        $(, only $only:literal)? $(, was $was:literal)?,
         $meaning:literal)?)?;)*) => {{
         const PARTS: &[&[$crate::component::table::Row]] = &[$(
             $(&$rows)?
             $(&[$crate::component::table::table!(
-                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?], $meaning)?
+                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?],
+                [$($only)?], [$($was)?], $meaning)?
             )])?
         ),*];
         const ROWS: [$crate::component::table::Row; $crate::component::table::count(PARTS)] = $crate::component::table::join(PARTS);
@@ -42,7 +48,8 @@ macro_rules! table {
     }};
     (@row $shared:ident) => { $shared };
     (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
-        [$($follows:literal)?], [$($within:literal)?], [$($unless:literal)?], $meaning:literal) => {
+        [$($follows:literal)?], [$($within:literal)?], [$($unless:literal)?], [$($only:literal)?], [$($was:literal)?],
+        $meaning:literal) => {
         $crate::component::table::Row {
             parameter: physics::Parameter {
                 key: stringify!($key),
@@ -55,6 +62,8 @@ macro_rules! table {
             follows: $crate::component::table::table!(@or "" $($follows)?),
             unless: $crate::component::table::table!(@or "" $($unless)?),
             within: $crate::component::table::table!(@or "" $($within)?),
+            only: $crate::component::table::table!(@or "" $($only)?),
+            was: $crate::component::table::table!(@or "" $($was)?),
         }
     };
     (@or $other:tt) => { $other };
@@ -100,6 +109,8 @@ pub(super) const SUBSONIC_INDEX: Row = Row {
     follows: "",
     unless: "",
     within: "",
+    only: "",
+    was: "",
 };
 pub(super) const LINEAR_ABOVE: Row = table! {
     linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",

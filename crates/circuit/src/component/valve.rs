@@ -17,16 +17,16 @@ pub struct Proportional53;
 const DYNAMICS: [Row; 8] = *table! {
     frequency: "Hz", physics::at_least(0.0), default 0.0,
         "Natural frequency of the spool; 0: it follows the command at once";
-    damping_ratio: "1", physics::above(0.0), default 0.7, assumed "of a directly driven spool",
+    damping_ratio: "1", physics::above(0.0), default 0.7, assumed "of a directly driven spool", only "frequency",
         "Damping ratio of the spool";
-    stroke_time: "s", physics::above(0.0), follows "nothing: its speed has no bound",
+    stroke_time: "s", physics::above(0.0), follows "nothing that is given: the speed of the spool has no bound", only "frequency",
         "Time in which the spool at its top speed goes from the centre to its end";
     delay: "s", physics::at_least(0.0), default 0.0, "Dead time from the command to the spool";
     hysteresis: "1", physics::within(0.0, 1.0), default 0.0, "Width of the play between command and spool";
     overlap: "1", Bounds { open: true, ..physics::between(-1.0, 1.0) }, default 0.0,
         "Position up to which an edge stays shut; negative: how far it is open in the centre";
     leakage: "1", physics::within(0.0, 1.0), default 0.0, "Share of the conductance that leaks past each edge in the centre";
-    leakage_width: "1", physics::above(0.0), default 0.05, assumed "of a sliding spool",
+    leakage_width: "1", physics::above(0.0), default 0.05, assumed "of a sliding spool", only "leakage",
         "Position over which the leak falls to 1/e";
 };
 
