@@ -25,11 +25,10 @@ def check(
     circuit = circuit_of(described)
     kinds = [f"{name} ({one.kind})" for name, one in circuit.components.items()]
     typer.echo(f"{described.name}: {len(kinds)} components, nothing wrong\n  {', '.join(kinds)}")
-    assumed = list(_together(circuit.assumptions())) if described is circuit else described.assumed()
     for title, lines in (
         ("To note", described.notes),
         ("Values with a source", described.sources()),
-        ("Assumed", assumed),
+        ("Assumed", list(_together(described.assumptions()))),
     ):
         if lines:
             typer.echo("\n".join(["", title, *(f"  {line}" for line in lines)]))
@@ -45,4 +44,4 @@ def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
         if len(of) > 1 and line.startswith("{}."):
             yield f"{each}: {line[3:].format()}"
         else:
-            yield (line.replace("joint of {} has", "joints of {} have each") if len(of) > 1 else line).format(each)
+            yield (line.replace("the joint of", "each joint of") if len(of) > 1 else line).format(each)

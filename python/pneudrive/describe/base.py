@@ -438,6 +438,11 @@ def _written(value: Any, mark: Quantity | StatedPressure | None) -> Any:  # noqa
     return mark.show(value) if mark is not None else value
 
 
+def escaped(line: str) -> str:
+    """Return a line as `str.format` leaves it."""
+    return line.replace("{", "{{").replace("}", "}}")
+
+
 def inline(value: object) -> str:
     """Write a value on one line, a table as its keys and values."""
     if isinstance(value, dict):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from pneudrive.describe import catalogue, end_stops, toml
-from pneudrive.describe.base import Described, inline, wrong
+from pneudrive.describe.base import Described, escaped, inline, wrong
 from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
 from pneudrive.describe.law import read_law_file
@@ -329,11 +329,11 @@ class Circuit(Described):
                 given = [key for key in STOP_KEYS if one.fields[f"end_stop_{key}"] in one.model_fields_set]
                 lines = [line for line in lines if not line.startswith("end_stop_")]
                 lines += end_stops.assumed("end_stop_", given, stops[name])
-            out += [("{}." + _escaped(line), name) for line in lines]
+            out += [("{}." + escaped(line), name) for line in lines]
         for name, volume in self.joint_volumes:
-            line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from what is joined there, and exchanges no heat"
+            line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from what is joined there, and no heat exchange"
             out.append((line, name))
-        return out + [(_escaped(line), "") for line in self._starts()[1]]
+        return out + [(escaped(line), "") for line in self._starts()[1]]
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
@@ -383,10 +383,6 @@ def compiled(core_json: str) -> CoreCircuit:
         if named and named[1]:
             refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
         raise refusal from None
-
-
-def _escaped(line: str) -> str:
-    return line.replace("{", "{{").replace("}", "}}")
 
 
 def _part(table: object, key: str, read: Component | None) -> Part:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, model_validator
 
 from pneudrive.describe import catalogue, end_stops, provenance, toml
-from pneudrive.describe.base import Described, inline, wrong
+from pneudrive.describe.base import Described, escaped, inline, wrong
 from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import law_of, read_law_file
@@ -376,9 +376,13 @@ class Drive(Described):
 
     def assumed(self) -> list[str]:
         """Return what was assumed because the description says nothing and no source backs it, as ``key = value``."""
+        return [line.format(name) for line, name in self.assumptions()]
+
+    def assumptions(self) -> list[tuple[str, str]]:
+        """Return what was assumed as `Circuit.assumptions` does: where lines make a circuit of it, that has names."""
         out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origins if v.assumed is not None]
         if self.has_lines:
-            return out + self.circuit.assumed()
+            return [(escaped(line), "") for line in out] + self.circuit.assumptions()
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
             given = part.to_dict()
@@ -387,7 +391,8 @@ class Drive(Described):
         given = [key for key, name in zip(stop.keys(), type(stop).model_fields, strict=True) if name in stop.given]
         own = self._compiled()
         out += end_stops.assumed("cylinder.end_stop.", given, (own.end_stop, own.end_stop_takes))
-        return out + [f"friction.{key} = {value}" for key, value in self.friction.assumed]
+        out += [f"friction.{key} = {value}" for key, value in self.friction.assumed]
+        return [(escaped(line), "") for line in out]
 
     @property
     def notes(self) -> list[str]:
