@@ -35,7 +35,7 @@ MASS_CLOSES, ENERGY_CLOSES = 1e-12, 1e-6
 RTOL, RATE, AMBIENT_PA = 1e-9, 200.0, 101325.0
 MOST_REFUSED = 200  # draws until one is a circuit
 
-#: Sensible ranges by key, else by unit; a range above zero is drawn by its logarithm.
+#: Sensible ranges by key and unit, else by key, else by unit; a range above zero is drawn by its logarithm.
 KEYS: dict[str, tuple[float, float]] = {
     "critical_pressure_ratio": (0.15, 0.55),
     "subsonic_index": (0.45, 0.6),
@@ -67,6 +67,7 @@ KEYS: dict[str, tuple[float, float]] = {
     "hysteresis": (0.0, 0.05),
     "overlap": (-0.05, 0.1),
     "leakage": (1e-4, 0.02),
+    "leakage m3/(s Pa)": (1e-12, 1e-10),
     "leakage_width": (0.02, 0.1),
     "time_on": (8e-3, 0.03),
     "time_off": (8e-3, 0.03),
@@ -83,7 +84,8 @@ KEYS: dict[str, tuple[float, float]] = {
     "impact_speed": (0.2, 1.0),
     "transition": (1e-4, 1e-3),
     "plunger_diameter": (5e-3, 9e-3),
-    "position": (0.42, 0.45),
+    "rest_position": (0.0, 0.4),
+    "position": (0.0, 0.0),  # of a stop: set where it is joined to a cylinder
     "port_volume": (5e-7, 3e-6),
     "cushion_a_length": (5e-3, 1.5e-2),
     "cushion_b_length": (5e-3, 1.5e-2),
@@ -116,8 +118,8 @@ UNITS: dict[str, tuple[float, float]] = {
 }
 #: Optional numbers that only those who know what they do change, or that make sense only together.
 LEFT_OUT = ("cells", "end_stop_", "wall_temperature", "incline")
-#: Kinds that act at a place, and from one side: a random one stands in the way of the start.
-NOT_DRAWN = ("bumper", "shock-absorber")
+#: Where along the stroke of its cylinder a stop stands that is met towards b: beyond the start, in the middle.
+STOP_SHARE = (0.55, 1.0)
 FRICTION = ("coulomb", "stribeck", "lugre")
 
 
@@ -138,7 +140,12 @@ class Drawn:
 def number(draw: Draw, parameter: dict[str, Any]) -> float | str:
     """Draw a parameter within what it may be, as a file has it."""
     key, unit = parameter["key"], parameter["unit"]
-    known = KEYS.get(key) or next((KEYS[own] for own in KEYS if key.endswith(f"_{own}")), None) or UNITS.get(unit)
+    known = (
+        KEYS.get(f"{key} {unit}")
+        or KEYS.get(key)
+        or next((KEYS[own] for own in KEYS if key.endswith(f"_{own}")), None)
+        or UNITS.get(unit)
+    )
     if known is None:
         raise LookupError(f"no sensible range is known for {key} in {unit}: add one to KEYS or UNITS")
     low, high = max(known[0], parameter["lower"]), min(known[1], parameter["upper"])
@@ -176,16 +183,29 @@ def component(draw: Draw, kind: str, entry: dict[str, Any]) -> dict[str, Any]:
                 "bristle_damping": q(force * 20.0, "N s/m"),
             }
         out.pop("rod_diameter", None)
-        if kind != "cylinder/rodless":
+        if kind not in ("cylinder/rodless", "slide"):
             out["rod_diameter"] = q(0.005, "m")
     return out
 
 
+def joined_axis(draw: Draw, axis: str, rods: list[str], components: dict[str, Any]) -> str:
+    """Join an axis to a rod; a stop, which acts at a place, to one with a stroke, and out of the way of the start."""
+    own = components[axis.partition(".")[0]]
+    stops = "position" in own
+    rod = draw.one(*[rod for rod in rods if not stops or "stroke" in components[rod.partition(".")[0]]])
+    if stops:
+        stroke = float(components[rod.partition(".")[0]]["stroke"].split()[0])
+        share = draw.linear(*STOP_SHARE)
+        own["position"] = q(stroke * (share if own.get("side", "b") == "b" else 1.0 - share), "m")
+    return f"{rod} -> {axis}"
+
+
 def draw_circuit(draw: Draw) -> Drawn:
     """Draw components and join their ports: each to a place that has a volume or a pressure, or to another port."""
-    entries = {kind: entry for kind, entry in component_kinds().items() if kind not in NOT_DRAWN}
+    entries = component_kinds()
     gas_of = {kind: [p for p in entry["ports"] if p["kind"] == "gas"] for kind, entry in entries.items()}
-    holding = {kind for kind, ports in gas_of.items() if any(p["holds"] in ("volume", "pressure") for p in ports)}
+    # Lists, not sets, whose order differs from process to process.
+    holding = [kind for kind, ports in gas_of.items() if any(p["holds"] in ("volume", "pressure") for p in ports)]
     cylinders = [kind for kind in holding if entries[kind]["friction"]]
     sources = [kind for kind in holding if gas_of[kind][0]["holds"] == "pressure"]
     others = [kind for kind in entries if kind not in holding]
@@ -221,9 +241,10 @@ def draw_circuit(draw: Draw) -> Drawn:
             connections.append(f"{one} -> {draw.one(*places)}")
     joined = [AMBIENT, *open_ports, *places[1:]]
     connections += [f"{draw.one(*[port for port in joined if port not in plugged])} .. {pilot}" for pilot in pilots]
-    connections += [f"{draw.one(*rods)} -> {axis}" for axis in axes]
-    # A chamber to which nothing is joined is shut on purpose.
-    plugged += [place for place in places[1:] if not any(place in chain.split() for chain in connections)]
+    connections += [joined_axis(draw, axis, rods, components) for axis in axes]
+    # A chamber to which nothing is joined is shut on purpose, a slide moves by itself.
+    alone = [rod for rod in rods if names[rod.partition(".")[0]] == "slide"]
+    plugged += [place for place in places[1:] + alone if not any(place in chain.split() for chain in connections)]
     tables = {"schema": 1, "components": components, "connections": connections, "plugged": plugged}
     return Drawn(tables, duration=draw.linear(0.1, 0.6))
 

@@ -1,0 +1,25 @@
+"""Random circuits of all kinds of component keep the rules of `oracle.random_circuits`.
+
+A few here; 2,000 by ``python tests/oracle/random_circuits.py --count 2000``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from oracle.random_circuits import case, outcome
+from pneudrive.describe.components import component_kinds
+
+SEED, COUNT = 20_000, 100
+
+
+def test_random_circuits_keep_the_rules():
+    kinds, broken = Counter[str](), {}
+    for number in range(COUNT):
+        drawn, circuit, _ = case(SEED, number)
+        one = outcome(drawn, circuit)
+        kinds.update(one.kinds)
+        if one.broken:
+            broken[number] = one.broken
+    assert not broken, "\n".join(f"{number}: {what}" for number, what in broken.items())
+    assert set(kinds) == set(component_kinds())
