@@ -266,12 +266,30 @@ class Circuit:
     @property
     def start_names(self) -> list[str]: ...
     @property
+    def segment_names(self) -> list[str]: ...
+    @property
     def states(self) -> list[tuple[str, str]]: ...
     @property
     def warnings(self) -> list[str]: ...
     @property
     def citations(self) -> list[str]: ...
     def start(self, start: Mapping[str, float], rtol: float) -> Session: ...
+    def members(self, names: Sequence[str], values: NDArray[float64]) -> Members: ...
+    def shoot(
+        self,
+        command: str,
+        times: Sequence[float] | NDArray[float64],
+        commands: Sequence[float] | NDArray[float64],
+        sample_times: Sequence[float] | NDArray[float64],
+        starts: Sequence[int],
+        initial: NDArray[float64],
+        parameters: Sequence[str],
+        with_initial: bool | Sequence[int],
+        outputs: Sequence[str],
+        rtol: float,
+        threads: int = 2,
+        look: Callable[[float], object] | None = None,
+    ) -> Shot: ...
     def simulate(
         self,
         plans: Sequence[tuple[str, Sequence[float], Sequence[float]]],
@@ -283,6 +301,13 @@ class Circuit:
         budget: int | None = None,
         look: Callable[[float], object] | None = None,
     ) -> SimulationResult: ...
+
+@final
+class Members:
+    @property
+    def analysed(self) -> int: ...
+    def __len__(self) -> int: ...
+    def start(self, member: int, start: Mapping[str, float], rtol: float) -> Session: ...
 
 @type_check_only
 class RigResult(Result):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
+from pneudrive.describe.circuit import compiled
 from pneudrive.errors import CommandError, DescriptionError, SimulationError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
@@ -276,3 +277,20 @@ def test_a_message_names_the_states_of_a_circuit():
     circuit = as_circuit(pn.Drive.load("catalogue:reference"))
     with pytest.raises(SimulationError, match=r"State: cylinder\.position_m = .*, cylinder\.a\.mass_kg = "):
         circuit.simulate("0 s: 1", "1 s", initial="cylinder.position = 50 mm", budget=20)
+
+
+def test_members_of_one_topology_differ_in_numbers_alone():
+    circuit = pn.Circuit(**DISCHARGE)
+    volumes = np.array([[1e-3], [2e-3], [5e-3]])
+    members = compiled(circuit.core_json()).members(["tank.volume"], volumes)
+    assert (len(members), members.analysed) == (3, 0)
+    for member, (volume,) in enumerate(volumes):
+        changed = pn.Circuit(**DISCHARGE | {"components": DISCHARGE["components"] | {
+            "tank": {"kind": "tank", "volume": f"{1e3 * volume} l"}
+        }})  # fmt: skip
+        alone, session = changed.start(), members.start(member, changed.core_initial(), 1e-6)
+        for one in (alone, session):
+            one.advance(0.3)
+        assert session.read("tank.pressure_pa") == alone.read("tank.pressure_pa")
+    with pytest.raises(ValueError, match=r"tank\.volume = -1 m3 is out of bounds"):
+        compiled(circuit.core_json()).members(["tank.volume"], np.array([[-1.0]]))

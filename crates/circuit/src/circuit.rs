@@ -144,6 +144,8 @@ pub struct Circuit<P> {
     signals: usize,
     /// What parts and nodes are called until it is built.
     called: Called,
+    /// Of which parts it is made, and how they are joined: circuits that differ in numbers alone have the same.
+    shape: u64,
     /// The number of what its reservoirs hold: no other values have it, in any circuit.
     filled: u64,
 }
@@ -181,6 +183,7 @@ impl<R: Lane> Circuit<R> {
             axis_nodes: each[0].axis_nodes,
             signals: each[0].signals,
             called: Called::default(),
+            shape: each[0].shape,
             filled: next_filling(),
         }
     }
@@ -272,6 +275,11 @@ impl<R: Lane> Circuit<R> {
         y[place.first] = y[at];
         y[at + 1] = R::zero();
         y[place.first + 1..place.first + 3].fill(R::zero());
+    }
+
+    /// Whether its equations were analysed once for both.
+    pub fn shares_analysis<Q>(&self, other: &Circuit<Q>) -> bool {
+        Arc::ptr_eq(&self.topology, &other.topology)
     }
 
     /// The name and unit of each state.

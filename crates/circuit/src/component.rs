@@ -143,6 +143,8 @@ pub struct Kind {
     /// It takes a friction table, and needs one.
     pub friction: bool,
     pub needs_friction: bool,
+    /// Keys of numbers that only the schedule sees, or that are rounded: no derivative is taken by them.
+    pub discrete: &'static [&'static str],
     pub inputs: &'static [Variable],
     pub outputs: &'static [Variable],
     /// How it is drawn.
@@ -162,6 +164,7 @@ impl Kind {
         open: false,
         friction: false,
         needs_friction: false,
+        discrete: &[],
         inputs: &[],
         outputs: &[],
         symbol: Symbol::BOX,

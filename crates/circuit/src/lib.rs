@@ -16,9 +16,9 @@ mod run;
 pub mod specification;
 
 pub use assembly::{
-    ALONG, Assembly, ByStart, DIRECTIONS, Drive, End, Linear, Motion, Network, Quantity, Record, Restart,
-    Rig, Servo, Session, Settable, Shooting, Shot, Start, Starting, Tank, Target, Variables, friction_law,
-    own_law, steady_sensitivity,
+    ALONG, Assembly, ByStart, DIRECTIONS, Drive, End, Linear, Members, Motion, Network, Quantity, Record,
+    Restart, Rig, Servo, Session, Settable, Shooting, Shot, Start, Starting, Tank, Target, Variables,
+    friction_law, own_law, steady_sensitivity,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
 pub use component::{Choice, Holds, KINDS, Kind as ComponentKind, Port, PortKind, Stroke, Symbol};

@@ -44,6 +44,7 @@ fn constants() -> BTreeMap<&'static str, f64> {
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<drive::PyDrive>()?;
     m.add_class::<network::PyCircuit>()?;
+    m.add_class::<network::PyMembers>()?;
     m.add_class::<rig::PyRig>()?;
     m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;

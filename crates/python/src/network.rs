@@ -1,9 +1,12 @@
 //! `Circuit`: components and joints; `components`: what there is.
 
-use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
+use crate::convert::{Numbers, Teller, options, parse, run_to_dict, to_python, watched};
+use crate::drive::{WithInitial, shot_to_dict};
 use crate::session::PySession;
-use circuit::{Holds, KINDS, Network, PortKind, Stroke, specification};
+use circuit::{Assembly, Holds, KINDS, Network, PortKind, Shooting, Stroke, specification};
+use numpy::PyReadonlyArray2;
 use ode::Options;
+use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
@@ -42,6 +45,12 @@ impl PyCircuit {
     #[getter]
     fn start_names(&self) -> Vec<&str> {
         self.network.start_names()
+    }
+
+    /// The same with the inner states of friction: names of the numbers that segments of `shoot` start from.
+    #[getter]
+    fn segment_names(&self) -> Vec<String> {
+        self.network.assembly().start_names()
     }
 
     /// Joints of gas whose volume is no component's: the first port of each, and what its ports bring, m3.
@@ -87,6 +96,52 @@ impl PyCircuit {
         Ok(PySession::new(session.of_description(&self.json)))
     }
 
+    /// Members of this topology that differ in the numbers called so: one row of values for each.
+    fn members(&self, names: Vec<String>, values: PyReadonlyArray2<'_, f64>) -> PyResult<PyMembers> {
+        let mut members = self.network.members(&self.json, &names).map_err(to_python)?;
+        let each = values.as_array();
+        let each = each.rows().into_iter().map(|row| members.member(&row.to_vec()));
+        let each = each.collect::<Result<Vec<_>, _>>().map_err(to_python)?;
+        Ok(PyMembers { template: self.network.assembly().clone(), each })
+    }
+
+    /// As `Drive.shoot`, under the commands of one input; parameters are numbers of components, such as "left.bore"
+    /// or "left.friction.parameters.coulomb".
+    #[pyo3(signature = (command, times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2, look=None))]
+    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    fn shoot<'py>(
+        &self,
+        py: Python<'py>,
+        command: &str,
+        times: Numbers<'py>,
+        commands: Numbers<'py>,
+        sample_times: Numbers<'py>,
+        starts: Vec<usize>,
+        initial: PyReadonlyArray2<'py, f64>,
+        parameters: Vec<String>,
+        with_initial: WithInitial,
+        outputs: Vec<String>,
+        rtol: f64,
+        threads: usize,
+        look: Teller<'py>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let asked = Shooting {
+            times: times.into(),
+            commands: commands.into(),
+            sample_times: sample_times.into(),
+            starts,
+            initial: initial.as_array().iter().copied().collect(),
+            parameters,
+            with_initial: with_initial.into(),
+            outputs,
+            options: Options { rtol, ..Options::default() },
+            threads,
+        };
+        let shot =
+            watched(py, look, |interrupted| self.network.shoot(&self.json, command, &asked, interrupted))?;
+        shot_to_dict(py, &asked, shot, self.network.assembly().start_names())
+    }
+
     /// Runs from a start under plans: an input, times and the values from each of them on.
     #[pyo3(signature = (plans, duration, sample_rate, start, rtol, ledger=false, budget=None, look=None))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
@@ -126,6 +181,36 @@ impl PyCircuit {
         out.set_item("warnings", warnings)?;
         out.set_item("citations", network.citations())?;
         Ok(out)
+    }
+}
+
+/// Circuits of one topology, each with numbers of its own.
+#[pyclass(name = "Members", frozen)]
+pub struct PyMembers {
+    template: Assembly,
+    each: Vec<Assembly>,
+}
+
+#[pymethods]
+impl PyMembers {
+    fn __len__(&self) -> usize {
+        self.each.len()
+    }
+
+    /// How many of them had to be analysed by themselves, their parts being others.
+    #[getter]
+    fn analysed(&self) -> usize {
+        let own = |each: &&Assembly| !each.circuit.shares_analysis(&self.template.circuit);
+        self.each.iter().filter(own).count()
+    }
+
+    /// A session of one of them at a start, given by name.
+    fn start(&self, member: usize, start: BTreeMap<String, f64>, rtol: f64) -> PyResult<PySession> {
+        let Some(own) = self.each.get(member) else {
+            return Err(PyIndexError::new_err(format!("there are {} members", self.each.len())));
+        };
+        let options = Options { rtol, ..Options::default() };
+        Ok(PySession::new(own.session(&start, options).map_err(to_python)?))
     }
 }
 
@@ -212,6 +297,7 @@ pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
         out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
         out.set_item("open", kind.open)?;
+        out.set_item("discrete", kind.discrete)?;
         let friction = if kind.needs_friction { "needed" } else { "optional" };
         out.set_item("friction", if kind.friction { friction } else { "" })?;
         out.set_item("inputs", variables(kind.inputs)?)?;

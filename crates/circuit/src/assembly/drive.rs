@@ -50,7 +50,7 @@ impl Drive {
                 spec.cylinder.leakage_m3_s_pa
             )));
         }
-        let wired = Wired::lifted(&Lifted::plain(spec), ledger)?;
+        let wired = Wired::lifted(&Lifted::plain(spec), ledger, None)?;
         let friction = friction_law(&spec.friction)?;
         let gauge = spec.supply.pressure_pa - spec.ambient.pressure_pa;
         let mut warnings = friction.warnings(gauge, spec.cylinder.stroke_m);
@@ -156,16 +156,19 @@ where
     Deps: Over<P>,
 {
     /// The circuit of a drive under its own names.
-    pub fn lifted(lifted: &Lifted<Spec>, ledger: bool) -> Result<Self, Error> {
+    /// Where a drive of the same parts is given, nothing is analysed again.
+    pub fn lifted(lifted: &Lifted<Spec>, ledger: bool, like: Option<&Circuit<f64>>) -> Result<Self, Error> {
         let number = |f: fn(&Spec) -> f64| -> P { lifted.number(f) };
         let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
         let plain = &lifted.value.gas;
         let is_air = IdealGas::new(plain.heat_capacity_ratio, plain.gas_constant_j_kg_k).is_air();
         let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
         let (each, joints) = components(lifted)?;
-        let network::Wired { mut circuit, nodes, mut pistons, inputs, .. } =
-            wire(&gas, is_air, ambient, (&each, &joints), ledger)?;
-        circuit.call_states(short);
+        let network::Wired { mut circuit, nodes, mut pistons, inputs, is_like, .. } =
+            wire(&gas, is_air, ambient, (&each, &joints), ledger, like)?;
+        if !is_like {
+            circuit.call_states(short);
+        }
         let command = inputs.iter().find_map(|(_, _, acts)| match acts {
             Acts::Command(edges) => Some(*edges),
             _ => None,

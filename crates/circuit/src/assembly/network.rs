@@ -20,6 +20,7 @@ use ode::Options;
 use physics::IdealGas;
 use physics::mechanics::EndStop;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// What a joint calls the air around.
 const AMBIENT: &str = "ambient";
@@ -42,6 +43,9 @@ pub struct Network {
     warnings: Vec<String>,
     citations: Vec<&'static str>,
     joint_volumes: Vec<(String, f64)>,
+    joints: Vec<Joint>,
+    each: Vec<Instance<f64>>,
+    is_air: bool,
 }
 
 fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
@@ -197,8 +201,17 @@ where
     Deps: Over<P>,
 {
     fn name(&self, (component, port): PortId) -> String {
+        if self.build.is_like {
+            return String::new();
+        }
         let own = &self.each[component];
         format!("{}.{}", own.name, own.kind().ports[port].name)
+    }
+
+    fn own(&mut self, name: &str) {
+        if !self.build.is_like {
+            self.build.circuit.own(name);
+        }
     }
 
     fn ambient(&mut self) -> GasId {
@@ -284,7 +297,7 @@ where
                     name
                 });
                 self.build.gas_starts(node, &name);
-                self.build.circuit.own(&name);
+                self.own(&name);
                 Ok(node)
             }
         }
@@ -315,14 +328,18 @@ where
             let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
             return refuse(format!("no cylinder or slide moves the joint of {}", names.join(", ")));
         };
-        let inner: Vec<String> = (friction.iter())
+        let contact = friction.iter().filter(|_| !self.build.is_like);
+        let inner: Vec<String> = contact
             .flat_map(physics::friction::Contact::states)
             .map(|state| format!("{name}.{}", state.name))
             .collect();
         let axis = self.build.circuit.axis(mass, incline, force, friction);
-        self.build.circuit.own(&name);
-        self.build.circuit.call_axis(axis, format!("{name}."));
         self.build.masses.push((mass, force));
+        if self.build.is_like {
+            return Ok(axis);
+        }
+        self.own(&name);
+        self.build.circuit.call_axis(axis, format!("{name}."));
         let names = ["position_m", "velocity_m_s"].map(|quantity| format!("{name}.{quantity}"));
         self.build.starts.push((Starting::Axis(axis), names.to_vec()));
         self.build.starts.push((Starting::Inner(axis), inner));
@@ -359,6 +376,8 @@ pub(super) struct Wired<P> {
     pub pistons: Vec<Piston<P>>,
     /// Name, meaning, and what it acts on.
     pub inputs: Vec<(String, &'static str, Acts)>,
+    /// It was built as another of the same parts, which has the names.
+    pub is_like: bool,
     columns: Vec<(String, Quantity)>,
     pub starts: Vec<(Starting, Vec<String>)>,
     /// Joints of gas whose volume is no component's: the first port, and what its ports bring, m3.
@@ -385,14 +404,61 @@ fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Joins components, from numbers with or without derivatives.
+/// Joins components, from numbers with or without derivatives. Where they make the parts of a circuit that there is,
+/// nothing is analysed or named again.
 pub(super) fn wire<P: Lane>(
     gas: &IdealGas<P>,
     is_air: bool,
     ambient: [P; 2],
     (each, joints): (&[Instance<P>], &[Joint]),
     ledger: bool,
+    like: Option<&Circuit<f64>>,
 ) -> Result<Wired<P>, Error>
+where
+    Deps: Over<P>,
+{
+    if let Some(other) = like {
+        let Joined { build, nodes, .. } = join(gas, is_air, ambient, (each, joints), true)?;
+        let Build { circuit, open, pistons, inputs, .. } = build;
+        if let Some(mut circuit) = circuit.build_like(other) {
+            open.into_iter().for_each(|id| circuit.set_input(id, 0, P::one()));
+            let (columns, starts, joint_volumes) = Default::default();
+            return Ok(Wired {
+                circuit,
+                nodes,
+                pistons,
+                inputs,
+                is_like: true,
+                columns,
+                starts,
+                joint_volumes,
+            });
+        }
+    }
+    let Joined { build, nodes, joint_volumes } = join(gas, is_air, ambient, (each, joints), false)?;
+    check_size(&build.circuit.count_states())?;
+    let Build { circuit, open, pistons, inputs, columns, starts, .. } = build;
+    let mut circuit = circuit.build(ledger);
+    for id in open {
+        circuit.set_input(id, 0, P::one());
+    }
+    Ok(Wired { circuit, nodes, pistons, inputs, is_like: false, columns, starts, joint_volumes })
+}
+
+/// Components with their joints, not yet a system of equations.
+struct Joined<P> {
+    build: Build<P>,
+    nodes: Vec<Vec<Node>>,
+    joint_volumes: Vec<(String, P)>,
+}
+
+fn join<P: Lane>(
+    gas: &IdealGas<P>,
+    is_air: bool,
+    ambient: [P; 2],
+    (each, joints): (&[Instance<P>], &[Joint]),
+    is_like: bool,
+) -> Result<Joined<P>, Error>
 where
     Deps: Over<P>,
 {
@@ -410,6 +476,7 @@ where
         coupled: Vec::new(),
         open: Vec::new(),
         paths: Vec::new(),
+        is_like,
         inputs: Vec::new(),
         columns: vec![("time_s".into(), Quantity::Time)],
         starts: Vec::new(),
@@ -425,19 +492,29 @@ where
     order.sort_by_key(|&i| each[i].kind().friction);
     for i in order {
         compose(&each[i], &Terminals(&nodes[i]), &mut build);
-        build.circuit.own(&each[i].name);
+        build.circuit.shape_by(i);
+        if !is_like {
+            build.circuit.own(&each[i].name);
+        }
     }
     check_met(&build)?;
-    check_size(&build.circuit.count_states())?;
-    let Build { circuit, open, pistons, inputs, columns, starts, .. } = build;
-    let mut circuit = circuit.build(ledger);
-    for id in open {
-        circuit.set_input(id, 0, P::one());
-    }
-    Ok(Wired { circuit, nodes, pistons, inputs, columns, starts, joint_volumes })
+    Ok(Joined { build, nodes, joint_volumes })
 }
 
 impl<P: Lane> Wired<P> {
+    /// The circuit under the names that one of the same parts has, if it was built like that.
+    pub(super) fn named_like(self, other: &Assembly) -> Assembly<P> {
+        if !self.is_like {
+            return self.named().0;
+        }
+        let each = self.inputs.iter().filter_map(|(_, _, acts)| match acts {
+            Acts::Timed(timing, _) => Some(*timing),
+            _ => None,
+        });
+        let timings = each.collect();
+        Assembly { circuit: Arc::new(self.circuit), variables: other.variables.clone(), timings }
+    }
+
     /// The circuit under the names of its components.
     fn named(self) -> (Assembly<P>, Vec<Piston<P>>) {
         let Wired { circuit, pistons, inputs, mut columns, mut starts, .. } = self;
@@ -468,9 +545,9 @@ impl<P: Lane> Wired<P> {
             }
         }
         starts.retain(|(_, names)| !names.is_empty());
-        let mut variables = Variables { inputs, timings, starts, ..Variables::default() };
+        let mut variables = Variables { inputs, starts, ..Variables::default() };
         variables.read(columns);
-        (Assembly::new(circuit, variables), pistons)
+        (Assembly { timings: timings.into(), ..Assembly::new(circuit, variables) }, pistons)
     }
 }
 
@@ -489,7 +566,7 @@ impl Network {
         if ledger && let Some(own) = each.iter().find(|own| own.chosen("chamber_law") == Some("as-printed")) {
             return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
         }
-        let mut wired = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger)?;
+        let mut wired = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger, None)?;
         let joint_volumes = std::mem::take(&mut wired.joint_volumes);
         let (assembly, pistons) = wired.named();
         let gauge = assembly.highest_pressure() - ambient[0];
@@ -521,11 +598,32 @@ impl Network {
                 true
             }
         });
-        Ok(Network { assembly, pistons, warnings, citations, joint_volumes })
+        Ok(Network {
+            assembly,
+            pistons,
+            warnings,
+            citations,
+            joint_volumes,
+            joints,
+            each,
+            is_air: gas.is_air(),
+        })
     }
 
     pub fn assembly(&self) -> &Assembly {
         &self.assembly
+    }
+
+    pub(super) fn each(&self) -> &[Instance<f64>] {
+        &self.each
+    }
+
+    pub(super) fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+
+    pub(super) fn is_air(&self) -> bool {
+        self.is_air
     }
 
     /// What the user should know about this description.
@@ -566,55 +664,12 @@ impl Network {
 
     /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.
     pub fn start_names(&self) -> Vec<&str> {
-        let starts = self.assembly.variables.starts.iter();
-        let given = starts.filter(|(starting, _)| !matches!(starting, Starting::Inner(_)));
-        given.flat_map(|(_, names)| names.iter().map(String::as_str)).collect()
+        self.assembly.given_names()
     }
 
     /// A session at a start, given by the names of [`Network::start_names`].
     pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
-        self.session_under(&[], start, options)
-    }
-
-    /// The same, where spools stand at these commands: an input and its value.
-    fn session_under(
-        &self,
-        first: &[(usize, f64)],
-        start: &BTreeMap<String, f64>,
-        options: Options,
-    ) -> Result<Session, Error> {
-        let names = self.start_names();
-        if let Some(name) = start.keys().find(|name| !names.contains(&name.as_str())) {
-            return refuse(format!("there is no start \"{name}\"; there are {}", names.join(", ")));
-        }
-        let number = |name: &String, above_zero: bool| match start.get(name) {
-            None => refuse(format!("the start {name} is missing")),
-            Some(value) if !value.is_finite() || (above_zero && *value <= 0.0) => {
-                let rule = if above_zero { "above zero" } else { "finite" };
-                refuse(format!("the start {name} = {value} must be {rule}"))
-            }
-            Some(value) => Ok(*value),
-        };
-        let (mut gas, mut axes, mut ages) = (Vec::new(), Vec::new(), Vec::new());
-        for (starting, names) in &self.assembly.variables.starts {
-            match *starting {
-                Starting::Gas(id) => gas.push((id, number(&names[0], true)?, number(&names[1], true)?)),
-                Starting::Axis(id) => {
-                    axes.push((id, number(&names[0], false)?, number(&names[1], false)?));
-                    ages.push((id, 0.0));
-                }
-                Starting::Inner(_) | Starting::Alike(_) => {}
-            }
-        }
-        let mut circuit = Circuit::clone(&self.assembly.circuit);
-        let Variables { inputs, timings, .. } = &*self.assembly.variables;
-        for &(input, value) in first {
-            if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].smooth().is_some()) {
-                self.assembly.set(&mut circuit, input, 0, value);
-            }
-        }
-        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[] });
-        Ok(Session::new(&self.assembly, 0.0, (circuit, y), options))
+        self.assembly.session(start, options)
     }
 
     /// Runs from a start under plans: an input, times and the values from each of them on.
@@ -640,7 +695,7 @@ impl Network {
                 Some((input, *values.get(times.partition_point(|time| *time <= 0.0).checked_sub(1)?)?))
             })
             .collect();
-        let mut session = self.session_under(&first, start, options)?;
+        let mut session = self.assembly.session_under(&first, start, options)?;
         for (input, (_, times, values)) in places.into_iter().zip(plans) {
             // As in a drive's run, what comes at the end or later is not waited for.
             let due = times.partition_point(|time| *time < duration);
@@ -650,5 +705,60 @@ impl Network {
         let mut recorder = Recorder::new(&self.assembly, sample_times(duration, rate));
         session.advance(duration, &mut recorder, &mut Look::new(interrupted))?;
         Ok(recorder.finish(&session))
+    }
+}
+
+impl Assembly {
+    /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.
+    fn given_names(&self) -> Vec<&str> {
+        let starts = self.variables.starts.iter();
+        let given = starts.filter(|(starting, _)| !matches!(starting, Starting::Inner(_)));
+        given.flat_map(|(_, names)| names.iter().map(String::as_str)).collect()
+    }
+
+    /// A session at a start, given by name.
+    pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
+        self.session_under(&[], start, options)
+    }
+
+    /// The same, where spools stand at these commands: an input and its value.
+    fn session_under(
+        &self,
+        first: &[(usize, f64)],
+        start: &BTreeMap<String, f64>,
+        options: Options,
+    ) -> Result<Session, Error> {
+        let names = self.given_names();
+        if let Some(name) = start.keys().find(|name| !names.contains(&name.as_str())) {
+            return refuse(format!("there is no start \"{name}\"; there are {}", names.join(", ")));
+        }
+        let number = |name: &String, above_zero: bool| match start.get(name) {
+            None => refuse(format!("the start {name} is missing")),
+            Some(value) if !value.is_finite() || (above_zero && *value <= 0.0) => {
+                let rule = if above_zero { "above zero" } else { "finite" };
+                refuse(format!("the start {name} = {value} must be {rule}"))
+            }
+            Some(value) => Ok(*value),
+        };
+        let (mut gas, mut axes, mut ages) = (Vec::new(), Vec::new(), Vec::new());
+        for (starting, names) in &self.variables.starts {
+            match *starting {
+                Starting::Gas(id) => gas.push((id, number(&names[0], true)?, number(&names[1], true)?)),
+                Starting::Axis(id) => {
+                    axes.push((id, number(&names[0], false)?, number(&names[1], false)?));
+                    ages.push((id, 0.0));
+                }
+                Starting::Inner(_) | Starting::Alike(_) => {}
+            }
+        }
+        let mut circuit = Circuit::clone(&self.circuit);
+        let (inputs, timings) = (&self.variables.inputs, &self.timings);
+        for &(input, value) in first {
+            if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].smooth().is_some()) {
+                self.set(&mut circuit, input, 0, value);
+            }
+        }
+        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[] });
+        Ok(Session::new(self, 0.0, (circuit, y), options))
     }
 }

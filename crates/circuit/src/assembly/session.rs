@@ -140,7 +140,7 @@ impl<R: Lane> Session<R> {
 
     /// What follows from commands later on.
     pub(super) fn timings(&self) -> &[Timing] {
-        &self.assembly.variables.timings
+        &self.assembly.timings
     }
 
     /// Something of a timing is due at a time to come, after what is due then already.

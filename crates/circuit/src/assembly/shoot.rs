@@ -105,7 +105,8 @@ impl Drive {
     ) -> Result<Shot, Error> {
         let lift = || {
             let seeds = seeds::<specification::Drive>(json, "", &asked.parameters)?;
-            Ok(move |first| Ok(Wired::lifted(&Lifted::new(&seeds, first), false)?.assembly))
+            let like = Some(self.circuit()).filter(|circuit| circuit.channels().is_empty());
+            Ok(move |first| Ok(Wired::lifted(&Lifted::new(&seeds, first), false, like)?.assembly))
         };
         shoot(self.assembly(), lift, asked, interrupted)
     }

@@ -91,7 +91,7 @@ where
     let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
     let (each, joints) = components(lifted);
     let network::Wired { circuit, nodes, inputs, starts, .. } =
-        network::wire(&gas, is_air, ambient, (&each, &joints), false)?;
+        network::wire(&gas, is_air, ambient, (&each, &joints), false, None)?;
     let Node::Gas(tank) = nodes[VOLUME][0] else { unreachable!("a tank holds gas") };
     let command = inputs.iter().find_map(|(name, _, acts)| match acts {
         Acts::On(id) if name == "line.opening" => Some(*id),

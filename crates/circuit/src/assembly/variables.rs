@@ -87,12 +87,10 @@ pub enum Starting {
 }
 
 /// The names of a circuit.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Variables {
     /// The first is what a plan of commands sets.
     pub inputs: Vec<Settable>,
-    /// What follows from commands later on.
-    pub timings: Vec<Timing>,
     pub columns: Vec<String>,
     pub quantities: Vec<Quantity>,
     /// Each with the names of its numbers.
@@ -114,6 +112,8 @@ impl Variables {
 pub struct Assembly<P = f64> {
     pub circuit: Arc<Circuit<P>>,
     pub variables: Arc<Variables>,
+    /// What follows from commands later on.
+    pub timings: Arc<[Timing]>,
 }
 
 /// How far a command opens each edge of a proportional 5/3 valve: u > 0 supply to a and b to exhaust with the share u,
@@ -135,7 +135,7 @@ fn command<R: Lane>(circuit: &Circuit<R>, edges: [InputId; 4]) -> R {
 
 impl<P: Lane> Assembly<P> {
     pub fn new(circuit: Circuit<P>, variables: Variables) -> Self {
-        Assembly { circuit: Arc::new(circuit), variables: Arc::new(variables) }
+        Assembly { circuit: Arc::new(circuit), variables: Arc::new(variables), timings: Arc::new([]) }
     }
 
     /// Names of the columns.
@@ -166,7 +166,7 @@ impl<P: Lane> Assembly<P> {
                     circuit.set_input(edge, lane, opening);
                 }
             }
-            Target::Timed(timing) => self.variables.timings[timing].settled(circuit, lane, value),
+            Target::Timed(timing) => self.timings[timing].settled(circuit, lane, value),
         }
     }
 
@@ -175,7 +175,7 @@ impl<P: Lane> Assembly<P> {
         match self.variables.inputs[input].target {
             Target::Input(id) => circuit.input(id),
             Target::Edges(edges) => command(circuit, edges),
-            Target::Timed(timing) => circuit.input(self.variables.timings[timing].commanded()),
+            Target::Timed(timing) => circuit.input(self.timings[timing].commanded()),
         }
     }
 

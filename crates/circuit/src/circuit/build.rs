@@ -28,8 +28,14 @@ impl<R: Lane> Circuit<R> {
             axis_nodes: 0,
             signals: 0,
             called: Called::default(),
+            shape: 0,
             filled: next_filling(),
         }
+    }
+
+    /// Another number of what tells how it is made: FNV-1a of words.
+    pub(crate) fn shape_by(&mut self, number: usize) {
+        self.shape = (self.shape ^ number as u64).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
     }
 
     /// What was added since the last call belongs to this component.
@@ -120,6 +126,11 @@ impl<R: Lane> Circuit<R> {
 
     /// A part whose nodes are there.
     pub(crate) fn add<T: Kept<R>>(&mut self, part: T) -> PartId {
+        self.shape_by(T::KIND as usize);
+        for path in part.paths() {
+            self.shape_by(path.from.0);
+            self.shape_by(path.to.0);
+        }
         let kept = T::kept(&mut self.parts);
         kept.push((Place::default(), part));
         PartId { kind: T::KIND, index: kept.len() - 1 }
@@ -231,6 +242,24 @@ impl<R: Lane> Circuit<R> {
                 parts.other_cylinders.push((place, OtherCylinder::new(axis, volumes, faces, stops)));
             }
         }
+    }
+}
+
+impl<R: Lane> Circuit<R> {
+    /// Finishes the circuit as one of the same parts was: what follows from how they are joined is not sought again.
+    /// None where its parts are others.
+    pub(crate) fn build_like(mut self, other: &Circuit<f64>) -> Option<Self> {
+        if self.shape != other.shape {
+            return None;
+        }
+        self.join_cylinders();
+        let scale = self.parts.lay_out_like(&other.parts)?;
+        self.scale = scale.into_iter().map(R::c).collect();
+        self.scale.resize(other.scale.len(), R::c(f64::INFINITY));
+        self.topology = other.topology.clone();
+        self.called = Called::default();
+        self.parts.restrictions.iter_mut().for_each(|(_, restriction)| restriction.closed = true);
+        Some(self)
     }
 }
 

@@ -61,6 +61,8 @@ pub struct Build<P> {
     pub open: Vec<InputId>,
     /// Sonic conductance of each restriction and its ends.
     pub paths: Vec<(P, GasId, GasId)>,
+    /// Nothing is named: a circuit of the same parts has the names.
+    pub is_like: bool,
     pub inputs: Vec<(String, &'static str, Acts)>,
     pub columns: Vec<(String, Quantity)>,
     /// Each with the names of its numbers.
@@ -75,7 +77,10 @@ impl<P: Lane> Build<P> {
     }
 
     /// Gas starts at a pressure and a temperature.
-    pub(crate) fn gas_starts(&mut self, node: GasId, name: &str) {
+    pub(crate) fn gas_starts(&mut self, node: GasId, name: impl std::fmt::Display) {
+        if self.is_like {
+            return;
+        }
         self.circuit.call_gas(node, format!("{name}."));
         let names = ["pressure_pa", "temperature_k"].map(|quantity| format!("{name}.{quantity}"));
         self.starts.push((Starting::Gas(node), names.to_vec()));
@@ -141,6 +146,9 @@ impl<P: Lane> Build<P> {
 
     /// The columns of a motion: position, velocity, acceleration and friction, the first four outputs.
     pub(super) fn motion(&mut self, of: &Instance<P>, axis: AxisId) {
+        if self.is_like {
+            return;
+        }
         let quantities = [
             Quantity::Position(axis),
             Quantity::Velocity(axis),
@@ -154,6 +162,9 @@ impl<P: Lane> Build<P> {
 
     /// The columns of the inner states of friction.
     pub(super) fn inner_states(&mut self, of: &Instance<P>, axis: AxisId) {
+        if self.is_like {
+            return;
+        }
         let inner = of.friction.iter().flat_map(|contact| contact.states());
         for (i, state) in inner.enumerate() {
             self.columns.push((format!("{}.{}", of.name, state.name), Quantity::Inner(axis, i)));
@@ -174,10 +185,14 @@ impl<P: Lane> Build<P> {
 
     pub(super) fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
         let (name, _, meaning) = of.kind().inputs[input];
-        self.inputs.push((format!("{}.{name}", of.name), meaning, acts));
+        let name = if self.is_like { String::new() } else { format!("{}.{name}", of.name) };
+        self.inputs.push((name, meaning, acts));
     }
 
     pub(super) fn column(&mut self, of: &Instance<P>, output: usize, quantity: Quantity) {
+        if self.is_like {
+            return;
+        }
         let (name, ..) = of.kind().outputs[output];
         self.columns.push((format!("{}.{name}", of.name), quantity));
     }

@@ -595,7 +595,7 @@ impl Component for SingleActing {
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(a), Some(around), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
         let b = build.volume(vessel(own, "dead_volume_b", build.ambient[1]));
-        build.gas_starts(b, &format!("{}.b", own.name));
+        build.gas_starts(b, format_args!("{}.b", own.name));
         build.passage(own.path("breather_conductance", build), b, around);
         let stiffness = own.number("spring_stiffness");
         build.spring(axis, stiffness, -own.number("spring_preload") / stiffness);

@@ -35,6 +35,7 @@ impl Component for Line {
             wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
         },
         open: true,
+        discrete: &["cells", "bandwidth"],
         outputs: &[
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 into the tube"),
             ("outlet_flow_kg_s", "kg/s", "mass flow out of the tube at port 2"),
@@ -75,7 +76,7 @@ impl Component for Line {
                     heat_transfer,
                     wall_temperature,
                 });
-                build.gas_starts(node, &format!("{}.cell_{cell}", own.name));
+                build.gas_starts(node, format_args!("{}.cell_{cell}", own.name));
                 node
             })
             .collect();

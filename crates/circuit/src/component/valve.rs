@@ -106,6 +106,7 @@ impl Component for Proportional53 {
             LINEAR_ABOVE;
             ..DYNAMICS;
         },
+        discrete: &["hysteresis", "delay"],
         inputs: INPUTS,
         outputs: &[
             ("command", "1", "valve command"),
@@ -162,6 +163,7 @@ impl Component for Proportional32 {
             LINEAR_ABOVE;
             ..DYNAMICS;
         },
+        discrete: &["hysteresis", "delay"],
         inputs: INPUTS,
         outputs: &[
             ("command", "1", "valve command"),

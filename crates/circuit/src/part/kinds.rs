@@ -215,6 +215,25 @@ macro_rules! parts {
         }
 
         impl<P: Real> Parts<P> {
+            /// Gives every part the place that it has in a circuit of the same parts; the states' scales in that order.
+            /// None where there are others.
+            pub fn lay_out_like(&mut self, other: &Parts<f64>) -> Option<Vec<f64>> {
+                let mut scales = Vec::new();
+                self.present.clone_from(&other.present);
+                $(if self.$field.len() != other.$field.len() {
+                    return None;
+                }
+                for ((place, part), (own, _)) in self.$field.iter_mut().zip(&other.$field) {
+                    let states = part.states();
+                    if states.len() != own.count {
+                        return None;
+                    }
+                    *place = *own;
+                    scales.extend(states.into_iter().map(|state| state.scale));
+                })*
+                Some(scales)
+            }
+
             /// Every input, with the name of its part: "Cylinder 0: external force".
             pub fn inputs(&self) -> Vec<(InputId, String, &'static Input)> {
                 let (mut all, mut named) = (Vec::new(), Names::default());

@@ -1,0 +1,260 @@
+//! Numbers of a circuit by name: derivatives by them, and circuits of one topology that differ in them.
+
+use super::friction::contact;
+use super::network::{Joint, Network, wire};
+use super::shoot::{Sensitive, Shooting, Shot, shoot};
+use super::variables::{Assembly, Variables};
+use crate::component::{Instance, check};
+use crate::lifted::{Lifted, seeds};
+use crate::run::{Error, with_unit};
+use crate::specification;
+use math::{Deps, Lane, Over};
+use physics::IdealGas;
+use serde_json::Value;
+use std::sync::Arc;
+
+fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
+    Err(Error::Specification(message.into()))
+}
+
+fn unfit(error: &serde_json::Error) -> Error {
+    Error::Specification(format!("the description does not fit the core: {error}"))
+}
+
+/// Which component a name is of, and the rest of it: "left.friction.parameters.coulomb".
+fn split<'a>(each: &[Instance<f64>], name: &'a str) -> Result<(usize, &'a str), Error> {
+    let rest = |own: &Instance<f64>| name.strip_prefix(&own.name).and_then(|rest| rest.strip_prefix('.'));
+    let found = each.iter().enumerate().find_map(|(i, own)| Some((i, rest(own)?)));
+    found.ok_or_else(|| Error::Specification(format!("\"{name}\" is of no component of this circuit")))
+}
+
+/// The place of a number among those of its component, which has a value.
+fn place(own: &Instance<f64>, key: &str) -> Result<usize, Error> {
+    let rows = own.kind().parameters;
+    let Some(place) = rows.iter().position(|row| row.key == key) else {
+        let keys: Vec<&str> = rows.iter().map(|row| row.key).collect();
+        return refuse(format!(
+            "a {} has no parameter \"{key}\"; it has {}",
+            own.kind().key,
+            keys.join(", ")
+        ));
+    };
+    if own.numbers[place].is_none() {
+        return refuse(format!(
+            "{}.{key} is not given{}: give it a value first",
+            own.name,
+            if rows[place].follows.is_empty() {
+                String::new()
+            } else {
+                format!(" and follows {}", rows[place].follows)
+            },
+        ));
+    }
+    Ok(place)
+}
+
+/// The component with numbers that carry derivatives.
+fn lift<P: Lane>(
+    own: &Instance<f64>,
+    lifted: &Lifted<specification::Component>,
+) -> Result<Instance<P>, Error> {
+    let rows = own.kind().parameters.iter().zip(&own.numbers);
+    let given = |key: &str| lifted.value.numbers.contains_key(key);
+    let numbers = rows.map(|(row, value)| {
+        let number = |component: &specification::Component| component.numbers[row.key];
+        value.map(|value| if given(row.key) { lifted.number(number) } else { P::c(value) })
+    });
+    let free = own
+        .kind()
+        .parameters
+        .iter()
+        .map(|row| given(row.key) && lifted.is_free(|component| component.numbers[row.key]));
+    let friction = lifted.optional(|component| component.friction.as_ref());
+    Ok(Instance {
+        name: own.name.clone(),
+        kind: own.kind,
+        numbers: numbers.collect(),
+        free: free.collect(),
+        choices: own.choices.clone(),
+        friction: friction.map(|friction| contact(&friction)).transpose()?,
+    })
+}
+
+/// A circuit as `of` is, from numbers with derivatives.
+fn assemble<P: Lane>(of: &Network, lifted: &Lifted<specification::Circuit>) -> Result<Assembly<P>, Error>
+where
+    Deps: Over<P>,
+{
+    let number = |f: fn(&specification::Circuit) -> f64| -> P { lifted.number(f) };
+    let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
+    let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
+    let each =
+        of.each().iter().enumerate().map(|(i, own)| lift(own, &lifted.table(|spec| &spec.components[i])));
+    let each = each.collect::<Result<Vec<_>, Error>>()?;
+    let like = of.assembly();
+    let without_ledger = Some(&*like.circuit).filter(|circuit| circuit.channels().is_empty());
+    Ok(wire(&gas, of.is_air(), ambient, (&each, of.joints()), false, without_ledger)?.named_like(like))
+}
+
+/// The same where an input is what a plan of commands sets: the first.
+fn commanded<P>(assembly: Assembly<P>, input: usize) -> Assembly<P> {
+    let mut variables = Variables::clone(&assembly.variables);
+    variables.inputs[..=input].rotate_right(1);
+    Assembly { variables: Arc::new(variables), ..assembly }
+}
+
+impl Network {
+    /// The description with a value for each number that something is differentiated by, and its path there.
+    fn paths(&self, json: &str, names: &[String]) -> Result<(String, Vec<String>), Error> {
+        let mut table: Value = serde_json::from_str(json).map_err(|error| unfit(&error))?;
+        let path = |name: &String| {
+            if name.starts_with("ambient.") || name.starts_with("gas.") {
+                return Ok(name.clone());
+            }
+            let (component, key) = split(self.each(), name)?;
+            let (i, own) = (component.to_string(), &self.each()[component]);
+            if key.starts_with("friction.") {
+                return Ok(format!("components.{i}.{key}"));
+            }
+            let place = place(own, key)?;
+            if own.kind().discrete.contains(&key) {
+                return refuse(format!(
+                    "{name} acts on the schedule or on the number of cells: a run has no derivative by it"
+                ));
+            }
+            if let Some(component) = table["components"][component].as_object_mut() {
+                let numbers = component.entry("numbers").or_insert_with(|| serde_json::json!({}));
+                if numbers[key].is_null() {
+                    numbers[key] = own.numbers[place].into();
+                }
+            }
+            Ok(format!("components.{i}.numbers.{key}"))
+        };
+        let paths = names.iter().map(path).collect::<Result<Vec<_>, Error>>()?;
+        Ok((table.to_string(), paths))
+    }
+
+    /// Runs the segments of `asked` under the commands of one input, with exact derivatives by numbers of components,
+    /// such as "left.bore" or "left.friction.parameters.coulomb"; see [`Drive::shoot`](super::Drive::shoot). `json` is
+    /// the description that this circuit was made of.
+    pub fn shoot(
+        &self,
+        json: &str,
+        input: &str,
+        asked: &Shooting,
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Shot, Error> {
+        let inputs = &self.assembly().variables.inputs;
+        let Some(place) = inputs.iter().position(|own| own.name == input) else {
+            return refuse(format!("there is no input \"{input}\""));
+        };
+        let plain = commanded(self.assembly().clone(), place);
+        let lift = || {
+            let (json, paths) = self.paths(json, &asked.parameters)?;
+            let seeds = seeds::<specification::Circuit>(&json, "", &paths)?;
+            Ok(move |first| Ok(commanded::<Sensitive>(assemble(self, &Lifted::new(&seeds, first))?, place)))
+        };
+        shoot(&plain, lift, asked, interrupted)
+    }
+}
+
+/// A number that members of one topology have each for themselves.
+#[derive(Clone, Debug)]
+enum Number {
+    /// Of a component: its place there.
+    Own(usize, usize),
+    /// A parameter of its friction law.
+    Friction(usize, String),
+}
+
+/// Circuits of one topology that differ in numbers: it is analysed once.
+#[derive(Clone, Debug)]
+pub struct Members {
+    template: Assembly,
+    gas: IdealGas<f64>,
+    ambient: [f64; 2],
+    joints: Vec<Joint>,
+    each: Vec<Instance<f64>>,
+    numbers: Vec<Number>,
+    /// The friction of each component as it is described.
+    friction: Vec<Option<specification::Friction>>,
+}
+
+impl Network {
+    /// Members that differ in the numbers called `names`, such as "left.bore". `json` is the description that this
+    /// circuit was made of.
+    pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
+        let spec: specification::Circuit = serde_json::from_str(json).map_err(|error| unfit(&error))?;
+        let friction: Vec<_> = spec.components.iter().map(|own| own.friction.clone()).collect();
+        let number = |name: &String| {
+            let (component, key) = split(self.each(), name)?;
+            let Some(path) = key.strip_prefix("friction.") else {
+                return Ok(Number::Own(component, place(&self.each()[component], key)?));
+            };
+            let parameter = path.strip_prefix("parameters.").unwrap_or_default();
+            match &friction[component] {
+                Some(own) if own.parameters.contains_key(parameter) => {
+                    Ok(Number::Friction(component, parameter.into()))
+                }
+                _ => refuse(format!("{name} is no parameter of a friction law that is described")),
+            }
+        };
+        Ok(Members {
+            template: self.assembly().clone(),
+            gas: IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k),
+            ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
+            joints: self.joints().to_vec(),
+            each: self.each().to_vec(),
+            numbers: names.iter().map(number).collect::<Result<_, Error>>()?,
+            friction,
+        })
+    }
+}
+
+impl Members {
+    /// The member with these numbers, in the order of the names.
+    pub fn member(&mut self, values: &[f64]) -> Result<Assembly, Error> {
+        if values.len() != self.numbers.len() {
+            return refuse(format!("{} values for {} numbers", values.len(), self.numbers.len()));
+        }
+        let mut rubs = Vec::new();
+        for (number, &value) in self.numbers.iter().zip(values) {
+            match number {
+                Number::Own(component, place) => {
+                    let own = &mut self.each[*component];
+                    let row = &own.kind().parameters[*place];
+                    if !value.is_finite() || !row.bounds.contain(value) {
+                        return refuse(format!(
+                            "{}.{} = {} is out of bounds: it must be {}",
+                            own.name,
+                            row.key,
+                            with_unit(value, row.unit),
+                            row.bounds
+                        ));
+                    }
+                    own.numbers[*place] = Some(value);
+                }
+                Number::Friction(component, key) => {
+                    if let Some(own) = &mut self.friction[*component]
+                        && let Some(number) = own.parameters.get_mut(key)
+                    {
+                        *number = value;
+                    }
+                    if !rubs.contains(component) {
+                        rubs.push(*component);
+                    }
+                }
+            }
+        }
+        for component in rubs {
+            let friction = self.friction[component].as_ref().map(|own| contact(&Lifted::plain(own)));
+            self.each[component].friction = friction.transpose()?;
+        }
+        self.each.iter().try_for_each(check)?;
+        let is_air = self.gas.is_air();
+        let ledger = !self.template.circuit.channels().is_empty();
+        let like = Some(&*self.template.circuit);
+        let wired = wire(&self.gas, is_air, self.ambient, (&self.each, &self.joints), ledger, like)?;
+        Ok(wired.named_like(&self.template))
+    }
+}
