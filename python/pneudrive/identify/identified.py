@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive import units
 from pneudrive.describe.base import Quantity, StatedPressure
+from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.dependences import SealPressure
 from pneudrive.describe.friction import assumed_with, friction_laws
 from pneudrive.describe.parameters import parameter_quantities
@@ -103,12 +104,16 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
     entry = drive.friction.entry if law is None else friction_laws()[str(law)]
     known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
     known |= {name: _chamber(drive, name) for name in found.values if name.endswith((".a", ".b"))}
+    own = _of_lines(drive)
+    known |= own
     for name, value in found.values.items():
         table, _, last = name.rpartition(".")
         if name not in known:
             raise FitError(f"the fit has {name}, which this drive does not have", remedy=nearest(name, known))
         written = _rounded(value, found.intervals.get(name), known[name])
-        if last in ("a", "b"):
+        if name in own:
+            changes[name] = {"value": written} | _said(found, name, own[name])
+        elif last in ("a", "b"):
             changes.setdefault(table, _both(drive, table))[last] = written  # type: ignore[index]
         else:
             changes[name] = written
@@ -116,7 +121,28 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
     if law is None:
         changes |= _assumed(found, drive)
     after = drive.replace(changes)
-    return after.replace({"provenance": found.origins(marks_of(after))})
+    origins = found.origins(marks_of(after))
+    return after.replace({"provenance": {name: origin for name, origin in origins.items() if name not in own}})
+
+
+def _of_lines(drive: Drive) -> dict[str, Quantity]:
+    """Quantities of tubes and flow controls, by their names in the drive file."""
+    if not drive.has_lines:
+        return {}
+    from pneudrive.identify.dynamic.lines import numbers
+
+    own = (one for one in numbers(drive) if one[0].startswith(("tubing.", "flow_control.")))
+    return {name: parameter_quantity(entry) for name, _, _, entry in own}
+
+
+def _said(found: Identified, name: str, mark: Quantity) -> dict[str, str]:
+    """Say where a value of a line comes from: it carries that itself."""
+    source = {"source": _joined(found.sources.get(name, ())) or "a recording"}
+    if name not in found.intervals:
+        return source
+    low, high = found.intervals[name]
+    low, high = _written(_outward(low, up=False), mark), _written(_outward(high, up=True), mark)
+    return source | {"note": f"identified, {100.0 * found.confidence:g} % interval {low} to {high}"}
 
 
 def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:

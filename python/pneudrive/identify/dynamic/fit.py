@@ -314,8 +314,8 @@ def _problem(
         delay_s, threads = options.delay.value_s, options.threads
         shooter = Shooter(record, outputs, starts, candidates, options.rtol, threads, delay_s, watch)
         noise = np.array([_noise(c, record, options.rtol) for c in own])
-        inner = shooter.inner_states(drive)
-        state, spread = measured_starts(record, own, noise, starts, drive, len(inner), watch)
+        inner = shooter.inner_states(values)
+        state, spread = measured_starts(record, own, noise, starts, drive, inner, watch)
         experiments.append(Experiment(shooter, own, observed(shooter, values, state, spread, inner), noise))
     free_sensors = sensor_parameters(
         list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay.free

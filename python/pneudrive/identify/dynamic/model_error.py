@@ -43,6 +43,8 @@ _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
     """Return the floor of each free value, SI; none for what the balances of sliding do not show, such as bristles."""
+    if drive.has_lines:  # the balances of its chambers are not those of a drive without
+        return {}
     found = solved.problem.values(solved.point.eta)[: len(parameters)]
     free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]
     held = _held(drive, free, solved)

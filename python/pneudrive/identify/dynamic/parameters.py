@@ -7,14 +7,18 @@ is in SI, a pressure absolute. Any number of the description can be free.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.describe.circuit import compiled as compiled_circuit
+from pneudrive.describe.components import STATED, parameter_quantity
 from pneudrive.describe.derived import derived
 from pneudrive.errors import FitError, nearest
+from pneudrive.identify.dynamic import lines
+from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -75,6 +79,8 @@ class Parameter:
         Open bounds.
     size : float
         Of a usual change, where it may be negative.
+    discrete : bool
+        No run has a derivative by it.
     """
 
     name: str
@@ -84,14 +90,20 @@ class Parameter:
     lower: float
     upper: float
     size: float
+    discrete: bool = False
 
 
 def numbers_of(drive: Drive) -> dict[str, Parameter]:
     """Return every number of a drive that can be free, by its name in the drive file."""
-    form = json.loads(drive.core_json())
     laws = {p["key"]: p for p in drive.friction.entry["parameters"]}
-    found = (_parameter(path, value, laws) for path, value in _leaves(form, ""))
-    return {p.name: p for p in found}
+    if not drive.has_lines:
+        form = json.loads(drive.core_json())
+        return {p.name: p for p in (_parameter(path, value, laws) for path, value in _leaves(form, ""))}
+    friction = (_parameter(path, value, laws) for path, value in _leaves({"friction": drive.friction.core()}, ""))
+    found = {p.name: replace(p, core=f"cylinder.{p.core}") for p in friction}
+    ambient = _leaves({"ambient": json.loads(drive.circuit.core_json())["ambient"]}, "")
+    found |= {p.name: p for p in (_parameter(path, value, laws) for path, value in ambient)}
+    return found | {one[0]: _of_component(*one) for one in lines.numbers(drive)}
 
 
 def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
@@ -110,6 +122,11 @@ def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
             raise FitError(
                 f"{name} is no number of this drive",
                 remedy=nearest(name, known) + " What a drive does not describe yet gets a start value there first.",
+            )
+        if known[name].discrete:
+            raise FitError(
+                f"{name} cannot be free: it acts on the schedule, or is rounded to whole cells",
+                rule="a run has a derivative by what is free",
             )
     if len(set(free)) < len(free):
         raise FitError("a parameter is named twice", value=", ".join(free))
@@ -151,6 +168,15 @@ def _parameter(path: str, value: float, laws: dict[str, dict[str, Any]]) -> Para
         return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED[name])
     upper = 1.0 if name in {"valve.critical_pressure_ratio", "valve.linear_above"} else np.inf
     return Parameter(name, path, unit, value, 0.0, upper, abs(value))
+
+
+def _of_component(name: str, path: str, value: float, entry: dict[str, Any]) -> Parameter:
+    """Take a number of a component with the unit and the bounds that its table states."""
+    unit = "Pa" if entry["unit"] == STATED else parameter_quantity(entry).si_unit
+    if name in _SIGNED or not np.isfinite(entry["lower"]):
+        return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED.get(name, abs(value) or 1.0))
+    bounds = (entry["lower"], entry["upper"])
+    return Parameter(name, path, unit, value, *bounds, abs(value), discrete=entry["discrete"])
 
 
 @lru_cache(maxsize=256)
@@ -247,17 +273,30 @@ class Candidates:
     """
 
     def __init__(self, drive: Drive, parameters: Sequence[Parameter]) -> None:
-        self._form = json.loads(drive.core_json())
+        self._lines = lines.LinesForm(drive) if drive.has_lines else None
+        self._form = json.loads(drive.core_json()) if self._lines is None else self._lines.table
         free = [p.core for p in parameters]
         self.moving: list[Derived] = []
-        for one in derived(drive):
+        for one in derived(drive) if self._lines is None else lines.derived_in_circuit(drive):
             if one.path not in free and {*free, *(m.path for m in self.moving)}.intersection(one.sources):
                 self.moving.append(one)
         self.settled: list[Derived] = []
         self.size = len(free)
         self.paths = [*free, *(m.path for m in self.moving)]
 
+    def core(self, values: Array) -> Any:  # noqa: ANN401 - the core's drive, or what is as one
+        """Return what the core shoots, with these values.
+
+        Raises
+        ------
+        DescriptionError
+            The core refuses it.
+        """
+        return compiled(self.json(values)) if self._lines is None else lines.Lines(compiled_circuit(self.json(values)))
+
     def _place(self, path: str) -> tuple[dict[str, Any], str]:
+        if self._lines is not None:
+            return self._lines.place(path)
         *tables, key = path.split(".")
         at = self._form
         for table in tables:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.simulate import compiled
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.drive_recording import DriveRecording
-    from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.parameters import Candidates
     from pneudrive.watch import Watch
 
@@ -92,9 +90,9 @@ class Shooter:
         self.candidates, self._rtol, self._threads = candidates, rtol, threads
         self._delay_s, self.watch = delay_s, watch
 
-    def inner_states(self, drive: Drive) -> list[str]:
-        """Name the friction's own states."""
-        return list(compiled(drive.core_json()).start_names[6:])
+    def inner_states(self, values: Array) -> list[str]:
+        """Name what a start has beside the piston and its chambers: states of friction, gas of tubes."""
+        return list(self.candidates.core(values).start_names[6:])
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
         """Return the same with segments that begin at other samples."""
@@ -139,7 +137,7 @@ class Shooter:
             The core refuses the drive.
         """
         try:
-            core = compiled(self.candidates.json(values))
+            core = self.candidates.core(values)
             found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start)
             beside = [] if delay_s is None or not derivatives else [delay_s + DELAY_STEP_S, delay_s - DELAY_STEP_S]
             shifted = [self._shoot(core, initial, delay) for delay in beside]

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.identify.dynamic.lines import beside
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -45,6 +47,10 @@ BELIEF = np.array([1e-2, 0.2, 5e4, 20.0, 5e4, 20.0])
 POSSIBLE = 4.0
 #: States that go on growing through a record: what short segments show of them is no bound.
 GROWING = ("contact_age_s", "sliding_distance_m", "contact_warming_k")
+#: Share of the least pressure and temperature that a model shows in a tube, below which none is sought.
+LEAST_SHARE = 0.2
+#: Endings of names of the gas in a tube.
+_PRESSURE, _TEMPERATURE = ".pressure_pa", ".temperature_k"
 #: Sizes in which the continuity of states is judged, likewise.
 SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
@@ -79,7 +85,7 @@ def measured_starts(
     noise: Array,
     starts: NDArray[np.int64],
     drive: Drive,
-    inner: int,
+    inner: list[str],
     watch: Watch,
 ) -> tuple[Array, Array]:
     """Take starts from the signals, smoothed; the rest as a drive at rest has it.
@@ -96,7 +102,8 @@ def measured_starts(
     """
     ambient = drive.ambient
     usual = [0.5 * drive.cylinder.stroke_m, 0.0]
-    usual += [ambient.pressure_pa, ambient.temperature_k] * 2 + [0.0] * inner
+    usual += [ambient.pressure_pa, ambient.temperature_k] * 2
+    usual += [ambient.temperature_k if name.endswith(_TEMPERATURE) else 0.0 for name in inner]
     state = np.tile(np.array(usual), (starts.size, 1))
     spread = np.full(state.shape[1], np.nan)
     for channel, white in zip(channels, noise, strict=True):
@@ -111,14 +118,18 @@ def measured_starts(
             spread[VELOCITY] = np.hypot(white * sloping, SLOPE_ERROR_M_S)
     for column in (PRESSURE_A, PRESSURE_B):
         state[:, column] = np.maximum(state[:, column], 0.1 * ambient.pressure_pa)
+    # The gas of a tube starts with the pressure of its chamber.
+    for column, name in enumerate(inner, start=BELIEF.size):
+        if name.endswith(_PRESSURE):
+            state[:, column] = state[:, PRESSURE_A if beside(name) == "a" else PRESSURE_B]
     return state, spread
 
 
 def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names: list[str]) -> Starts:
-    """Let the model find what was not measured: the gas temperatures and the bristles.
+    """Let the model find what was not measured: the gas temperatures, the bristles, the gas of tubes.
 
     All segments are run, and each takes over from the end of the one before what was not measured; after a few rounds
-    a wrong guess has died away. `names` are those of the friction's own states.
+    a wrong guess has died away. `names` are those of what a start has beside the piston and its chambers.
     """
     hidden = np.flatnonzero(np.isnan(spread))
     inner = state.shape[1] - BELIEF.size
@@ -132,11 +143,21 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
         if inner and ends.size:
             most = np.maximum(most, np.abs(ends[:, BELIEF.size :]).max(axis=0))
     most = np.where(most > 0.0, most, 1e-6)
+    size = 0.1 * most
+    for i, name in enumerate(names):  # gas of tubes
+        if name.endswith((_PRESSURE, _TEMPERATURE)):
+            of = PRESSURE_A if name.endswith(_PRESSURE) else TEMPERATURE_A
+            most[i], size[i] = BELIEF[of], SIZE[of]
     belief = np.r_[BELIEF, most]  # wide also where it is measured: the samples say it better than their smoothed start
     reach = np.where(np.isnan(spread), POSSIBLE * belief, np.inf)
     grows = np.r_[np.zeros(BELIEF.size, dtype=bool), [name in GROWING for name in names]]
-    limits = (state.min(axis=0) - reach, np.where(grows, np.inf, state.max(axis=0) + reach))
-    return Starts(state, belief, np.r_[SIZE, 0.1 * most], ~np.isnan(spread), limits)
+    is_gas = np.r_[np.zeros(BELIEF.size, dtype=bool), [name.endswith((_PRESSURE, _TEMPERATURE)) for name in names]]
+    lowest = state.min(axis=0)
+    limits = (
+        np.where(is_gas, np.maximum(lowest - reach, LEAST_SHARE * lowest), lowest - reach),
+        np.where(grows, np.inf, state.max(axis=0) + reach),
+    )
+    return Starts(state, belief, np.r_[SIZE, size], ~np.isnan(spread), limits)
 
 
 def _smoothed(

@@ -1,0 +1,156 @@
+"""Drives with tubes or flow controls: numbers and runs of their circuit, under the names that a drive has for them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.describe.components import component_kinds
+from pneudrive.describe.derived import derived
+from pneudrive.session import short_name
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive._core import Circuit as CoreCircuit
+    from pneudrive._core import Shot
+    from pneudrive.describe import Drive
+    from pneudrive.describe.derived import Derived
+
+    Array = NDArray[np.float64]
+
+#: What a drive's start begins with.
+_STARTS = ("position_m", "velocity_m_s", "pressure_a_pa", "temperature_a_k", "pressure_b_pa", "temperature_b_k")
+#: Component of a drive's circuit -> its table in the drive file.
+_TABLES = {"spring": "load.spring"} | {
+    f"{part}_{chamber}": f"{table}.{chamber}"
+    for part, table in (("tube", "tubing"), ("flow_control", "flow_control"))
+    for chamber in "ab"
+}
+#: Keys of a cylinder that a drive file has in a table of their own.
+_KEYS = {
+    "dead_volume_a": "dead_volume.a",
+    "dead_volume_b": "dead_volume.b",
+    "end_stop_stiffness": "end_stop.stiffness",
+    "end_stop_damping": "end_stop.damping",
+    "end_stop_damping_depth": "end_stop.damping_depth",
+}
+_FRICTION = "cylinder.friction."
+
+
+def numbers(drive: Drive) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
+    """Name in the drive file, path in the core, value and entry of the core's table of each number but friction's.
+
+    The entry of one that no run has a derivative by says so: ``discrete``.
+    """
+    for component in json.loads(drive.circuit.core_json())["components"]:
+        own, kind = component["name"], component_kinds()[component["kind"]]
+        rows = {row["key"]: row | {"discrete": row["key"] in kind["discrete"]} for row in kind["parameters"]}
+        for key, value in component["numbers"].items():
+            yield f"{_TABLES.get(own, own)}.{_KEYS.get(key, key)}", f"{own}.{key}", value, rows[key]
+
+
+def circuit_path(path: str, keys: Sequence[str]) -> str | None:
+    """Return the path in a drive's circuit of one in the core's form of a drive; None where the circuit has no such.
+
+    Examples
+    --------
+    >>> circuit_path("cylinder.wall_temperature_k", ["cylinder.wall_temperature"])
+    'cylinder.wall_temperature'
+    >>> circuit_path("friction.parameters.coulomb", [])
+    'cylinder.friction.parameters.coulomb'
+    """
+    if path.startswith("friction."):
+        return f"cylinder.{path}"
+    return next((key for key in keys if path.startswith(f"{key}_") or path == key), None)
+
+
+def derived_in_circuit(drive: Drive) -> Iterator[Derived]:
+    """Return what follows from other values, by the paths of the circuit; the core sees to what the circuit lacks."""
+    keys = ["ambient.pressure_pa", "ambient.temperature_k", *(path for _, path, *_ in numbers(drive))]
+    for one in derived(drive):
+        path, *sources = (circuit_path(path, keys) for path in (one.path, *one.sources))
+        if path is not None and None not in sources:
+            yield replace(one, path=path, sources=tuple(source for source in sources if source is not None))
+
+
+class LinesForm:
+    """The core's form of a drive's circuit, whose numbers are found by their paths there."""
+
+    def __init__(self, drive: Drive) -> None:
+        self.table = json.loads(drive.circuit.core_json())
+        self._components = {one["name"]: one for one in self.table["components"]}
+
+    def place(self, path: str) -> tuple[dict[str, Any], str]:
+        """Return the table in which a number lies, and its key there."""
+        own, _, key = path.partition(".")
+        if own not in self._components:
+            return self.table[own], key
+        if not path.startswith(_FRICTION):
+            return self._components[own]["numbers"], key
+        at: dict[str, Any] = self._components[own]
+        *tables, key = key.split(".")
+        for table in tables:
+            at = at[table]
+        return at, key
+
+
+class Lines:
+    """What the core shoots of a drive with lines, as it shoots a drive.
+
+    A start has position, velocity, pressures and temperatures of the chambers and the inner states of friction as that
+    of a drive has them, then the gas of tubes and joints.
+    """
+
+    def __init__(self, core: CoreCircuit) -> None:
+        self._core = core
+        names = core.segment_names
+        short = [short_name(name) for name in names]
+        own = [short.index(name) for name in _STARTS]
+        inner = [i for i, name in enumerate(names) if name.startswith("cylinder.") and i not in own]
+        self._order = np.array([*own, *inner, *sorted({*range(len(names))} - {*own, *inner})])
+        self.start_names = [short[i] for i in self._order]
+        self._columns = {short_name(name): name for name in core.columns}
+
+    def shoot(
+        self,
+        times: Sequence[float],
+        commands: Sequence[float],
+        sample_times: Array,
+        starts: Sequence[int],
+        initial: Array,
+        parameters: Sequence[str],
+        with_initial: bool | Sequence[int],
+        outputs: Sequence[str],
+        *rest: Any,  # noqa: ANN401 - tolerance, threads, look
+    ) -> Shot:
+        """Run segments, as `_core.Drive.shoot` does."""
+        given = np.empty_like(initial)
+        given[:, self._order] = initial
+        asked = range(self._order.size) if with_initial is True else with_initial or ()
+        found = self._core.shoot(
+            *("valve.command", times, commands, sample_times, starts, given, parameters),
+            *([int(self._order[i]) for i in asked], [self._columns[name] for name in outputs]),
+            *rest,
+        )
+        found["ends"] = found["ends"][:, self._order]
+        found["end_sensitivities"] = found["end_sensitivities"][:, self._order]
+        found["start_names"] = self.start_names
+        return found
+
+
+def beside(name: str) -> str:
+    """Return the chamber on whose side a tube's or a joint's gas is.
+
+    Examples
+    --------
+    >>> beside("tube_a.cell_0.pressure_pa"), beside("valve.2.pressure_pa")
+    ('a', 'b')
+    """
+    own = name.partition(".")[0]
+    return "a" if own.endswith("_a") or name.startswith("valve.4.") else "b"

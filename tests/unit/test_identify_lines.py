@@ -1,0 +1,51 @@
+"""A drive with tubes is identified from a recording: its numbers and those of the tubes, by their names in the file."""
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.errors import FitError
+
+
+def with_tubes(length_m: float, **changes: object) -> pn.Drive:
+    tube = {"length": "1.5 m", "diameter": "4 mm"}
+    tubing = {"tubing": {"a": tube | {"length": f"{length_m} m"}, "b": tube}}
+    return pn.Drive.load("catalogue:reference").replace(tubing | changes)
+
+
+@pytest.fixture(scope="module")
+def recorded() -> dict[str, np.ndarray]:
+    """Simulate a drive that the search does not know, with noise."""
+    start = "position = 0.2 m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
+    run = pn.simulate(with_tubes(2.0), "0 s: 0.3, 0.2 s: -0.3", "0.4 s", initial=start, sample_rate="500 Hz")
+    noise = np.random.default_rng(7)
+    out = {"time_s": run.time.to_numpy(), "command": run["command"].to_numpy()}
+    for name, sd in (("position_m", 2e-5), ("pressure_a_pa", 300.0), ("pressure_b_pa", 300.0)):
+        out[name] = run[pn.trajectory.meaning(name)[0]].to_numpy() + sd * noise.standard_normal(run.sizes["time"])
+    return out
+
+
+def test_a_tube_and_the_drive_behind_it_are_found(recorded):
+    truth, start = with_tubes(2.0), with_tubes(1.2, **{"valve.conductance": "1 dm3/(s bar)"})
+    fit = pn.identify(start, recorded, free=["tubing.a.length", "valve.conductance"], segment="0.2 s")
+    known = {"tubing.a.length": 2.0, "valve.conductance": truth.valve.conductance_m3_s_pa}
+    assert fit.converged
+    assert fit.units["tubing.a.length"] == "m"
+    for name, value in known.items():
+        low, high = fit.intervals[name]
+        assert low < value < high, (name, value, fit.intervals[name])
+        assert high - low < 0.02 * value
+    found = fit.apply()
+    assert pn.units.parse(found.tubing["a"]["length"]["value"], "m") == pytest.approx(2.0, rel=0.01)
+    assert "95 % interval" in found.tubing["a"]["length"]["note"]
+    assert found.circuit.core_json() != start.circuit.core_json()
+
+
+def test_what_a_line_has_no_derivative_by_is_refused(recorded):
+    drive = with_tubes(2.0).replace({"tubing.a.kind": "tube/distributed", "tubing.a.cells": 2})
+    with pytest.raises(FitError, match=r"tubing\.a\.cells cannot be free"):
+        pn.identify(drive, recorded, free=["tubing.a.cells"])
+    with pytest.raises(
+        FitError, match=r"tubing\.a\.lengths is no number of this drive\.\s+Hint: Did you mean 'tubing\.a\.length'"
+    ):
+        pn.identify(drive, recorded, free=["tubing.a.lengths"])
