@@ -53,6 +53,7 @@ _SUFFIXES = {
     "_kg_s": "kg/s",
     "_m_s2": "m/s^2",
     "_m_s": "m/s",
+    "_n_s": "N s",
     "_pa": "Pa",
     "_kg": "kg",
     "_m": "m",

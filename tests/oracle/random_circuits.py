@@ -82,6 +82,7 @@ KEYS: dict[str, tuple[float, float]] = {
     "exponent": (1.2, 2.0),
     "restitution": (0.3, 0.9),
     "impact_speed": (0.2, 1.0),
+    "velocity": (-0.05, 0.05),  # of a motor
     "transition": (1e-4, 1e-3),
     "plunger_diameter": (5e-3, 9e-3),
     "rest_position": (0.0, 0.4),

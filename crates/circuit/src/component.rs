@@ -14,6 +14,7 @@ mod leak;
 mod line;
 mod load;
 mod magnetic_coupling;
+mod motor;
 mod orifice;
 mod piloted;
 mod pulsating;
@@ -390,6 +391,7 @@ components! {
     load::Spring,
     slide::Slide,
     coupling::Coupling,
+    motor::Motor,
     magnetic_coupling::MagneticCoupling,
     bumper::Bumper,
     shock_absorber::ShockAbsorber,

@@ -21,6 +21,7 @@ mod gap;
 mod latch;
 mod link;
 mod magnet;
+mod motor;
 mod path;
 mod poppet;
 mod pulsation;
@@ -61,6 +62,7 @@ pub use gap::Gap;
 pub use latch::Latch;
 pub use link::Link;
 pub use magnet::Magnet;
+pub use motor::Motor;
 pub use path::Between;
 pub use poppet::Poppet;
 pub use pulsation::Pulsation;
@@ -424,4 +426,5 @@ parts! {
         couplings: Coupling,
         magnets: Magnet,
         walls: Wall,
+        motors: Motor,
 }

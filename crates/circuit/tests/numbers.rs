@@ -186,3 +186,58 @@ fn a_run_is_differentiated_by_numbers_of_components() {
     assert!(refused("hose.cells").contains("has no derivative by it"));
     assert!(refused("gas.gas_constant_j_kg_k").contains("the gas cannot be free"));
 }
+
+/// A motor on a slide that rubs with Fc + Fv v: the mean force, its slope over velocity, and the work are known.
+#[test]
+fn a_motor_gives_the_mean_force_at_a_velocity_its_slope_and_the_work() {
+    let friction = json!({ "law": "coulomb", "parameters": { "coulomb": 20.0, "viscous": 40.0 } });
+    let circuit = json!({
+        "gas": { "heat_capacity_ratio": 1.4, "gas_constant_j_kg_k": 287.05 },
+        "ambient": { "pressure_pa": 101_300.0, "temperature_k": ROOM },
+        "components": [
+            { "name": "motor", "kind": "motor", "numbers": { "velocity": 0.1 } },
+            { "name": "sled", "kind": "slide", "numbers": { "mass": 1.0 }, "friction": friction },
+        ],
+        "joints": [["sled.1", "motor.1"]],
+    });
+    let network = assemble(&circuit);
+    let names = network.assembly().start_names();
+    let initial = names.iter().map(|name| if name == "sled.velocity_m_s" { 0.1 } else { 0.0 });
+    let outputs = ["motor.impulse_n_s", "motor.work_j", "sled.position_m", "motor.force_n"];
+    let asked = Shooting {
+        times: vec![0.0],
+        commands: vec![0.0],
+        sample_times: vec![0.0, 0.2, 0.4],
+        starts: vec![0],
+        initial: initial.collect(),
+        parameters: vec!["motor.velocity".into()],
+        with_initial: false.into(),
+        outputs: outputs.map(Into::into).to_vec(),
+        options: Options { rtol: 1e-9, ..Options::default() },
+        threads: 1,
+    };
+    let shot =
+        network.shoot(&circuit.to_string(), "sled.load_force_n", &asked, &mut |_| false).expect("runs");
+    let grown = |of: &[f64], k: usize| of[8 + k] - of[4 + k];
+    let near = |own: f64, expected: f64, what: &str| {
+        assert!((own - expected).abs() < 1e-6 * expected.abs(), "{what}: {own}, {expected}");
+    };
+    near(grown(&shot.values, 2), 0.1 * 0.2, "distance");
+    near(grown(&shot.values, 0) / 0.2, 20.0 + 40.0 * 0.1, "mean force");
+    near(grown(&shot.sensitivities, 0) / 0.2, 40.0, "slope");
+    near(grown(&shot.values, 1), 24.0 * 0.02, "work");
+    // The input takes the place of the number: pulled the other way, all turn.
+    let mut session = network.session(&start(&network), Options::default()).expect("starts");
+    let places = ["motor.impulse_n_s", "motor.work_j"]
+        .map(|name| session.columns().iter().position(|column| column == name).expect("a column"));
+    let velocity =
+        session.inputs().iter().position(|input| input.name == "motor.velocity_m_s").expect("an input");
+    session.set(velocity, -0.3).expect("a velocity");
+    let mut at = |until: f64| {
+        session.go_on(until, &mut circuit::Look::new(&mut |_| false)).expect("goes on");
+        places.map(|place| session.read(place))
+    };
+    let (one, two) = (at(0.3), at(0.5));
+    assert!(((two[0] - one[0]) / 0.2 + 32.0).abs() < 1e-3, "{one:?} {two:?}");
+    assert!(((two[1] - one[1]) - 32.0 * 0.06).abs() < 1e-3, "{one:?} {two:?}");
+}
