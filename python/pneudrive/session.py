@@ -189,12 +189,16 @@ class Session:
         progress: Callable[[float, float, str], None] | None = None,
         cancel: Flag | None = None,
     ) -> None:
-        """Go on until a time.
+        """Go on until a time, under the inputs as they are set and scheduled; `read` tells what came of it.
+
+        The integration ends on `until` exactly and keeps its step size, so that many short calls give the bits of one
+        long one. Nothing is returned. A call costs under 2 us beside the integration, which takes about 1 us of a
+        processor for each attempt at a step of a drive, more for circuits; `statistics` counts the attempts.
 
         Parameters
         ----------
         until : float
-            s, not before the present.
+            A time of the session in s, not a duration, and not before the present one (`time`).
         progress, cancel : optional
             See `pneudrive.watch.Watch`. A session that was cancelled stands somewhere before `until` and can go on.
 

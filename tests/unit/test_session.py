@@ -6,6 +6,7 @@ What is wrong is said in one message and leaves the session as it was.
 import itertools
 import math
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -272,3 +273,21 @@ def test_after_a_failure_only_a_restored_state_goes_on():
 def test_a_tolerance_that_no_run_keeps_is_refused():
     with pytest.raises(CommandError, match=r"rtol = 1\.0 is out of bounds"):
         REFERENCE.start(rtol=1.0)
+
+
+def test_a_call_costs_two_microseconds_beside_the_integration():
+    """Where there is nothing to integrate: the least of many rounds, so that nothing else on the machine counts."""
+    session = REFERENCE.start(START)
+    session.advance(0.01)
+
+    def least(call, rounds=40, calls=500):
+        times = []
+        for _ in range(rounds):
+            begun = time.perf_counter()
+            for _ in range(calls):
+                call()
+            times.append((time.perf_counter() - begun) / calls)
+        return min(times)
+
+    assert least(lambda: session.advance(0.01)) < 2e-6
+    assert least(lambda: session.set("command", 0.0)) < 2e-6
