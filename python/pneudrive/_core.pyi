@@ -16,6 +16,7 @@ __all__ = [
     "components",
     "constants",
     "flow_ratio",
+    "formula_component",
     "formula_law",
     "friction_laws",
     "steady_friction",
@@ -230,6 +231,12 @@ class ComponentVariable(TypedDict):
     meaning: str
 
 @type_check_only
+class ComponentFormula(TypedDict):
+    output: str
+    unit: str
+    names: list[ComponentVariable]
+
+@type_check_only
 class ComponentSymbol(TypedDict):
     strokes: list[Any]
     when: list[tuple[str, list[Any]]]
@@ -244,6 +251,7 @@ class Component(TypedDict):
     ports: list[Port]
     parameters: list[ComponentParameter]
     choices: list[ComponentChoice]
+    formula: ComponentFormula | None
     open: bool
     friction: bool
     inputs: list[ComponentVariable]
@@ -333,6 +341,7 @@ def flow_ratio(pressure_ratio: float, critical_pressure_ratio: float, subsonic_i
 def choked_flow_factor(heat_capacity_ratio: float) -> float: ...
 def constants() -> dict[str, float]: ...
 def friction_laws() -> list[dict[str, Any]]: ...
+def formula_component(kind: str, json: str) -> dict[str, Any]: ...
 def formula_law(json: str) -> dict[str, Any]: ...
 def steady_friction(
     law: str,

@@ -10,6 +10,7 @@ pub(crate) mod cylinder;
 mod ejector;
 mod fitting;
 mod flow_control;
+mod formula;
 mod leak;
 mod line;
 mod load;
@@ -38,7 +39,11 @@ use crate::run::Error;
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::friction::Contact;
+use physics::written::Role;
 use table::{LINEAR_ABOVE, SUBSONIC_INDEX, WALL, count, join, table};
+
+pub use formula::formula_kind;
+pub(crate) use formula::{Written, written};
 
 pub use build::{Acts, Build, Piston};
 pub use symbol::{Stroke, Symbol};
@@ -139,6 +144,8 @@ pub struct Kind {
     pub ports: &'static [Port],
     pub parameters: &'static [Row],
     pub choices: &'static [Choice],
+    /// It takes a formula, which gives this and has parameters of its own.
+    pub formula: Option<&'static Role>,
     /// Gas can always pass between its ports.
     pub open: bool,
     /// It takes a friction table, and needs one.
@@ -162,6 +169,7 @@ impl Kind {
         ports: &[],
         parameters: &[],
         choices: &[],
+        formula: None,
         open: false,
         friction: false,
         needs_friction: false,
@@ -170,6 +178,13 @@ impl Kind {
         outputs: &[],
         symbol: Symbol::BOX,
     };
+
+    /// Whether a word of its table is taken, so that no parameter of a formula may be called so.
+    fn takes(&self, key: &str) -> bool {
+        ["kind", "at", "use", "copies", "formula", "friction"].contains(&key)
+            || self.choices.iter().map(|choice| choice.name).any(|name| name == key)
+            || self.inputs.iter().any(|(name, ..)| *name == key)
+    }
 }
 
 /// One component of a circuit, its numbers in the order of its kind's parameters.
@@ -177,6 +192,8 @@ impl Kind {
 pub struct Instance<P> {
     pub name: String,
     pub kind: usize,
+    /// Its formula, if its kind takes one, with the table of what that makes of it.
+    pub(crate) written: Option<&'static Written>,
     /// None where it is left out and has no default.
     pub numbers: Vec<Option<P>>,
     /// Which of them something is differentiated by, in this pass of directions or another.
@@ -189,16 +206,16 @@ pub struct Instance<P> {
 impl<P> Instance<P> {
     /// The option of a choice, if it has that.
     pub(crate) fn chosen(&self, choice: &str) -> Option<&'static str> {
-        let mut each = KINDS[self.kind].choices.iter().zip(&self.choices);
+        let mut each = self.kind().choices.iter().zip(&self.choices);
         each.find(|(own, _)| own.name == choice).map(|(own, option)| own.options[*option])
+    }
+
+    pub fn kind(&self) -> &'static Kind {
+        self.written.map_or(KINDS[self.kind], |written| &written.kind)
     }
 }
 
 impl<P: Lane> Instance<P> {
-    pub fn kind(&self) -> &'static Kind {
-        KINDS[self.kind]
-    }
-
     /// The component of a kind, by the key of that, with numbers by the keys of its parameters.
     pub fn new(name: &str, kind: &str, number: impl Fn(&str) -> Option<(P, bool)>) -> Self {
         let kind = KINDS.iter().position(|own| own.key == kind).expect("a kind of component");
@@ -206,6 +223,7 @@ impl<P: Lane> Instance<P> {
         Instance {
             name: name.into(),
             kind,
+            written: None,
             numbers: (each().zip(KINDS[kind].parameters))
                 .map(|(number, row)| number.map(|(value, _)| value).or(row.default.map(P::c)))
                 .collect(),
@@ -393,6 +411,8 @@ components! {
     coupling::Coupling,
     motor::Motor,
     magnetic_coupling::MagneticCoupling,
+    formula::Restriction,
+    formula::Force,
     bumper::Bumper,
     shock_absorber::ShockAbsorber,
     // Last: the end stops of a cylinder follow from what is joined to it.
@@ -429,8 +449,8 @@ mod tests {
         for (kind, table) in KINDS.iter().enumerate() {
             let numbers = vec![Some(1.0); table.parameters.len()];
             let choices = vec![0; table.choices.len()];
-            let own =
-                Instance { name: String::new(), kind, numbers, choices, friction: None, free: Vec::new() };
+            let (name, free) = (String::new(), Vec::new());
+            let own = Instance { name, kind, written: None, numbers, choices, friction: None, free };
             for (place, port) in table.ports.iter().enumerate() {
                 let holds = match bring(&own, place, 293.15) {
                     Brings::Volume(_) => Holds::Volume,

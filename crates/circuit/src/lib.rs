@@ -21,7 +21,9 @@ pub use assembly::{
     friction_law, own_law, steady_sensitivity,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
-pub use component::{Choice, Holds, KINDS, Kind as ComponentKind, Port, PortKind, Stroke, Symbol};
+pub use component::{
+    Choice, Holds, KINDS, Kind as ComponentKind, Port, PortKind, Stroke, Symbol, formula_kind,
+};
 pub use impacts::Impact;
 pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};

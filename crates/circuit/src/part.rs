@@ -17,6 +17,8 @@ mod edge;
 mod ejector;
 mod end_stops;
 mod face;
+mod formula_force;
+mod formula_path;
 mod gap;
 mod latch;
 mod link;
@@ -58,6 +60,8 @@ pub use edge::Edge;
 pub use ejector::Ejector;
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
+pub use formula_force::FormulaForce;
+pub use formula_path::FormulaPath;
 pub use gap::Gap;
 pub use latch::Latch;
 pub use link::Link;
@@ -427,4 +431,6 @@ parts! {
         magnets: Magnet,
         walls: Wall,
         motors: Motor,
+        formula_paths: FormulaPath,
+        formula_forces: FormulaForce,
 }

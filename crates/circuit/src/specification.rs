@@ -288,6 +288,26 @@ pub struct Component {
     pub choices: BTreeMap<String, String>,
     #[serde(default)]
     pub friction: Option<Friction>,
+    #[serde(default)]
+    pub formula: Option<ComponentFormula>,
+}
+
+/// A formula of a component: see [`physics::written::Text`].
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ComponentFormula {
+    pub name: String,
+    #[serde(default)]
+    pub title: String,
+    /// Key in references.bib, if there is one.
+    #[serde(default)]
+    pub source: String,
+    pub parameters: Vec<FormulaParameter>,
+    /// Name and formula, in their order.
+    #[serde(default)]
+    pub lets: Vec<(String, String)>,
+    /// What its kind asks for.
+    pub output: String,
 }
 
 /// Components, and the ports that are joined: "valve.4", or "ambient".

@@ -373,7 +373,20 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         numbers.insert("rod_diameter", 0.01);
     }
     let friction = if kind.friction { case_a()["friction"].clone() } else { Value::Null };
-    json!({ "name": "own", "kind": kind.key, "numbers": numbers, "friction": friction })
+    let formula = kind.formula.map(|role| {
+        let output = match role.output.0 {
+            "mass_flow" => "opening*slope*(p_up - p_down)*(1 + opening*p_down/p_up)",
+            "force" => "-k*(x - rest) - c*v + command*k*rest",
+            other => panic!("a formula of {other}"),
+        };
+        let row =
+            |key: &str, unit: &str, default: f64| json!({ "key": key, "unit": unit, "default": default });
+        let flow = vec![row("slope", "kg/(s Pa)", 1e-8)];
+        let force = vec![row("k", "N/m", 300.0), row("rest", "m", 0.02), row("c", "N s/m", 20.0)];
+        let parameters = if role.output.0 == "force" { force } else { flow };
+        json!({ "name": "usual", "parameters": parameters, "output": output })
+    });
+    json!({ "name": "own", "kind": kind.key, "numbers": numbers, "friction": friction, "formula": formula })
 }
 
 /// Every kind of component between volumes: what a new one has to keep is asked here, and nowhere by its name.
@@ -452,8 +465,15 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
             assert!(column.iter().any(|value| *value != column[0]), "{}: {output} never changes", kind.key);
         }
         // Ambient pressure and temperature everywhere, valves open: nothing moves, but what a spring or a supply drives.
-        let driven =
-            ["spring", "slide", "cylinder/single-acting", "reservoir", "reservoir/pulsating", "compressor"];
+        let driven = [
+            "spring",
+            "force/formula",
+            "slide",
+            "cylinder/single-acting",
+            "reservoir",
+            "reservoir/pulsating",
+            "compressor",
+        ];
         if driven.contains(&kind.key) {
             continue;
         }

@@ -1,7 +1,9 @@
 //! Flow through restrictions.
 
+mod formula;
 mod iso6358;
 mod laminar;
+pub use formula::{FlowFormula, MASS_FLOW};
 pub use iso6358::{Iso6358, LINEAR_ABOVE, choked_factor};
 pub use laminar::Laminar;
 

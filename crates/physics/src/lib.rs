@@ -12,6 +12,7 @@ pub mod friction;
 pub mod gas;
 pub mod heat;
 pub mod mechanics;
+pub mod written;
 
 pub use gas::IdealGas;
 pub use parameter::{Bounds, Parameter, above, any, at_least, between, within};

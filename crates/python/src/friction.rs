@@ -4,6 +4,7 @@ use crate::convert::{Table, detached, parse, to_python};
 use circuit::{friction_law, own_law, specification, steady_sensitivity};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use physics::friction::{At, LAWS, Meta};
+use physics::written::Refusal;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -50,17 +51,19 @@ fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> 
 #[pyfunction]
 pub fn formula_law<'py>(py: Python<'py>, json: &str) -> PyResult<Bound<'py, PyDict>> {
     let spec: specification::Formula = parse(json)?;
-    let own = own_law(&spec).map_err(|refusal| {
-        let problem = &refusal.problem;
-        let (line, column, text, caret) = problem.shown(&refusal.formula).unwrap_or_default();
-        let what = problem.what.clone();
-        let remedy = problem.remedy.clone();
-        PyValueError::new_err((what, refusal.key, refusal.formula, line, column, text, caret, remedy))
-    })?;
+    let own = own_law(&spec).map_err(|refusal| refused(&refusal))?;
     let law = law_entry(py, &own.meta)?;
     law.set_item("warnings", &own.warnings)?;
     law.set_item("levels", own.has_levels())?;
     Ok(law)
+}
+
+/// A refusal of formulas as a ValueError of eight.
+pub fn refused(refusal: &Refusal) -> PyErr {
+    let Refusal { key, formula, problem } = refusal;
+    let (line, column, text, caret) = problem.shown(formula).unwrap_or_default();
+    let (what, remedy) = (problem.what.clone(), problem.remedy.clone());
+    PyValueError::new_err((what, key.clone(), formula.clone(), line, column, text, caret, remedy))
 }
 
 type Values = std::collections::BTreeMap<String, f64>;

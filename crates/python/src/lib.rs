@@ -49,6 +49,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;
     m.add_function(wrap_pyfunction!(network::components, m)?)?;
+    m.add_function(wrap_pyfunction!(network::formula_component, m)?)?;
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;
     m.add_function(wrap_pyfunction!(friction::formula_law, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction, m)?)?;

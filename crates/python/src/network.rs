@@ -2,11 +2,14 @@
 
 use crate::convert::{Numbers, Teller, options, parse, run_to_dict, to_python, watched};
 use crate::drive::{WithInitial, shot_to_dict};
+use crate::friction::refused;
 use crate::session::PySession;
-use circuit::{Assembly, Holds, KINDS, Network, PortKind, Shooting, Stroke, specification};
+use circuit::{
+    Assembly, ComponentKind, Holds, KINDS, Network, PortKind, Shooting, Stroke, formula_kind, specification,
+};
 use numpy::PyReadonlyArray2;
 use ode::Options;
-use pyo3::exceptions::PyIndexError;
+use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
@@ -236,79 +239,101 @@ fn strokes<'py>(py: Python<'py>, strokes: &[Stroke]) -> PyResult<Vec<Bound<'py, 
 /// Every kind of component: its ports, parameters, choices, inputs and outputs.
 #[pyfunction]
 pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    KINDS.iter().map(|kind| kind_entry(py, kind)).collect()
+}
+
+/// The entry, as of `components`, of what a formula (JSON) makes of a kind, with `warnings`.
+///
+/// Raises ValueError as `formula_law`.
+#[pyfunction]
+pub fn formula_component<'py>(py: Python<'py>, kind: &str, json: &str) -> PyResult<Bound<'py, PyDict>> {
+    let made = formula_kind(kind, &parse(json)?)
+        .ok_or_else(|| PyValueError::new_err(format!("no component \"{kind}\" takes a formula")))?;
+    let (kind, warnings) = made.map_err(|refusal| refused(&refusal))?;
+    let entry = kind_entry(py, kind)?;
+    entry.set_item("warnings", warnings)?;
+    Ok(entry)
+}
+
+fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Bound<'py, PyDict>> {
     let table = |items: &[(&str, Bound<'_, PyAny>)]| {
         let out = PyDict::new(py);
         items.iter().try_for_each(|(key, value)| out.set_item(key, value))?;
         PyResult::Ok(out)
     };
     let any = |value: &str| value.into_pyobject(py).map(Bound::into_any);
-    let each = KINDS.iter().map(|kind| {
-        let ports = kind.ports.iter().map(|port| {
-            let out = table(&[("name", any(port.name)?)])?;
-            let kind = match port.kind {
-                PortKind::Gas => "gas",
-                PortKind::Axis => "axis",
-                PortKind::Pilot => "pilot",
-            };
-            out.set_item("kind", kind)?;
-            let holds = match port.holds {
-                Holds::Nothing => "",
-                Holds::Volume => "volume",
-                Holds::Pressure => "pressure",
-                Holds::Set => "set",
-            };
-            out.set_item("holds", holds)?;
-            out.set_item("exhaust", port.exhaust)?;
-            out.set_item("optional", port.optional)?;
-            PyResult::Ok(out)
-        });
-        let parameters = kind.parameters.iter().map(|own| {
-            let out =
-                table(&[("key", any(own.key)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])?;
-            out.set_item("rule", own.bounds.to_string())?;
-            out.set_item("lower", own.bounds.lower)?;
-            out.set_item("upper", own.bounds.upper)?;
-            out.set_item("open", own.bounds.open)?;
-            out.set_item("open_above", own.bounds.open_above)?;
-            out.set_item("default", own.default)?;
-            out.set_item("assumed", own.assumed)?;
-            out.set_item("follows", own.follows)?;
-            out.set_item("unless", own.unless)?;
-            out.set_item("within", own.within)?;
-            out.set_item("only", own.only)?;
-            out.set_item("was", own.was)?;
-            PyResult::Ok(out)
-        });
-        let choices = kind.choices.iter().map(|own| {
-            let out = table(&[("name", any(own.name)?), ("meaning", any(own.meaning)?)])?;
-            out.set_item("options", own.options)?;
-            out.set_item("default", own.options[0])?;
-            PyResult::Ok(out)
-        });
-        let variables = |variables: &'static [(&str, &str, &str)]| {
-            let each = variables.iter().map(|&(name, unit, meaning)| {
-                table(&[("name", any(name)?), ("unit", any(unit)?), ("meaning", any(meaning)?)])
-            });
-            each.collect::<PyResult<Vec<_>>>()
+    let ports = kind.ports.iter().map(|port| {
+        let out = table(&[("name", any(port.name)?)])?;
+        let kind = match port.kind {
+            PortKind::Gas => "gas",
+            PortKind::Axis => "axis",
+            PortKind::Pilot => "pilot",
         };
-        let out = table(&[("kind", any(kind.key)?), ("title", any(kind.title)?), ("doc", any(kind.text)?)])?;
-        out.set_item("sources", kind.sources)?;
-        out.set_item("ports", ports.collect::<PyResult<Vec<_>>>()?)?;
-        out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
-        out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
-        out.set_item("open", kind.open)?;
-        out.set_item("discrete", kind.discrete)?;
-        let friction = if kind.needs_friction { "needed" } else { "optional" };
-        out.set_item("friction", if kind.friction { friction } else { "" })?;
-        out.set_item("inputs", variables(kind.inputs)?)?;
-        out.set_item("outputs", variables(kind.outputs)?)?;
-        let symbol = PyDict::new(py);
-        symbol.set_item("strokes", strokes(py, kind.symbol.strokes)?)?;
-        let when = kind.symbol.when.iter().map(|(option, own)| Ok((option, strokes(py, own)?)));
-        symbol.set_item("when", when.collect::<PyResult<Vec<_>>>()?)?;
-        symbol.set_item("ports", kind.symbol.ports)?;
-        out.set_item("symbol", symbol)?;
-        Ok(out)
+        out.set_item("kind", kind)?;
+        let holds = match port.holds {
+            Holds::Nothing => "",
+            Holds::Volume => "volume",
+            Holds::Pressure => "pressure",
+            Holds::Set => "set",
+        };
+        out.set_item("holds", holds)?;
+        out.set_item("exhaust", port.exhaust)?;
+        out.set_item("optional", port.optional)?;
+        PyResult::Ok(out)
     });
-    each.collect()
+    let parameters = kind.parameters.iter().map(|own| {
+        let out = table(&[("key", any(own.key)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])?;
+        out.set_item("rule", own.bounds.to_string())?;
+        out.set_item("lower", own.bounds.lower)?;
+        out.set_item("upper", own.bounds.upper)?;
+        out.set_item("open", own.bounds.open)?;
+        out.set_item("open_above", own.bounds.open_above)?;
+        out.set_item("default", own.default)?;
+        out.set_item("assumed", own.assumed)?;
+        out.set_item("follows", own.follows)?;
+        out.set_item("unless", own.unless)?;
+        out.set_item("within", own.within)?;
+        out.set_item("only", own.only)?;
+        out.set_item("was", own.was)?;
+        PyResult::Ok(out)
+    });
+    let choices = kind.choices.iter().map(|own| {
+        let out = table(&[("name", any(own.name)?), ("meaning", any(own.meaning)?)])?;
+        out.set_item("options", own.options)?;
+        out.set_item("default", own.options[0])?;
+        PyResult::Ok(out)
+    });
+    let variables = |variables: &'static [(&str, &str, &str)]| {
+        let each = variables.iter().map(|&(name, unit, meaning)| {
+            table(&[("name", any(name)?), ("unit", any(unit)?), ("meaning", any(meaning)?)])
+        });
+        each.collect::<PyResult<Vec<_>>>()
+    };
+    let out = table(&[("kind", any(kind.key)?), ("title", any(kind.title)?), ("doc", any(kind.text)?)])?;
+    out.set_item("sources", kind.sources)?;
+    out.set_item("ports", ports.collect::<PyResult<Vec<_>>>()?)?;
+    out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
+    out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
+    let formula = kind.formula.map(|role| {
+        let names = role.variables.iter().chain(role.constants).map(|own| {
+            table(&[("name", any(own.name)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])
+        });
+        let out = table(&[("output", any(role.output.0)?), ("unit", any(role.output.1)?)])?;
+        out.set_item("names", names.collect::<PyResult<Vec<_>>>()?)?;
+        PyResult::Ok(out)
+    });
+    out.set_item("formula", formula.transpose()?)?;
+    out.set_item("open", kind.open)?;
+    out.set_item("discrete", kind.discrete)?;
+    let friction = if kind.needs_friction { "needed" } else { "optional" };
+    out.set_item("friction", if kind.friction { friction } else { "" })?;
+    out.set_item("inputs", variables(kind.inputs)?)?;
+    out.set_item("outputs", variables(kind.outputs)?)?;
+    let symbol = PyDict::new(py);
+    symbol.set_item("strokes", strokes(py, kind.symbol.strokes)?)?;
+    let when = kind.symbol.when.iter().map(|(option, own)| Ok((option, strokes(py, own)?)));
+    symbol.set_item("when", when.collect::<PyResult<Vec<_>>>()?)?;
+    symbol.set_item("ports", kind.symbol.ports)?;
+    out.set_item("symbol", symbol)?;
+    Ok(out)
 }

@@ -34,6 +34,7 @@ def _show(entry: Mapping[str, Any]) -> None:
     for title, lines in (
         ("Ports", [(port["name"], port["kind"], _flags(port)) for port in entry["ports"]]),
         ("Keys", rows(entry)),
+        ("Names of its formula", [(one["name"], one["unit"], one["meaning"]) for one in _names(entry)]),
         ("Inputs of a session", [(one["name"], one["unit"], one["meaning"]) for one in entry["inputs"]]),
         ("Columns", [(one["name"], one["meaning"]) for one in entry["outputs"]]),
     ):
@@ -49,6 +50,10 @@ def _show(entry: Mapping[str, Any]) -> None:
 
 def _ports(entry: Mapping[str, Any]) -> str:
     return ", ".join(port["name"] for port in entry["ports"])
+
+
+def _names(entry: Mapping[str, Any]) -> list[dict[str, str]]:
+    return entry["formula"]["names"] if entry["formula"] else []
 
 
 def _flags(port: Mapping[str, Any]) -> str:

@@ -16,6 +16,7 @@ from pneudrive.describe import catalogue, end_stops, toml
 from pneudrive.describe.base import Described, escaped, inline, wrong
 from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
+from pneudrive.describe.formula import read_formula_file
 from pneudrive.describe.law import read_law_file
 from pneudrive.describe.parts import Ambient, Gas
 from pneudrive.describe.short import TABLES, Short, expanded
@@ -139,6 +140,10 @@ class Circuit(Described):
             for name, table in components.items():
                 friction = table.get("friction") if isinstance(table, dict) else None
                 read_law_file(friction, f"components.{name}.friction", folder, text)
+                kind = table.get("kind") if isinstance(table, dict) else None
+                entry = component_kinds().get(kind) if isinstance(kind, str) else None
+                if entry is not None:
+                    read_formula_file(table, f"components.{name}", entry, folder, text)
         try:
             return cls.model_validate(tables)
         except DescriptionError as error:

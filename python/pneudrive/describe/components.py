@@ -22,6 +22,7 @@ from pneudrive.describe.base import (
     number,
     wrong,
 )
+from pneudrive.describe.formula import ComponentFormula, formula_of
 from pneudrive.describe.friction import Friction
 from pneudrive.describe.parameters import parameter_quantity
 from pneudrive.describe.parts import FlowCoefficient
@@ -251,12 +252,13 @@ class Component(Described):
     def core(self, ambient_pa: float) -> dict[str, Any]:
         """Return the SI form of the component that the core takes."""
         friction = getattr(self, "friction", None)
+        formula = getattr(self, "formula", None)
         return {
             "kind": self.kind,
             "numbers": self.numbers(ambient_pa),
             "choices": self._choices(),
             "friction": None if friction is None else friction.core(),
-        }
+        } | ({} if formula is None else {"formula": formula.core()})
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table, values with where they come from where that is known."""
@@ -319,6 +321,13 @@ def component(table: Mapping[str, Any]) -> Component:
     kind = table["kind"]
     if not isinstance(kind, str) or kind not in kinds:
         raise wrong("kind", f"kind = {kind!r} is not known", remedy=nearest(str(kind), kinds))
+    if kinds[kind]["formula"]:
+        formula = formula_of(table.get("formula"), kinds[kind])
+        taken = next((key for key in formula.parameters if hasattr(Component, key)), None)
+        if taken:
+            what = f'the parameter "{taken}" of formula "{formula.name}" has a name that is taken'
+            raise wrong(f"formula.parameters.{taken}", what, remedy="Choose another one.")
+        return cast("Component", _class_with(formula).model_validate({**table, "formula": formula}))
     return cast("Component", component_class(kind).model_validate(dict(table)))
 
 
@@ -366,6 +375,9 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         out += [(other, _SIZES[_last(other)].written or "", "", f"In place of {key}") for other in keys[1:]]
     for choice in entry["choices"]:
         out.append((choice["name"], " | ".join(choice["options"]), choice["default"], choice["meaning"]))
+    if entry["formula"]:
+        meaning = f"Its formula, which gives {entry['formula']['output']}; its parameters are keys beside it"
+        out.append(("formula", '"file:NAME.toml" or a table', "needed", meaning))
     if entry["friction"]:
         needed = "needed" if entry["friction"] == "needed" else "none"
         out.append(("friction", "a table", needed, "As [friction] of a drive file"))
@@ -392,7 +404,17 @@ def _last(key: str) -> str:
 @lru_cache(maxsize=256)
 def component_class(kind: str) -> type[Component]:
     """Make the class of a kind of component."""
-    entry = component_kinds()[kind]
+    return _class_of(component_kinds()[kind])
+
+
+@lru_cache(maxsize=256)
+def _class_with(formula: ComponentFormula) -> type[Component]:
+    """Make the class of a component with a formula."""
+    return _class_of(formula.entry)
+
+
+def _class_of(entry: Mapping[str, Any]) -> type[Component]:
+    kind = entry["kind"]
     fields: dict[str, Any] = {"kind": (Literal[kind], ...)}  # type: ignore[valid-type]
     names: dict[str, str] = {}
     for parameter in entry["parameters"]:
@@ -417,6 +439,8 @@ def component_class(kind: str) -> type[Component]:
         fields[choice["name"]] = (options, Field(default=choice["default"], description=choice["meaning"]))
     if entry["friction"]:
         fields["friction"] = (Friction | None, None)
+    if entry["formula"]:
+        fields["formula"] = (ComponentFormula, ...)
     if any(one["name"] == COMMAND for one in entry["inputs"]):
         meaning = "Range of the electrical input where commands are given in V or mA"
         fields[COMMAND] = (Annotated[Signal | None, SignalRange("")], Field(default=None, description=meaning))

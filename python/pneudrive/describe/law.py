@@ -121,11 +121,11 @@ class FrictionLaw(Described):
                 raise wrong(key, f"{key} stands outside its table", remedy=f"Write it under [output]: {key} = ...")
             if key not in _TABLES:
                 raise wrong(key, f"{key} is not a known key of a law", remedy=nearest(key, _TABLES))
-        misplaced = [key for key in OUTPUTS if key in _table(tables, "let")]
+        misplaced = [key for key in OUTPUTS if key in table_of(tables, "let")]
         if misplaced:
             what = f"{misplaced[0]} stands under [let]"
             raise wrong(f"let.{misplaced[0]}", what, remedy="Write [output] above it: a key belongs to the last table.")
-        output = _table(tables, "output")
+        output = table_of(tables, "output")
         for key in output:
             if key not in OUTPUTS:
                 raise wrong(f"output.{key}", f"output.{key} is not a known key", remedy=nearest(key, OUTPUTS))
@@ -164,7 +164,7 @@ class FrictionLaw(Described):
             "name": self.name,
             "title": self.title,
             "source": self.source if self.source in entries() else "",
-            "parameters": [_parameter(key, about) for key, about in self.parameters.items()],
+            "parameters": [parameter_core(key, about) for key, about in self.parameters.items()],
             "levels": dict(named),
             "states": [_state(key, about) for key, about in self.states.items()],
             "lets": [[key, formula] for key, formula in self.let.items()],
@@ -238,14 +238,16 @@ def read_law_file(friction: object, key: str, path: Path, text: str) -> None:
     friction["law"] = FrictionLaw.load(file)
 
 
-def _table(tables: dict[str, Any], key: str) -> dict[str, Any]:
+def table_of(tables: dict[str, Any], key: str) -> dict[str, Any]:
+    """Return a table of a file, empty where it has none."""
     table = tables.get(key, {})
     if not isinstance(table, dict):
         raise wrong(key, f"{key} = {table!r} is not a table", remedy=f"Write [{key}].")
     return table
 
 
-def _parameter(key: str, about: dict[str, Any]) -> dict[str, Any]:
+def parameter_core(key: str, about: dict[str, Any]) -> dict[str, Any]:
+    """Return a parameter of a formula as the core takes it."""
     full = f"parameters.{key}"
     unit = _unit(full, about, _PARAMETER_KEYS)
     default = None if "default" not in about else _number(f"{full}.default", about["default"], unit)
@@ -313,15 +315,20 @@ def _entry(text: str) -> dict[str, Any]:
     try:
         return _core.formula_law(text)
     except ValueError as error:
-        if len(error.args) != 8:
-            raise DescriptionError(str(error)) from None
-        what, key, formula, line, column, shown, caret, remedy = error.args
+        raise refused(error, OUTPUTS) from None
+
+
+def refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
+    """Return what the core says of formulas as an error with its key; `outputs` stand under [output]."""
+    if len(error.args) != 8:
+        return DescriptionError(str(error))
+    what, key, formula, line, column, shown, caret, remedy = error.args
     value = None
     if line:
         place = f"line {line}, column {column}" if "\n" in formula else f"column {column}"
         what = f"{what} ({place})"
         value = f"{shown}\n    {caret}"
-    full = f"output.{key}" if key in OUTPUTS else key
-    refused = DescriptionError(f"{full}: {what}", value=value, remedy=remedy or None)
-    refused.key = full
-    raise refused
+    full = f"output.{key}" if key in outputs else key
+    out = DescriptionError(f"{full}: {what}", value=value, remedy=remedy or None)
+    out.key = full
+    return out

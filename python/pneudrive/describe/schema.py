@@ -40,11 +40,14 @@ def circuit_schema() -> dict[str, Any]:
     definitions = schema.setdefault("$defs", {})
     definitions.pop("Component", None)
     alternatives = []
-    for kind in component_kinds():
+    for kind, entry in component_kinds().items():
         made = component_class(kind)
         one = made.model_json_schema(by_alias=True)
         one["properties"] |= {old: one["properties"][key] | {"deprecated": True} for old, key in made.renamed.items()}
         definitions |= one.pop("$defs", {})
+        if entry["formula"]:  # its parameters are keys, too
+            one["properties"]["formula"] = {"anyOf": [{"type": "string", "pattern": "^file:.+$"}, {"type": "object"}]}
+            one["additionalProperties"] = {"type": ["string", "number", "object"]}
         whole = _with_tables(one)
         whole["properties"] = {key: _with_origin(form) for key, form in whole["properties"].items()} | {
             "copies": _COPIES

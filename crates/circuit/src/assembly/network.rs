@@ -8,7 +8,7 @@ use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
     Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Row, Terminals, Vessel, bring, check,
-    compose, joint_volume,
+    compose, joint_volume, written,
 };
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
@@ -63,7 +63,16 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         let kinds = one_of(KINDS.iter().map(|kind| kind.key));
         return refuse(format!("{name}: there is no kind \"{}\" of component; there are {kinds}", spec.kind));
     };
-    let table = KINDS[kind];
+    let written = match (KINDS[kind].formula, &spec.formula) {
+        (None, None) => None,
+        (None, Some(_)) => return refuse(format!("{name}: a {} takes no formula", spec.kind)),
+        (Some(_), None) => return refuse(format!("{name}.formula is missing")),
+        (Some(role), Some(formula)) => match written(KINDS[kind], role, formula) {
+            Ok(written) => Some(written),
+            Err(refusal) => return refuse(format!("{name}.formula.{refusal}")),
+        },
+    };
+    let table = written.map_or(KINDS[kind], |written| &written.kind);
     let known = |key: &String| table.parameters.iter().any(|parameter| parameter.key == key);
     if let Some(key) = spec.numbers.keys().find(|key| !known(key)) {
         let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));
@@ -121,7 +130,8 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         None => None,
     };
     let free = vec![false; table.parameters.len()];
-    let instance = Instance { name: name.clone(), kind, numbers, free, choices, friction };
+    let name = name.clone();
+    let instance = Instance { name, kind, written, numbers, free, choices, friction };
     check(&instance)?;
     Ok(instance)
 }

@@ -73,6 +73,7 @@ fn lift<P: Lane>(
     Ok(Instance {
         name: own.name.clone(),
         kind: own.kind,
+        written: own.written,
         numbers: numbers.collect(),
         free: free.collect(),
         choices: own.choices.clone(),

@@ -21,13 +21,6 @@ pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refu
             });
         }
     }
-    let parameters = formula.parameters.iter().map(|p| ParameterText {
-        key: p.key.clone(),
-        unit: p.unit.clone(),
-        bounds: bounds(&p.bounds),
-        default: p.default,
-        meaning: p.meaning.clone(),
-    });
     let states = formula.states.iter().map(|state| StateText {
         key: state.key.clone(),
         name: state.name.clone(),
@@ -41,7 +34,7 @@ pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refu
         name: formula.name.clone(),
         title: formula.title.clone(),
         source: formula.source.clone(),
-        parameters: parameters.collect(),
+        parameters: formula.parameters.iter().map(Into::into).collect(),
         levels: [levels.coulomb.clone(), levels.breakaway.clone(), levels.viscous.clone()],
         states: states.collect(),
         lets: formula.lets.clone(),
@@ -51,6 +44,18 @@ pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refu
         steady: formula.steady.clone(),
         odd: formula.odd,
     })
+}
+
+impl From<&specification::FormulaParameter> for ParameterText {
+    fn from(p: &specification::FormulaParameter) -> Self {
+        ParameterText {
+            key: p.key.clone(),
+            unit: p.unit.clone(),
+            bounds: bounds(&p.bounds),
+            default: p.default,
+            meaning: p.meaning.clone(),
+        }
+    }
 }
 
 /// Ends that are not given are infinite, and no value.

@@ -1,6 +1,5 @@
 use crate::parameter::Bounds;
-pub use ::formula::Problem;
-use std::fmt;
+pub use crate::written::{ParameterText, Problem, Refusal};
 
 /// A law as its author writes it, quantities in SI.
 #[derive(Clone, Debug, Default)]
@@ -28,15 +27,6 @@ pub struct Text {
 }
 
 #[derive(Clone, Debug)]
-pub struct ParameterText {
-    pub key: String,
-    pub unit: String,
-    pub bounds: Bounds,
-    pub default: Option<f64>,
-    pub meaning: String,
-}
-
-#[derive(Clone, Debug)]
 pub struct StateText {
     /// What formulas call it.
     pub key: String,
@@ -48,28 +38,4 @@ pub struct StateText {
     /// Where the rate keeps it.
     pub bounds: Bounds,
     pub rate: String,
-}
-
-/// Why a law of one's own is refused.
-#[derive(Clone, Debug)]
-pub struct Refusal {
-    /// Where: `force`, `let.g`, `states.z.rate`, `parameters.vs.unit`.
-    pub key: String,
-    /// The formula there, where it is one.
-    pub formula: String,
-    pub problem: Problem,
-}
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.key, self.problem)?;
-        if let Some((line, column, text, caret)) = self.problem.shown(&self.formula) {
-            let line = if self.formula.contains('\n') { format!("line {line}, ") } else { String::new() };
-            write!(f, " ({line}column {column})\n    {text}\n    {caret}")?;
-        }
-        if !self.problem.remedy.is_empty() {
-            write!(f, "\n    {}", self.problem.remedy)?;
-        }
-        Ok(())
-    }
 }

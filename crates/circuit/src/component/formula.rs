@@ -1,0 +1,185 @@
+//! Components whose equation is a formula of a user, with parameters of its own.
+
+use super::{
+    Acts, Build, Choice, Component, Instance, KINDS, Kind, Row, Stroke, Symbol, Terminals, axis, gas,
+};
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::part::{FormulaForce, FormulaPath};
+use crate::run::Error;
+use crate::specification::ComponentFormula;
+use math::Lane;
+use physics::IdealGas;
+use physics::constants::{RHO_0, T_0};
+use physics::flow::{FlowFormula, MASS_FLOW};
+use physics::mechanics::{FORCE, ForceFormula};
+use physics::written::{Known, OwnFormula, Refusal, Role, Text};
+
+/// A formula, and the table of the components that it makes.
+#[derive(Debug)]
+pub struct Written {
+    pub kind: Kind,
+    pub own: &'static OwnFormula,
+}
+
+static KNOWN: Known<Written> = Known::new();
+
+/// The formula of a component of a kind that takes one.
+pub(crate) fn written(
+    base: &'static Kind,
+    role: &'static Role,
+    formula: &ComponentFormula,
+) -> Result<&'static Written, Refusal> {
+    let text = Text {
+        name: formula.name.clone(),
+        title: formula.title.clone(),
+        source: formula.source.clone(),
+        parameters: formula.parameters.iter().map(Into::into).collect(),
+        lets: formula.lets.clone(),
+        output: formula.output.clone(),
+    };
+    if let Some(taken) = text.parameters.iter().find(|parameter| base.takes(&parameter.key)) {
+        let what = format!("\"{}\" is a key of every {}", taken.key, base.key);
+        let key = format!("parameters.{}", taken.key);
+        return Err(Refusal::of(key, what, "Choose another name for the parameter."));
+    }
+    let own = OwnFormula::of(role, &text)?;
+    KNOWN.get(format!("{} {text:?}", base.key), || {
+        let rows = own.parameters.iter().map(|parameter| Row {
+            parameter: *parameter,
+            assumed: "",
+            follows: "",
+            unless: "",
+            within: "",
+            only: "",
+            was: "",
+        });
+        let commanded = role.variables.last().is_some_and(|last| own.uses(last.name));
+        let kind = Kind {
+            parameters: Vec::leak(rows.collect()),
+            inputs: if commanded { base.inputs } else { &[] },
+            sources: if own.source.is_empty() { &[] } else { Vec::leak(vec![own.source]) },
+            ..*base
+        };
+        Ok(Written { kind, own })
+    })
+}
+
+/// The table of the components of a kind that a formula makes, and what its author should know; None where there is no
+/// such kind that takes a formula.
+pub fn formula_kind(
+    kind: &str,
+    formula: &ComponentFormula,
+) -> Option<Result<(&'static Kind, &'static [String]), Refusal>> {
+    let base = KINDS.iter().find(|own| own.key == kind)?;
+    let made = written(base, base.formula?, formula);
+    Some(made.map(|written| (&written.kind, &written.own.warnings[..])))
+}
+
+/// The formula of a component with values of its parameters.
+fn valued<P: Lane>(own: &Instance<P>) -> (&'static OwnFormula, Vec<P>) {
+    let written = own.written.expect("a component with a formula");
+    (written.own, own.numbers.iter().map(|number| number.expect("a number that was checked")).collect())
+}
+
+/// A flow path by a formula.
+pub struct Restriction;
+
+impl Component for Restriction {
+    const KIND: Kind = Kind {
+        key: "restriction/formula",
+        title: "Flow path by a formula",
+        text: "A flow path whose mass flow from the higher pressure to the lower one is a formula of yours, with parameters \
+               of its own. The other way it is the same formula with the ends exchanged, or nothing. Gas keeps its \
+               enthalpy on the way.",
+        ports: &[gas("1"), gas("2")],
+        choices: &[Choice {
+            name: "backward",
+            options: &["alike", "shut"],
+            meaning: "Flow from port 2 to port 1: as from 1 to 2, or none",
+        }],
+        formula: Some(&MASS_FLOW),
+        inputs: &[("command", "1", "opening, 0 to 1")],
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: PATH,
+        ..Kind::PLAIN
+    };
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        let (formula, values) = valued(own);
+        let law = FlowFormula::new(formula, values, &IdealGas::air(), false);
+        law.examine().map_err(|what| Error::Specification(format!("{}: {what}", own.name)))
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let (formula, values) = valued(own);
+        let law = FlowFormula::new(formula, values, &build.gas, own.choices[0] == 1);
+        // What an end stop has to expect: the conductance that lets as much out of the supply when it is open.
+        let [ambient, t] = [build.ambient[0], P::c(T_0)];
+        let supply = build.highest.unwrap_or(ambient);
+        let conductance = law.mass_flow(P::one(), [supply, t], [ambient, t]) / (supply * P::c(RHO_0));
+        let path = build.circuit.between(from, to);
+        let part = build.flow_part(FormulaPath { opening: P::zero(), law, path }, &[conductance]);
+        if !own.kind().inputs.is_empty() {
+            build.input(own, 0, Acts::On(part.input(0)));
+        }
+        build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
+    }
+}
+
+/// A force by a formula.
+pub struct Force;
+
+impl Component for Force {
+    const KIND: Kind = Kind {
+        key: "force/formula",
+        title: "Force by a formula",
+        text: "A force on a mass, in +x, that is a formula of yours of position, velocity and a command, with parameters of \
+               its own. All of its work stands in one account of the ledger.",
+        ports: &[axis("1", false)],
+        formula: Some(&FORCE),
+        inputs: &[("command", "1", "command, -1 to 1")],
+        outputs: &[("force_n", "N", "force in +x")],
+        symbol: PUSH,
+        ..Kind::PLAIN
+    };
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        let (formula, values) = valued(own);
+        let examined = ForceFormula::new(formula, values).examine();
+        examined.map_err(|what| Error::Specification(format!("{}: {what}", own.name)))
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let Some(axis) = at.axis(0) else { return };
+        let (formula, values) = valued(own);
+        let law = ForceFormula::new(formula, values);
+        let part = build.circuit.add(FormulaForce { command: P::zero(), law, axis: axis.index() });
+        if !own.kind().inputs.is_empty() {
+            build.input(own, 0, Acts::On(part.input(0)));
+        }
+        build.column(own, 0, Quantity::Force(part));
+    }
+}
+
+const PATH: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 1.0]]),
+        Stroke::Line(&[[-1.5, 1.0], [-1.5, 3.0], [1.5, 3.0], [1.5, 1.0], [-1.5, 1.0]]),
+        Stroke::Text([0.0, 2.0], "f(p)"),
+        Stroke::Line(&[[0.0, 3.0], [0.0, 4.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};
+
+const PUSH: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
+        Stroke::Line(&[[1.0, 1.0], [1.0, 3.0], [5.0, 3.0], [5.0, 1.0], [1.0, 1.0]]),
+        Stroke::Text([3.0, 2.0], "F(x, v)"),
+    ],
+    when: &[],
+    ports: &[[0.0, 2.0]],
+};

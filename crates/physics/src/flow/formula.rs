@@ -1,0 +1,127 @@
+use crate::constants::{RHO_0, T_0};
+use crate::gas::IdealGas;
+use crate::parameter::{above, within};
+use crate::written::{Formula, Given, OwnFormula, Role};
+use math::{Lane, Over, Real};
+
+const PRESSURE: Given = Given { name: "", unit: "Pa", bounds: above(0.0), meaning: "" };
+/// What a formula of a mass flow is made of.
+pub const MASS_FLOW: Role = Role {
+    output: ("mass_flow", "kg/s"),
+    variables: &[
+        Given { name: "p_up", meaning: "pressure upstream, the higher one, absolute", ..PRESSURE },
+        Given { name: "p_down", meaning: "pressure downstream, absolute", ..PRESSURE },
+        Given { name: "t_up", unit: "K", bounds: above(0.0), meaning: "temperature upstream" },
+        Given {
+            name: "opening",
+            unit: "1",
+            bounds: within(0.0, 1.0),
+            meaning: "share that a command opens; a formula with it makes a component with a command",
+        },
+    ],
+    constants: &[
+        Given { name: "gas_constant", unit: "J/(kg K)", bounds: above(0.0), meaning: "of the gas" },
+        Given {
+            name: "heat_capacity_ratio",
+            unit: "1",
+            bounds: above(1.0),
+            meaning: "ratio of specific heats of the gas",
+        },
+        Given {
+            name: "rho_0",
+            unit: "kg/m3",
+            bounds: above(0.0),
+            meaning: "density of the reference atmosphere, 1.185 kg/m3",
+        },
+        Given {
+            name: "t_0",
+            unit: "K",
+            bounds: above(0.0),
+            meaning: "temperature of the reference atmosphere, 293.15 K",
+        },
+    ],
+};
+const N: usize = 4;
+
+/// Where a formula is looked at: pressures, Pa, ratios p_down/p_up, temperatures, K, openings.
+const PRESSURES: [f64; 4] = [2e4, 1e5, 7e5, 2e6];
+const RATIOS: [f64; 7] = [1e-3, 0.2, 0.5, 0.8, 0.98, 0.9999, 1.0];
+const TEMPERATURES: [f64; 3] = [200.0, 293.15, 400.0];
+const OPENINGS: [f64; 4] = [0.0, 1e-3, 0.5, 1.0];
+/// Flow at equal pressures over flow at half the pressure that is rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// A flow path whose mass flow is a formula of a user:
+///
+///   m_dot = f(p_up, p_down, t_up, opening)      from the higher pressure to the lower          [kg/s]
+///
+/// It is odd in its ends: from node 2 to node 1 it is the same formula with the ends exchanged; or, `one_way`, nothing.
+#[derive(Clone, Debug)]
+pub struct FlowFormula<P> {
+    pub formula: Formula<P>,
+    pub one_way: bool,
+}
+
+impl<P: Real> FlowFormula<P> {
+    /// Of parameters in their order, for a gas.
+    pub fn new(own: &'static OwnFormula, mut values: Vec<P>, gas: &IdealGas<P>, one_way: bool) -> Self {
+        values.extend([gas.gas_constant, gas.heat_capacity_ratio, P::c(RHO_0), P::c(T_0)]);
+        FlowFormula { formula: Formula::new(own, values), one_way }
+    }
+
+    /// Mass flow from end 1 to end 2, kg/s, of pressures, Pa, and temperatures, K.
+    #[inline]
+    pub fn mass_flow<S: Over<P>>(&self, opening: S, [p1, t1]: [S; 2], [p2, t2]: [S; 2]) -> S {
+        let backward = p1.lt(p2);
+        let pick = |one: S, two: S| S::select(backward, two, one);
+        let given = [pick(p1, p2), pick(p2, p1), pick(t1, t2), opening];
+        let m_dot = self.formula.value(|k| given[k]);
+        S::select(backward, if self.one_way { S::zero() } else { -m_dot }, m_dot)
+    }
+}
+
+impl FlowFormula<f64> {
+    /// Refuses values with which it cannot be used; the message says where.
+    pub fn examine(&self) -> Result<(), String> {
+        let own = self.formula.own;
+        for p_up in PRESSURES {
+            for t_up in TEMPERATURES {
+                for opening in OPENINGS {
+                    let flows = RATIOS.map(|ratio| {
+                        let at = [p_up, ratio * p_up, t_up, opening];
+                        let (m_dot, _) = self.formula.slopes(&at)?;
+                        Ok::<_, String>((at, m_dot))
+                    });
+                    let flows = flows.into_iter().collect::<Result<Vec<([f64; N], f64)>, _>>()?;
+                    let most = flows.iter().fold(0.0, |most: f64, (_, m_dot)| most.max(m_dot.abs()));
+                    if let Some((at, m_dot)) = flows.iter().find(|(_, m_dot)| *m_dot < -ROUNDING * most) {
+                        return Err(format!(
+                            "formula \"{}\": mass_flow = {m_dot:.4e} kg/s at {}: gas would flow from the lower pressure to \
+                             the higher; p_up is always the higher one, and a flow the other way comes by itself",
+                            own.name,
+                            self.formula.place(at)
+                        ));
+                    }
+                    let (at, rest) = &flows[flows.len() - 1];
+                    if rest.abs() > ROUNDING * most {
+                        return Err(format!(
+                            "formula \"{}\": mass_flow = {rest:.4e} kg/s at {}, at equal pressures: it must be 0 there, or \
+                             the flow would jump where it changes its direction",
+                            own.name,
+                            self.formula.place(at)
+                        ));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<R: Lane> FlowFormula<R> {
+    /// Lane `i` takes the numbers of `each[i]`.
+    pub fn gather(each: &[&FlowFormula<f64>]) -> Self {
+        let formula = Formula::gather(&each.iter().map(|own| &own.formula).collect::<Vec<_>>());
+        FlowFormula { formula, one_way: each[0].one_way }
+    }
+}

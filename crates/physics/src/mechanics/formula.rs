@@ -1,0 +1,81 @@
+use crate::parameter::{any, within};
+use crate::written::{Formula, Given, OwnFormula, Role};
+use math::{Lane, Over, Real};
+
+/// What a formula of a force is made of.
+pub const FORCE: Role = Role {
+    output: ("force", "N"),
+    variables: &[
+        Given { name: "x", unit: "m", bounds: any(), meaning: "position" },
+        Given { name: "v", unit: "m/s", bounds: any(), meaning: "velocity" },
+        Given {
+            name: "command",
+            unit: "1",
+            bounds: within(-1.0, 1.0),
+            meaning: "what is commanded; a formula with it makes a component with a command",
+        },
+    ],
+    constants: &[],
+};
+
+/// Where a formula is looked at: positions, m, velocities, m/s, commands.
+const POSITIONS: [f64; 9] = [0.0, 1e-3, -1e-3, 0.02, -0.02, 0.2, -0.2, 1.0, -1.0];
+const VELOCITIES: [f64; 7] = [0.0, 1e-3, -1e-3, 0.1, -0.1, 5.0, -5.0];
+const COMMANDS: [f64; 3] = [0.0, 1.0, -1.0];
+/// Speed at which a force that jumps where v changes its sign has jumped, m/s, a slow speed, and the share of the change
+/// between plus and minus that which is a jump.
+const SLOWEST: f64 = 1e-10;
+const SLOW: f64 = 1e-3;
+const JUMP: f64 = 0.1;
+/// A jump below this is none, N.
+const NO_JUMP: f64 = 1e-9;
+
+/// A force on a mass that is a formula of a user, in +x: F = f(x, v, command), N.
+#[derive(Clone, Debug)]
+pub struct ForceFormula<P> {
+    pub formula: Formula<P>,
+}
+
+impl<P: Real> ForceFormula<P> {
+    /// Of parameters in their order.
+    pub fn new(own: &'static OwnFormula, values: Vec<P>) -> Self {
+        ForceFormula { formula: Formula::new(own, values) }
+    }
+
+    /// Force in +x, N.
+    #[inline]
+    pub fn force<S: Over<P>>(&self, x: S, v: S, command: S) -> S {
+        let given = [x, v, command];
+        self.formula.value(|k| given[k])
+    }
+}
+
+impl ForceFormula<f64> {
+    /// Refuses values with which it cannot be used; the message says where.
+    pub fn examine(&self) -> Result<(), String> {
+        for x in POSITIONS {
+            for command in COMMANDS {
+                VELOCITIES.iter().try_for_each(|v| self.formula.slopes(&[x, *v, command]).map(|_| ()))?;
+                let jump = |v: f64| (self.force(x, v, command) - self.force(x, -v, command)).abs();
+                let (near, far) = (jump(SLOWEST), jump(SLOW));
+                if near > JUMP * far && near > NO_JUMP {
+                    return Err(format!(
+                        "formula \"{}\": the force jumps by {near:.4} N where v changes its sign (x = {x} m), which an \
+                         integrator cannot pass; write tanh(v/v0) with a small v0, or give the mass a friction law \
+                         that sticks",
+                        self.formula.own.name
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<R: Lane> ForceFormula<R> {
+    /// Lane `i` takes the numbers of `each[i]`.
+    pub fn gather(each: &[&ForceFormula<f64>]) -> Self {
+        let formula = Formula::gather(&each.iter().map(|own| &own.formula).collect::<Vec<_>>());
+        ForceFormula { formula }
+    }
+}

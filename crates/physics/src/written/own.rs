@@ -1,0 +1,176 @@
+//! One formula of a user as a law: what it gives, of what.
+
+use super::{Compiled, Known, ParameterText, Reader, check_names, dimension, leak, leaked, of_whole, range};
+use crate::parameter::{Bounds, Parameter};
+use ::formula::{Graph, Program};
+use math::{Lane, Over, Real};
+use std::fmt::Write;
+
+/// A name that a formula finds there.
+#[derive(Clone, Copy, Debug)]
+pub struct Given {
+    pub name: &'static str,
+    pub unit: &'static str,
+    pub bounds: Bounds,
+    pub meaning: &'static str,
+}
+
+/// What formulas of one sort give, and of what.
+#[derive(Debug)]
+pub struct Role {
+    /// What it gives, and its unit.
+    pub output: (&'static str, &'static str),
+    /// What changes from one evaluation to the next.
+    pub variables: &'static [Given],
+    /// Numbers of the circuit.
+    pub constants: &'static [Given],
+}
+
+/// A formula as its author writes it.
+#[derive(Clone, Debug, Default)]
+pub struct Text {
+    pub name: String,
+    pub title: String,
+    /// Key in references.bib; empty: none.
+    pub source: String,
+    pub parameters: Vec<ParameterText>,
+    /// Names and formulas, in their order.
+    pub lets: Vec<(String, String)>,
+    pub output: String,
+}
+
+/// A formula that has been checked: what is the same for every set of its parameters. It stays until the process ends.
+#[derive(Debug)]
+pub struct OwnFormula {
+    pub name: &'static str,
+    pub title: &'static str,
+    pub source: &'static str,
+    pub parameters: &'static [Parameter],
+    /// What the author should know.
+    pub warnings: Vec<String>,
+    pub role: &'static Role,
+    /// Which of the variables of its role it is made of.
+    pub uses: Vec<bool>,
+    graph: Graph,
+    program: Program,
+}
+
+static KNOWN: Known<OwnFormula> = Known::new();
+
+impl OwnFormula {
+    /// The formula that `text` describes, compiled where it is not known yet.
+    pub fn of(role: &'static Role, text: &Text) -> Compiled<&'static OwnFormula> {
+        KNOWN.get(format!("{} {text:?}", role.output.0), || compile(role, text))
+    }
+
+    /// Whether it is made of a variable.
+    pub fn uses(&self, variable: &str) -> bool {
+        self.role.variables.iter().zip(&self.uses).any(|(own, used)| own.name == variable && *used)
+    }
+}
+
+fn compile(role: &'static Role, text: &Text) -> Compiled<OwnFormula> {
+    let given = role.variables.iter().chain(role.constants).map(|given| given.name);
+    check_names(&text.name, (&text.parameters, &text.lets), given, Vec::new())?;
+    let mut reader = Reader::new(&text.parameters, &text.lets)?;
+    for constant in role.constants {
+        let id = reader.graph.parameter(dimension(constant.unit), range(&constant.bounds));
+        reader.scope.insert(constant.name.into(), id);
+    }
+    let mut variables = Vec::new();
+    for variable in role.variables {
+        let id = reader.graph.input(dimension(variable.unit), range(&variable.bounds));
+        reader.scope.insert(variable.name.into(), id);
+        variables.push(id);
+    }
+    reader.read_lets()?;
+    let (key, unit) = role.output;
+    let output = reader.formula(key, &text.output, unit)?;
+    let reached = reader.graph.reached(&[output]);
+    let uses: Vec<bool> = variables.iter().map(|id| reached.contains(id)).collect();
+    if uses.iter().all(|used| !used) {
+        let names: Vec<&str> = role.variables.iter().map(|given| given.name).collect();
+        let what = format!("{key} is the same whatever happens: it is made of none of {}", names.join(", "));
+        return Err(of_whole(key, &text.output, what));
+    }
+    Ok(OwnFormula {
+        name: leak(&text.name),
+        title: leak(&text.title),
+        source: leak(&text.source),
+        parameters: leaked(&text.parameters),
+        warnings: reader.unused(&[output], key),
+        role,
+        uses,
+        program: reader.program(&[output], key)?,
+        graph: reader.graph,
+    })
+}
+
+/// A formula with values of its parameters and of the constants of its role.
+///
+/// What is made of these alone is computed ahead, in their scalar; the rest runs as a program over the scalar of the
+/// variables.
+#[derive(Clone, Debug)]
+pub struct Formula<P> {
+    pub own: &'static OwnFormula,
+    values: Vec<P>,
+    constants: Vec<P>,
+}
+
+impl<P: Real> Formula<P> {
+    /// With its parameters in their order, then the constants of its role.
+    pub fn new(own: &'static OwnFormula, values: Vec<P>) -> Self {
+        Formula { own, constants: own.program.own(&own.graph.constants(&values)), values }
+    }
+
+    /// The value, of the variables of its role.
+    #[inline]
+    pub fn value<S: Over<P>>(&self, variable: impl Fn(usize) -> S) -> S {
+        let mut out = [S::zero()];
+        self.own.program.run(&self.constants, S::from, variable, &mut out);
+        out[0]
+    }
+}
+
+impl Formula<f64> {
+    /// Variables with their values, for people.
+    pub fn place(&self, values: &[f64]) -> String {
+        let mut words = String::new();
+        let used = self.own.role.variables.iter().zip(values).zip(&self.own.uses).filter(|(_, used)| **used);
+        for ((variable, value), _) in used {
+            let comma = if words.is_empty() { "" } else { ", " };
+            let unit = if variable.unit == "1" { "" } else { variable.unit };
+            let _ = write!(words, "{comma}{} = {value} {unit}", variable.name);
+        }
+        words.trim_end().into()
+    }
+
+    /// The value and its derivatives by the variables, where all of them are finite.
+    pub fn slopes<const N: usize>(&self, values: &[f64; N]) -> Result<(f64, [f64; N]), String> {
+        let seed = |k: usize| {
+            let mut eps = [0.0; N];
+            eps[k] = 1.0;
+            math::Dual { re: values[k], eps }
+        };
+        let found = self.value(seed);
+        let what = if !found.re.is_finite() {
+            format!("it is {}", found.re)
+        } else if let Some(k) = found.eps.iter().position(|slope| !slope.is_finite()) {
+            format!("its derivative by {} is {}", self.own.role.variables[k].name, found.eps[k])
+        } else {
+            return Ok((found.re, found.eps));
+        };
+        let (key, name) = (self.own.role.output.0, self.own.name);
+        Err(format!("formula \"{name}\": {key} is not finite at {}: {what}", self.place(values)))
+    }
+}
+
+impl<R: Lane> Formula<R> {
+    /// Lane `i` takes the values of `each[i]`; all must be of one text.
+    pub fn gather(each: &[&Formula<f64>]) -> Self {
+        let own = each[0].own;
+        assert!(each.iter().all(|other| std::ptr::eq(other.own, own)), "lanes must share one formula");
+        let value = |k: usize| R::from_lanes(|lane| each[lane].values[k]);
+        Formula::new(own, (0..each[0].values.len()).map(value).collect())
+    }
+}
