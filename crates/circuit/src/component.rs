@@ -22,6 +22,7 @@ mod pulsating;
 mod quick_exhaust;
 mod regulator;
 mod reservoir;
+mod rod_lock;
 mod shock_absorber;
 mod silencer;
 mod slide;
@@ -413,6 +414,7 @@ components! {
     magnetic_coupling::MagneticCoupling,
     formula::Restriction,
     formula::Force,
+    rod_lock::RodLock,
     bumper::Bumper,
     shock_absorber::ShockAbsorber,
     // Last: the end stops of a cylinder follow from what is joined to it.

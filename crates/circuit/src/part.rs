@@ -22,6 +22,7 @@ mod formula_path;
 mod gap;
 mod latch;
 mod link;
+mod lock;
 mod magnet;
 mod motor;
 mod path;
@@ -65,6 +66,7 @@ pub use formula_path::FormulaPath;
 pub use gap::Gap;
 pub use latch::Latch;
 pub use link::Link;
+pub use lock::Lock;
 pub use magnet::Magnet;
 pub use motor::Motor;
 pub use path::Between;
@@ -429,6 +431,7 @@ parts! {
         shock_absorbers: ShockAbsorber,
         couplings: Coupling,
         magnets: Magnet,
+        locks: Lock,
         walls: Wall,
         motors: Motor,
         formula_paths: FormulaPath,

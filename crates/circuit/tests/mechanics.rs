@@ -128,3 +128,55 @@ fn a_held_carriage_lets_go_of_the_piston_at_the_pressure_of_the_data_sheet() {
     let carries = HOLDS / (0.25 * PI * 0.025 * 0.025);
     assert!(at > 1000 && (gauge / carries - 1.0).abs() < 2e-3, "{at}: {gauge} {carries}");
 }
+
+/// Holding force, N, stiffness, N/m, and times, s, of a lock.
+const GRIP: f64 = 800.0;
+const STIFF: f64 = 1e7;
+const TIMES: [f64; 2] = [0.06, 0.04];
+
+/// A slide of 20 kg in a lock, with a spring of no force, under commands of the lock.
+fn locked(grip: f64, incline: f64, v: f64, commands: &[(&str, f64, f64)], duration: f64) -> Columns {
+    let mut mass = slide("mass", 20.0);
+    mass["numbers"]["incline"] = json!(incline);
+    let lock = json!({ "name": "lock", "kind": "rod-lock", "numbers": {
+        "holding_force": grip, "stiffness": STIFF, "time_on": TIMES[0], "time_off": TIMES[1] } });
+    let network = network(&json!([mass, lock]), &json!([["mass.1", "lock.1"]])).expect("assembles");
+    let start = [("mass.position_m", 0.0), ("mass.velocity_m_s", v)];
+    let (columns, ledger) = run(&network, commands, (duration, 1000.0), &start);
+    assert!(ledger[1].abs() < 1e-6, "{ledger:?}");
+    columns
+}
+
+#[test]
+fn a_lock_stops_a_moving_mass_on_the_way_that_its_force_needs() {
+    for v in [1.0, -1.0_f64] {
+        let columns = locked(GRIP, 0.0, v, &[("lock.command", 0.0, 0.0), ("lock.command", 0.1, 1.0)], 0.5);
+        // The force rises over a fifth of the time on, about its middle, then it is constant.
+        let (rise, begin) = (0.2 * TIMES[0], 0.1 + 0.9 * TIMES[0]);
+        let brake = GRIP / 20.0;
+        let slower = v.abs() - 0.5 * brake * rise;
+        let way = begin + v.abs() * rise - brake * rise * rise / 6.0 + 0.5 * slower * slower / brake;
+        // What the grip holds at rest it gives back.
+        let stands = v * (way - GRIP / STIFF);
+        let x = columns["mass.position_m"][500];
+        assert!((x - stands).abs() < 2e-6, "{x} {stands}");
+        assert!(columns["mass.velocity_m_s"][150] == v && columns["lock.force_n"][500].abs() < 1e-3);
+        let most = columns["lock.force_n"].iter().fold(0.0, |most: f64, force| most.max(force * v));
+        assert!((most / GRIP - 1.0).abs() < 1e-9, "{most}");
+    }
+}
+
+#[test]
+fn a_lock_that_is_shut_at_the_start_holds_until_it_opens() {
+    let weight = 20.0 * 9.80665;
+    let up = 0.5 * PI;
+    let columns = locked(GRIP, up, 0.0, &[("lock.command", 0.0, 1.0), ("lock.command", 5.0, 0.0)], 5.1);
+    let x = &columns["mass.position_m"];
+    // As deep as the grip gives way, for seconds; it falls freely once the jaws carry less.
+    assert!((x[4999] + weight / STIFF).abs() < 1e-10 && (x[4999] - x[1000]).abs() < 1e-12, "{}", x[4999]);
+    assert!((columns["lock.force_n"][4999] + weight).abs() < 1e-3);
+    assert!((columns["mass.acceleration_m_s2"][5060] + 9.80665).abs() < 1e-6);
+    // Too heavy for it, it slides with what the grip does not carry.
+    let heavy = locked(100.0, -up, 0.0, &[("lock.command", 0.0, 0.0), ("lock.command", 0.1, 1.0)], 0.3);
+    assert!((heavy["mass.acceleration_m_s2"][299] - (9.80665 - 100.0 / 20.0)).abs() < 1e-9);
+}

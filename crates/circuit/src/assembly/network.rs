@@ -731,7 +731,7 @@ impl Assembly {
         self.session_under(&[], start, options)
     }
 
-    /// The same, where spools stand at these commands: an input and its value.
+    /// The same, where spools and locks stand at these commands: an input and its value.
     fn session_under(
         &self,
         first: &[(usize, f64)],
@@ -764,7 +764,7 @@ impl Assembly {
         let mut circuit = Circuit::clone(&self.circuit);
         let (inputs, timings) = (&self.variables.inputs, &self.timings);
         for &(input, value) in first {
-            if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].smooth().is_some()) {
+            if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].stands_at_first()) {
                 self.set(&mut circuit, input, 0, value);
             }
         }

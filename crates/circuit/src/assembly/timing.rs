@@ -18,7 +18,14 @@ pub enum Timing {
         delay: f64,
     },
     /// An armature travels to the command: after the dead time to there or back, s, in the time of a travel of one, s.
-    Travel { part: PartId, dead: [f64; 2], travel: [f64; 2], pulses: Option<Pulses> },
+    Travel {
+        part: PartId,
+        dead: [f64; 2],
+        travel: [f64; 2],
+        pulses: Option<Pulses>,
+        /// It starts where its first command has it; else at rest.
+        stands: bool,
+    },
     /// The mean of pulses.
     Average { part: PartId, times: [f64; 2], dead: [f64; 2], pulses: Pulses },
 }
@@ -81,6 +88,11 @@ impl Timing {
     /// Whether the command is one of whole numbers.
     pub fn is_whole(&self) -> bool {
         matches!(self, Timing::Travel { pulses: None, .. })
+    }
+
+    /// Whether the first command of a run has acted for long when it begins.
+    pub fn stands_at_first(&self) -> bool {
+        matches!(self, Timing::Follow { .. } | Timing::Travel { stands: true, .. })
     }
 
     /// Where the command acts at once and smoothly, so that something can be differentiated by it.

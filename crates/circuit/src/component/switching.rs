@@ -46,8 +46,21 @@ const ALONE: [f64; 2] = [-SLACK, 1.0 + 2.0 * SLACK];
 const ALONE_SHUTS: [f64; 2] = [1.0 + SLACK, -1.0 - 2.0 * SLACK];
 const SLACK: f64 = 1e-8;
 
-/// The armature of a valve: its position among the signals.
-fn armature<P: Lane>(own: &Instance<P>, (has_pulses, least): (bool, f64), build: &mut Build<P>) -> usize {
+/// How an armature is driven.
+#[derive(Clone, Copy)]
+pub(super) struct Drives {
+    pub has_pulses: bool,
+    /// The least command.
+    pub least: f64,
+    /// It starts where its first command has it; else at rest.
+    pub stands: bool,
+}
+
+const PULSED: Drives = Drives { has_pulses: true, least: 0.0, stands: false };
+
+/// An armature with the times of its component: its position among the signals.
+pub(super) fn armature<P: Lane>(own: &Instance<P>, drives: Drives, build: &mut Build<P>) -> usize {
+    let Drives { has_pulses, least, stands } = drives;
     let signal = build.circuit.signal();
     let (acts, remembered, commanded) = (P::zero(), P::zero(), P::zero());
     let times = ["time_on", "time_off"].map(|key| own.number(key).get(0));
@@ -68,6 +81,7 @@ fn armature<P: Lane>(own: &Instance<P>, (has_pulses, least): (bool, f64), build:
             dead,
             travel: times.map(|time| time * share),
             pulses,
+            stands,
         },
     };
     build.column(own, 0, Quantity::Input(timing.commanded()));
@@ -161,7 +175,7 @@ impl Component for Switching22 {
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(one), Some(two)) = (at.gas(0), at.gas(1)) else { return };
         let law = own.path("conductance", build);
-        let signal = armature(own, (true, 0.0), build);
+        let signal = armature(own, PULSED, build);
         let opens = if own.choices[0] == 0 { ALONE } else { ALONE_SHUTS };
         let path = edge((&law, signal), opens, (one, two), build);
         build.column(own, 2, Quantity::Flow([Some(path), None]));
@@ -212,7 +226,7 @@ impl Component for Switching32 {
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(one), Some(two), Some(out)) = (at.gas(0), at.gas(1), at.gas(2)) else { return };
         let (law, vent) = (own.path("conductance", build), own.exhaust_path(build));
-        let signal = armature(own, (true, 0.0), build);
+        let signal = armature(own, PULSED, build);
         let (supply, exhaust) = if own.choices[0] == 0 { (OPENS, SHUTS) } else { (SHUTS, OPENS) };
         let to = edge((&law, signal), supply, (one, two), build);
         let from = edge((&vent, signal), exhaust, (two, out), build);
@@ -230,7 +244,7 @@ fn five<P: Lane>(
     let each = [0, 1, 2, 3, 4].map(|port| at.gas(port));
     let [Some(supply), Some(a), Some(b), Some(out_a), Some(out_b)] = each else { return };
     let (law, vent) = (own.path("conductance", build), own.exhaust_path(build));
-    let signal = armature(own, (false, least), build);
+    let signal = armature(own, Drives { has_pulses: false, least, stands: false }, build);
     let ends = [(supply, a), (a, out_a), (supply, b), (b, out_b)];
     let laws = [&law, &vent, &law, &vent];
     let [to_a, from_a, to_b, from_b] =
