@@ -40,7 +40,7 @@ impl Path {
     }
 
     /// One of those of a part.
-    pub(crate) fn along(part: PartId, path: usize) -> Self {
+    pub fn along(part: PartId, path: usize) -> Self {
         Path { kind: part.kind, index: part.index, path, backward: false }
     }
 

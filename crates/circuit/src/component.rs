@@ -20,6 +20,7 @@ mod orifice;
 mod piloted;
 mod pulsating;
 mod quick_exhaust;
+mod registry;
 mod regulator;
 mod reservoir;
 mod rod_lock;
@@ -37,18 +38,20 @@ mod valve;
 use crate::circuit::{AxisId, GasId};
 use crate::part::ChamberLaw;
 use crate::run::Error;
+use crate::table;
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::friction::Contact;
 use physics::written::Role;
-use table::{LINEAR_ABOVE, SUBSONIC_INDEX, WALL, count, join, table};
+use table::WALL;
 
 pub use formula::formula_kind;
 pub(crate) use formula::{Written, written};
 
 pub use build::{Acts, Build, Piston};
+pub use registry::{kinds, register};
 pub use symbol::{Stroke, Symbol};
-pub use table::Row;
+pub use table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX, count, join};
 
 /// What may be joined to a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +90,7 @@ pub struct Port {
 }
 
 /// A port of gas that brings the volume of a small fitting to its joint.
-const fn gas(name: &'static str) -> Port {
+pub const fn gas(name: &'static str) -> Port {
     Port {
         name,
         kind: PortKind::Gas,
@@ -99,21 +102,22 @@ const fn gas(name: &'static str) -> Port {
 }
 
 /// The same, open to the ambient air where nothing is joined to it.
-const fn exhaust(name: &'static str) -> Port {
+pub const fn exhaust(name: &'static str) -> Port {
     Port { exhaust: true, ..gas(name) }
 }
 
 /// A port that pressure alone acts on.
-const fn pilot(name: &'static str) -> Port {
+pub const fn pilot(name: &'static str) -> Port {
     Port { kind: PortKind::Pilot, volume: 0.0, ..gas(name) }
 }
 
 /// A port of a volume, which includes that of the port.
-const fn chamber(name: &'static str) -> Port {
+pub const fn chamber(name: &'static str) -> Port {
     Port { holds: Holds::Volume, volume: 0.0, ..gas(name) }
 }
 
-const fn axis(name: &'static str, optional: bool) -> Port {
+/// A port of a moving mass.
+pub const fn axis(name: &'static str, optional: bool) -> Port {
     Port { name, kind: PortKind::Axis, exhaust: false, optional, holds: Holds::Nothing, volume: 0.0 }
 }
 
@@ -162,7 +166,7 @@ pub struct Kind {
 
 impl Kind {
     /// What most kinds have none of.
-    const PLAIN: Kind = Kind {
+    pub const PLAIN: Kind = Kind {
         key: "",
         title: "",
         text: "",
@@ -212,7 +216,7 @@ impl<P> Instance<P> {
     }
 
     pub fn kind(&self) -> &'static Kind {
-        self.written.map_or(KINDS[self.kind], |written| &written.kind)
+        self.written.map_or_else(|| registry::kind(self.kind), |written| &written.kind)
     }
 }
 
@@ -240,27 +244,27 @@ impl<P: Lane> Instance<P> {
     }
 
     /// A number that may be left out.
-    fn given(&self, key: &str) -> Option<P> {
+    pub fn given(&self, key: &str) -> Option<P> {
         self.numbers[self.place(key)]
     }
 
     /// Whether something is differentiated by a number.
-    fn is_free(&self, key: &str) -> bool {
+    pub fn is_free(&self, key: &str) -> bool {
         self.free[self.place(key)]
     }
 
     /// A number that is there: checked before.
-    fn number(&self, key: &str) -> P {
+    pub fn number(&self, key: &str) -> P {
         self.given(key).expect("a number that was checked")
     }
 
     /// The law of a flow path of this component with the sonic conductance called `conductance`.
-    fn path(&self, conductance: &str, build: &Build<P>) -> Iso6358<P> {
+    pub fn path(&self, conductance: &str, build: &Build<P>) -> Iso6358<P> {
         self.path_of(self.number(conductance), build)
     }
 
     /// The same with a sonic conductance, m3/(s Pa).
-    fn path_of(&self, conductance: P, build: &Build<P>) -> Iso6358<P> {
+    pub fn path_of(&self, conductance: P, build: &Build<P>) -> Iso6358<P> {
         self.law(conductance, self.number("critical_pressure_ratio"), build)
     }
 
@@ -323,17 +327,19 @@ pub enum Node {
 pub struct Terminals<'a>(pub &'a [Node]);
 
 impl Terminals<'_> {
-    fn gas(&self, port: usize) -> Option<GasId> {
+    /// The gas at a port.
+    pub fn gas(&self, port: usize) -> Option<GasId> {
         if let Node::Gas(id) = self.0[port] { Some(id) } else { None }
     }
 
-    fn axis(&self, port: usize) -> Option<AxisId> {
+    /// The mass at a port.
+    pub fn axis(&self, port: usize) -> Option<AxisId> {
         if let Node::Axis(id) = self.0[port] { Some(id) } else { None }
     }
 }
 
 /// A kind of component.
-trait Component {
+pub trait Component: 'static {
     const KIND: Kind;
 
     /// What it brings to the joint at a port.
@@ -347,7 +353,9 @@ trait Component {
     }
 
     /// Adds its parts.
-    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>);
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>)
+    where
+        Deps: Over<P>;
 }
 
 macro_rules! components {
@@ -360,7 +368,7 @@ macro_rules! components {
             $(if own.kind == kind.next().unwrap_or(0) {
                 return <$component as Component>::bring(own, port, ambient_temperature);
             })*
-            unreachable!("kind {} of component", own.kind)
+            registry::at(own.kind).bring_as(own, port, ambient_temperature)
         }
 
         pub(crate) fn check(own: &Instance<f64>) -> Result<(), Error> {
@@ -368,7 +376,7 @@ macro_rules! components {
             $(if own.kind == kind.next().unwrap_or(0) {
                 return <$component as Component>::check(own);
             })*
-            unreachable!("kind {} of component", own.kind)
+            registry::at(own.kind).check(own)
         }
 
         pub(crate) fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) where Deps: Over<P> {
@@ -376,7 +384,7 @@ macro_rules! components {
             $(if own.kind == kind.next().unwrap_or(0) {
                 return <$component as Component>::compose(own, at, build);
             })*
-            unreachable!("kind {} of component", own.kind)
+            registry::at(own.kind).compose(own, at, build);
         }
     };
 }

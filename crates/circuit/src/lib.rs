@@ -4,6 +4,9 @@
 //! and enthalpy flow; axes carry position, velocity and force. [`Drive`], [`Rig`] and [`Tank`] are assemblies
 //! made of nothing but public parts.
 
+/// The crates that components of another crate are written with.
+pub use {math, ode, physics};
+
 mod assembly;
 mod circuit;
 mod component;
@@ -11,6 +14,7 @@ mod impacts;
 mod ledger;
 mod lifted;
 mod net;
+pub mod own;
 mod part;
 mod run;
 pub mod specification;
@@ -22,7 +26,8 @@ pub use assembly::{
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
 pub use component::{
-    Choice, Holds, KINDS, Kind as ComponentKind, Port, PortKind, Stroke, Symbol, formula_kind,
+    Choice, Holds, KINDS, Kind as ComponentKind, Port, PortKind, Stroke, Symbol, formula_kind, kinds,
+    register,
 };
 pub use impacts::Impact;
 pub use ledger::{Balance, Channel, Kind, balance};

@@ -17,6 +17,7 @@ mod edge;
 mod ejector;
 mod end_stops;
 mod face;
+mod foreign;
 mod formula_force;
 mod formula_path;
 mod gap;
@@ -61,6 +62,7 @@ pub use edge::Edge;
 pub use ejector::Ejector;
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
+pub use foreign::{Family, Foreign, Member};
 pub use formula_force::FormulaForce;
 pub use formula_path::FormulaPath;
 pub use gap::Gap;
@@ -104,7 +106,7 @@ pub struct State {
 
 impl State {
     /// A state of a part itself.
-    pub(crate) fn own(name: &'static str, unit: &'static str, scale: f64) -> Self {
+    pub fn own(name: &'static str, unit: &'static str, scale: f64) -> Self {
         State { name, unit, scale, of: Of::Part }
     }
 
@@ -138,7 +140,8 @@ pub struct PartId {
 }
 
 impl PartId {
-    pub(crate) fn input(self, input: usize) -> InputId {
+    /// One of its inputs.
+    pub fn input(self, input: usize) -> InputId {
         InputId { kind: self.kind, index: self.index, input }
     }
 }
@@ -436,4 +439,5 @@ parts! {
         motors: Motor,
         formula_paths: FormulaPath,
         formula_forces: FormulaForce,
+        foreign: Foreign,
 }

@@ -17,5 +17,5 @@ mod system;
 pub use control::{Failure, Options, Statistics};
 pub use rosenbrock::{RODAS5P, Rosenbrock};
 pub use stepper::{Accepted, NoOutput, Output, Paused, Stepper};
-pub use structure::Structure;
+pub use structure::{DIRECTIONS, Structure};
 pub use system::System;

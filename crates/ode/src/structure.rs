@@ -4,7 +4,7 @@
 use math::Deps;
 
 /// How many directions one pass of dual numbers carries.
-pub(crate) const DIRECTIONS: usize = 8;
+pub const DIRECTIONS: usize = 8;
 
 /// Slot of a matrix entry in the array of stored values.
 type Slot = u32;

@@ -5,7 +5,7 @@ use crate::drive::{WithInitial, shot_to_dict};
 use crate::friction::refused;
 use crate::session::PySession;
 use circuit::{
-    Assembly, ComponentKind, Holds, KINDS, Network, PortKind, Shooting, Stroke, formula_kind, specification,
+    Assembly, ComponentKind, Holds, Network, PortKind, Shooting, Stroke, formula_kind, kinds, specification,
 };
 use numpy::PyReadonlyArray2;
 use ode::Options;
@@ -239,7 +239,7 @@ fn strokes<'py>(py: Python<'py>, strokes: &[Stroke]) -> PyResult<Vec<Bound<'py, 
 /// Every kind of component: its ports, parameters, choices, inputs and outputs.
 #[pyfunction]
 pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    KINDS.iter().map(|kind| kind_entry(py, kind)).collect()
+    kinds().into_iter().map(|kind| kind_entry(py, kind)).collect()
 }
 
 /// The entry, as of `components`, of what a formula (JSON) makes of a kind, with `warnings`.

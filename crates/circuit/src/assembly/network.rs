@@ -7,8 +7,8 @@ use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Instance, KINDS, Node, Piston, PortKind, Row, Terminals, Vessel, bring, check,
-    compose, joint_volume, written,
+    Acts, Brings, Build, Instance, Node, Piston, PortKind, Row, Terminals, Vessel, bring, check, compose,
+    joint_volume, kinds, written,
 };
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
@@ -59,20 +59,21 @@ fn one_of<T: Into<String>>(names: impl Iterator<Item = T>) -> String {
 /// A component with its numbers, checked.
 fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
     let name = &spec.name;
-    let Some(kind) = KINDS.iter().position(|kind| kind.key == spec.kind) else {
-        let kinds = one_of(KINDS.iter().map(|kind| kind.key));
+    let kinds = kinds();
+    let Some(kind) = kinds.iter().position(|kind| kind.key == spec.kind) else {
+        let kinds = one_of(kinds.iter().map(|kind| kind.key));
         return refuse(format!("{name}: there is no kind \"{}\" of component; there are {kinds}", spec.kind));
     };
-    let written = match (KINDS[kind].formula, &spec.formula) {
+    let written = match (kinds[kind].formula, &spec.formula) {
         (None, None) => None,
         (None, Some(_)) => return refuse(format!("{name}: a {} takes no formula", spec.kind)),
         (Some(_), None) => return refuse(format!("{name}.formula is missing")),
-        (Some(role), Some(formula)) => match written(KINDS[kind], role, formula) {
+        (Some(role), Some(formula)) => match written(kinds[kind], role, formula) {
             Ok(written) => Some(written),
             Err(refusal) => return refuse(format!("{name}.formula.{refusal}")),
         },
     };
-    let table = written.map_or(KINDS[kind], |written| &written.kind);
+    let table = written.map_or(kinds[kind], |written| &written.kind);
     let known = |key: &String| table.parameters.iter().any(|parameter| parameter.key == key);
     if let Some(key) = spec.numbers.keys().find(|key| !known(key)) {
         let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));

@@ -4,8 +4,8 @@ use super::{Instance, Vessel};
 use crate::assembly::end_stop::Ends;
 use crate::assembly::{Quantity, Starting, Timing};
 use crate::circuit::{AxisId, Circuit, GasId, Path};
-use crate::part::{CheckValve, Edge, InputId, Kept, PartId, Wall};
-use math::Lane;
+use crate::part::{Between, CheckValve, Edge, Family, Foreign, InputId, Kept, Member, Part, PartId, Wall};
+use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::{Bounds, IdealGas};
 
@@ -32,7 +32,7 @@ pub struct Piston<P> {
     pub name: String,
     /// m.
     pub stroke: P,
-    pub ends: Ends<P>,
+    pub(crate) ends: Ends<P>,
     /// Areas on both sides, m2, and what an end stop may take up there, m3.
     pub areas: [P; 2],
     pub dead_volumes: [P; 2],
@@ -71,7 +71,7 @@ pub struct Build<P> {
 
 impl<P: Lane> Build<P> {
     /// A volume.
-    pub(crate) fn volume(&mut self, vessel: Vessel<P>) -> GasId {
+    pub fn volume(&mut self, vessel: Vessel<P>) -> GasId {
         let Vessel { law, dead_volume, wall, heat_transfer, wall_temperature } = vessel;
         self.circuit.volume(law, dead_volume, wall, heat_transfer, wall_temperature)
     }
@@ -87,14 +87,14 @@ impl<P: Lane> Build<P> {
     }
 
     /// A restriction that is always open.
-    pub(super) fn passage(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
+    pub fn passage(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
         let edge = self.edge(law, from, to);
         self.open.push(edge);
         edge
     }
 
     /// A restriction that is shut until its input opens it.
-    pub(super) fn edge(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
+    pub fn edge(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
         self.paths.push((law.conductance, from, to));
         self.circuit.restriction(law, from, to)
     }
@@ -106,8 +106,27 @@ impl<P: Lane> Build<P> {
         self.circuit.add(part)
     }
 
+    /// A part of another crate; for each of its flow paths the sonic conductance that end stops have to expect.
+    pub fn own_part<T: Member + Part<P> + 'static>(&mut self, part: T, conductances: &[P]) -> PartId
+    where
+        Deps: Over<P>,
+        T::Family: Family<Of<P> = T>,
+    {
+        self.flow_part(Foreign::new(part), conductances)
+    }
+
+    /// A flow path between two gas nodes.
+    pub fn between(&self, from: GasId, to: GasId) -> Between {
+        self.circuit.between(from, to)
+    }
+
+    /// A number that parts tell each other or themselves: its place among the signals.
+    pub fn signal(&mut self) -> usize {
+        self.circuit.signal()
+    }
+
     /// A spring between a mass and the frame: stiffness, N/m, and the position where it has no force, m.
-    pub(super) fn spring(&mut self, axis: AxisId, stiffness: P, rest_position: P) {
+    pub fn spring(&mut self, axis: AxisId, stiffness: P, rest_position: P) {
         self.circuit.spring(axis, stiffness, rest_position);
         self.springs.push((axis, stiffness, rest_position));
     }
@@ -119,7 +138,7 @@ impl<P: Lane> Build<P> {
     }
 
     /// The wall of volumes that stores heat, and the column of its temperature.
-    pub(super) fn wall(&mut self, of: &Instance<P>, nodes: &[GasId]) {
+    pub fn wall(&mut self, of: &Instance<P>, nodes: &[GasId]) {
         let signal = self.circuit.signal();
         self.circuit.add(Wall {
             capacity: of.number("wall_capacity"),
@@ -133,19 +152,13 @@ impl<P: Lane> Build<P> {
     }
 
     /// A path that opens by itself.
-    pub(super) fn check_valve(
-        &mut self,
-        law: Iso6358<P>,
-        cracking_pressure: P,
-        from: GasId,
-        to: GasId,
-    ) -> Path {
+    pub fn check_valve(&mut self, law: Iso6358<P>, cracking_pressure: P, from: GasId, to: GasId) -> Path {
         let (conductance, path) = (law.conductance, self.circuit.between(from, to));
         Path::along(self.flow_part(CheckValve { law, cracking_pressure, path }, &[conductance]), 0)
     }
 
     /// The columns of a motion: position, velocity, acceleration and friction, the first four outputs.
-    pub(super) fn motion(&mut self, of: &Instance<P>, axis: AxisId) {
+    pub fn motion(&mut self, of: &Instance<P>, axis: AxisId) {
         if self.is_like {
             return;
         }
@@ -161,7 +174,7 @@ impl<P: Lane> Build<P> {
     }
 
     /// The columns of the inner states of friction.
-    pub(super) fn inner_states(&mut self, of: &Instance<P>, axis: AxisId) {
+    pub fn inner_states(&mut self, of: &Instance<P>, axis: AxisId) {
         if self.is_like {
             return;
         }
@@ -178,18 +191,20 @@ impl<P: Lane> Build<P> {
     }
 
     /// The largest sonic conductance through which gas leaves a node.
-    pub(super) fn widest(&self, node: GasId) -> P {
+    pub fn widest(&self, node: GasId) -> P {
         let each = self.paths.iter().filter(|(_, from, to)| *from == node || *to == node);
         each.fold(P::zero(), |widest, (conductance, ..)| widest.max(*conductance))
     }
 
-    pub(super) fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
+    /// The input at this place of the kind's table.
+    pub fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
         let (name, _, meaning) = of.kind().inputs[input];
         let name = if self.is_like { String::new() } else { format!("{}.{name}", of.name) };
         self.inputs.push((name, meaning, acts));
     }
 
-    pub(super) fn column(&mut self, of: &Instance<P>, output: usize, quantity: Quantity) {
+    /// The output at this place of the kind's table.
+    pub fn column(&mut self, of: &Instance<P>, output: usize, quantity: Quantity) {
         if self.is_like {
             return;
         }

@@ -31,48 +31,49 @@ impl Deref for Row {
 
 /// Parameters of a component, in the words of a table. Rows that several kinds have stand there by their name: `NAME;` for
 /// one, `..NAMES;` for some.
+#[macro_export]
 macro_rules! table {
     ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
         $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)? $(, unless $unless:literal)?
         $(, only $only:literal)? $(, was $was:literal)?,
         $meaning:literal)?)?;)*) => {{
-        const PARTS: &[&[$crate::component::table::Row]] = &[$(
+        const PARTS: &[&[$crate::own::Row]] = &[$(
             $(&$rows)?
-            $(&[$crate::component::table::table!(
+            $(&[$crate::table!(
                 @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?],
                 [$($only)?], [$($was)?], $meaning)?
             )])?
         ),*];
-        const ROWS: [$crate::component::table::Row; $crate::component::table::count(PARTS)] = $crate::component::table::join(PARTS);
+        const ROWS: [$crate::own::Row; $crate::own::count(PARTS)] = $crate::own::join(PARTS);
         &ROWS
     }};
     (@row $shared:ident) => { $shared };
     (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
         [$($follows:literal)?], [$($within:literal)?], [$($unless:literal)?], [$($only:literal)?], [$($was:literal)?],
         $meaning:literal) => {
-        $crate::component::table::Row {
-            parameter: physics::Parameter {
+        $crate::own::Row {
+            parameter: $crate::physics::Parameter {
                 key: stringify!($key),
                 unit: $unit,
                 bounds: $bounds,
-                default: $crate::component::table::table!(@or None $(Some($default))?),
+                default: $crate::table!(@or None $(Some($default))?),
                 meaning: $meaning,
             },
-            assumed: $crate::component::table::table!(@or "" $($assumed)?),
-            follows: $crate::component::table::table!(@or "" $($follows)?),
-            unless: $crate::component::table::table!(@or "" $($unless)?),
-            within: $crate::component::table::table!(@or "" $($within)?),
-            only: $crate::component::table::table!(@or "" $($only)?),
-            was: $crate::component::table::table!(@or "" $($was)?),
+            assumed: $crate::table!(@or "" $($assumed)?),
+            follows: $crate::table!(@or "" $($follows)?),
+            unless: $crate::table!(@or "" $($unless)?),
+            within: $crate::table!(@or "" $($within)?),
+            only: $crate::table!(@or "" $($only)?),
+            was: $crate::table!(@or "" $($was)?),
         }
     };
     (@or $other:tt) => { $other };
     (@or $other:tt $own:expr) => { $own };
 }
-pub(super) use table;
 
 /// How many there are in all.
-pub(super) const fn count<T>(parts: &[&[T]]) -> usize {
+#[doc(hidden)]
+pub const fn count<T>(parts: &[&[T]]) -> usize {
     let (mut sum, mut i) = (0, 0);
     while i < parts.len() {
         sum += parts[i].len();
@@ -82,7 +83,8 @@ pub(super) const fn count<T>(parts: &[&[T]]) -> usize {
 }
 
 /// One after the other.
-pub(super) const fn join<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
+#[doc(hidden)]
+pub const fn join<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
     let mut all = [parts[0][0]; N];
     let (mut done, mut i) = (0, 0);
     while i < parts.len() {
@@ -97,7 +99,7 @@ pub(super) const fn join<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
 }
 
 /// Rows that flow paths by ISO 6358 share.
-pub(super) const SUBSONIC_INDEX: Row = Row {
+pub const SUBSONIC_INDEX: Row = Row {
     parameter: Parameter {
         key: "subsonic_index",
         unit: "1",
@@ -112,7 +114,8 @@ pub(super) const SUBSONIC_INDEX: Row = Row {
     only: "",
     was: "",
 };
-pub(super) const LINEAR_ABOVE: Row = table! {
+/// A row that flow paths by ISO 6358 share.
+pub const LINEAR_ABOVE: Row = table! {
     linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",
         "Pressure ratio above which the flow is linear; of a check valve its share of the closing ratio";
 }[0];

@@ -92,7 +92,8 @@ macro_rules! gathered {
         }
 
         impl<R: math::Lane> $name<R> {
-            pub(crate) fn gather(each: &[&$name<f64>]) -> Self {
+            /// Lane `i` takes the numbers of `each[i]`.
+            pub fn gather(each: &[&$name<f64>]) -> Self {
                 $name {
                     $($number: R::from_lanes(|lane| each[lane].$number),)*
                     $($law: $law_type::gather(&each.iter().map(|part| &part.$law).collect::<Vec<_>>()),)*

@@ -1,0 +1,15 @@
+//! What a crate of its own needs to add a component: the table ([`ComponentKind`], [`table!`](crate::table)), what it is
+//! made of ([`Build`]), and parts with equations of their own ([`own_part!`](crate::own_part), [`Part`]).
+//! `examples/own-component` is such a crate.
+
+pub use crate::component::{
+    Acts, Brings, Build, Choice, Component, Holds, Instance, Kind as ComponentKind, LINEAR_ABOVE, Node, Port,
+    PortKind, Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals, Vessel, axis, chamber, exhaust, gas, kinds,
+    pilot, register,
+};
+#[doc(hidden)]
+pub use crate::component::{count, join};
+pub use crate::part::{
+    Between, Common, Family, Given, Input, InputId, Member, Own, OwnMut, Part, PartId, State,
+};
+pub use crate::{AxisId, GasId, Net, Path, Quantity};
