@@ -101,6 +101,18 @@ def test_lines_lie_between_valve_and_cylinder(short):
         drive.core_json()
 
 
+def test_a_tube_has_the_kind_of_its_model(short):
+    models = {"auto": "tube/auto", "steady": "tube", "lumped": "tube/lumped", "distributed": "tube/distributed"}
+    for model, kind in models.items():
+        drive = short(SHORT + LINES.replace('"2 m"', f'"2 m", model = "{model}"', 1))
+        assert drive.circuit.components["tube_a"].kind == kind
+        assert drive.circuit.components["tube_b"].kind == "tube"
+    for wrong, said in (('model = "long"', "model = 'long' is not known"), ('kind = "tube", model = "auto"', "both")):
+        with pytest.raises(DescriptionError, match=said) as refused:
+            short(SHORT + LINES.replace('"2 m"', f'"2 m", {wrong}', 1))
+        assert "tubing.a" in str(refused.value)
+
+
 def test_a_drive_with_lines_keeps_the_names_of_a_drive(short):
     drive, plain = short(SHORT + LINES), short(SHORT)
     slow, fast = (pn.simulate(d, 1.0, "0.1 s", initial=START, ledger=d is drive) for d in (drive, plain))

@@ -14,6 +14,7 @@ mod formula;
 mod leak;
 mod line;
 mod load;
+mod lumped;
 mod magnetic_coupling;
 mod motor;
 mod orifice;
@@ -398,6 +399,8 @@ components! {
     silencer::Silencer,
     tube::Tube,
     line::Line,
+    lumped::Lumped,
+    lumped::Auto,
     check_valve::CheckValve,
     piloted::PilotedCheckValve,
     flow_control::FlowControl,

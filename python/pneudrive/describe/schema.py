@@ -7,7 +7,7 @@ from typing import Any
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.components import component_class, component_kinds
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.short import TABLES
+from pneudrive.describe.short import TABLES, TUBES
 
 _COPIES = {"type": "array", "items": {"type": "string"}, "minItems": 1}
 
@@ -24,8 +24,9 @@ def drive_schema() -> dict[str, Any]:
         "pattern": "^catalogue:.+$",
         "description": "Drive of the catalogue to start from; what the file gives replaces its values.",
     }
+    model = {"enum": list(TUBES), "default": "steady", "description": "How the tube is modelled; or kind"}
     for table, kind in (("tubing", "tube"), ("flow_control", "flow-control")):
-        schema["properties"][table] = _for_each_chamber(kind)
+        schema["properties"][table] = _for_each_chamber(kind, {"model": model} if kind == "tube" else {})
     whole = {"required": required, "properties": {"drive": False}}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -67,12 +68,12 @@ def circuit_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def _for_each_chamber(kind: str) -> dict[str, Any]:
+def _for_each_chamber(kind: str, more: dict[str, Any]) -> dict[str, Any]:
     """Describe a table of lines: one for each chamber. A size of a flow control alone is that of its needle."""
     own = component_class(kind).model_json_schema(by_alias=True)["properties"]
     keys = {key: form for key, form in own.items() if key != "kind"}
     keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}
-    one = {"type": "object", "properties": keys, "additionalProperties": False}
+    one = {"type": "object", "properties": keys | more, "additionalProperties": False}
     return {"type": "object", "properties": {"a": one, "b": one}, "additionalProperties": False}
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.describe.base import wrong
 from pneudrive.describe.components import component_kinds
 from pneudrive.describe.connections import ARROW
-from pneudrive.errors import nearest
+from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -116,7 +116,11 @@ def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
             what = f"{where}.{size} and {where}.{_NEEDLE}{size} are one number"
             raise wrong(f"{where}.{size}", what, remedy=f"Keep {_NEEDLE}{size}.")
     name = f"{part}_{chamber}"
-    _add(short, name, where, {"kind": kind} | renamed(table))
+    try:
+        own = renamed(table)
+    except DescriptionError as error:
+        raise wrong(f"{where}.{error.key}", f"{where}: {error.what}", remedy=error.remedy) from None
+    _add(short, name, where, {"kind": kind} | own)
     for size in set(_SIZES) & set(table) if key == "flow_control" else ():
         short.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
 
@@ -155,10 +159,25 @@ def _path(key: str) -> str:
     return "" if size not in _SIZES else _CHECK if key.startswith(_CHECK) else _NEEDLE
 
 
+def _tube(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of a tube, whose kind may be given as a model."""
+    out = dict(table)
+    if "model" in out:
+        model = out.pop("model")
+        if "kind" in out or not isinstance(model, str) or model not in TUBES:
+            what = "both model and kind are given" if "kind" in out else f"model = {model!r} is not known"
+            remedy = "Keep one of them." if "kind" in out else nearest(str(model), TUBES)
+            raise wrong("model", what, remedy=remedy)
+        out["kind"] = TUBES[model]
+    return out
+
+
 _ENDS = ["valve", "cylinder"]
+#: Kind of a tube by its `model`.
+TUBES = {"auto": "tube/auto", "steady": "tube", "lumped": "tube/lumped", "distributed": "tube/distributed"}
 #: Table of lines -> name of its components, their kind, and how its keys become theirs; in the order from the valve.
 _LINES: dict[str, tuple[str, str, Any]] = {
-    "tubing": ("tube", "tube", dict),
+    "tubing": ("tube", "tube", _tube),
     "flow_control": ("flow_control", "flow-control", _flow_control),
 }
 

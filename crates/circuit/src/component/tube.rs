@@ -41,22 +41,30 @@ impl Component for Tube {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
-        let (length, diameter) = (own.number("length"), own.number("diameter"));
-        let square = diameter * diameter;
-        let conductance = own.given("conductance").unwrap_or_else(|| {
-            P::c(0.029) * square / (length / diameter.pow(P::c(1.25)) + P::c(510.0)).sqrt()
-        });
-        let ratio = own
-            .given("critical_pressure_ratio")
-            .unwrap_or_else(|| (P::c(474.0) * conductance / square).min(P::c(NOZZLE_RATIO)));
-        let above = own.number("linear_above");
-        let law = Iso6358::for_gas(conductance, ratio, P::c(0.5), above, true, &build.gas, build.is_air);
-        let edge = build.passage(law, from, to);
+        let edge = build.passage(law(own, steady(own), build), from, to);
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
 }
 
-const SYMBOL: Symbol = Symbol {
+/// Sonic conductance and critical pressure ratio of the whole tube.
+pub(super) fn steady<P: Lane>(own: &Instance<P>) -> [P; 2] {
+    let (length, diameter) = (own.number("length"), own.number("diameter"));
+    let square = diameter * diameter;
+    let conductance = own
+        .given("conductance")
+        .unwrap_or_else(|| P::c(0.029) * square / (length / diameter.pow(P::c(1.25)) + P::c(510.0)).sqrt());
+    let ratio = own
+        .given("critical_pressure_ratio")
+        .unwrap_or_else(|| (P::c(474.0) * conductance / square).min(P::c(NOZZLE_RATIO)));
+    [conductance, ratio]
+}
+
+pub(super) fn law<P: Lane>(own: &Instance<P>, [conductance, ratio]: [P; 2], build: &Build<P>) -> Iso6358<P> {
+    let above = own.number("linear_above");
+    Iso6358::for_gas(conductance, ratio, P::c(0.5), above, true, &build.gas, build.is_air)
+}
+
+pub(super) const SYMBOL: Symbol = Symbol {
     strokes: &[
         Stroke::Dot([0.0, 0.0], 0.2),
         Stroke::Arc([1.5, 2.0], 2.5, [126.87, 233.13]),
