@@ -280,7 +280,8 @@ def plans(draw: Draw, core: _core.Circuit, circuit: Circuit, duration: float) ->
         of = circuit.components[name.partition(".")[0]]
         if name.endswith(".command"):
             # A switching valve without pulses is on or off.
-            is_whole = of.kind.startswith("valve/switching") and not getattr(of, "pwm_frequency_hz", 0.0)
+            switches = of.kind.startswith(("valve/switching", "valve/impulse"))
+            is_whole = switches and not getattr(of, "pwm_frequency_hz", 0.0)
             low = 0.0 if of.kind.startswith("valve/switching") and not of.kind.endswith("5/3") else -1.0
             values = [draw.one(1.0, low, 0.0, 1.0 if is_whole else draw.linear(low, 1.0)) for _ in times]
         elif unit == "Pa" and draw.chance(0.4):

@@ -11,6 +11,7 @@ mod ejector;
 mod fitting;
 mod flow_control;
 mod formula;
+mod impulse;
 mod leak;
 mod line;
 mod load;
@@ -417,6 +418,7 @@ components! {
     switching::Switching32,
     switching::Switching52,
     switching::Switching53,
+    impulse::Impulse52,
     load::Load,
     load::Spring,
     slide::Slide,

@@ -165,11 +165,17 @@ pub struct Given<'a, R> {
     pub ages: &'a [(AxisId, R)],
     /// All inner states of friction.
     pub inner: &'a [(AxisId, &'a [R])],
+    /// What a signal starts at: the position of an armature.
+    pub signals: &'a [(usize, R)],
 }
 
 impl<R: Copy> Given<'_, R> {
     pub(crate) fn gas(&self, node: usize) -> Option<[R; 2]> {
         self.gas.iter().find(|(id, ..)| id.0 == node).map(|&(_, p, t)| [p, t])
+    }
+
+    pub(crate) fn signal(&self, place: usize) -> Option<R> {
+        self.signals.iter().find(|(own, _)| *own == place).map(|&(_, value)| value)
     }
 
     pub(crate) fn axis(&self, node: usize) -> Option<[R; 2]> {

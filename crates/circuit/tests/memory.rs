@@ -28,7 +28,13 @@ fn table(contact: Contact<f64>, mass: f64, force: f64, link: Link, speed: f64, a
     let link = circuit.link(servo, axis, link.0, link.1);
     let mut circuit = circuit.build(false);
     let axes = [(axis, 0.0, 0.0), (servo, 0.0, speed)];
-    let y = circuit.begin(&circuit::Given { gas: &[], axes: &axes, ages: &[(axis, age)], inner: &[] });
+    let y = circuit.begin(&circuit::Given {
+        gas: &[],
+        axes: &axes,
+        ages: &[(axis, age)],
+        inner: &[],
+        signals: &[],
+    });
     Table { stepper: Stepper::new(circuit, 0.0, &y, options(1e-8)), mass: axis, carriage, link }
 }
 

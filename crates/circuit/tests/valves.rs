@@ -174,6 +174,58 @@ fn the_centre_of_a_valve_holds_vents_or_fills_both_ports() {
 }
 
 #[test]
+fn an_impulse_valve_keeps_its_position_and_ends_the_travel_that_has_begun() {
+    // To the middle of the travel 10 ms, of which the travel takes 4; back 20 ms, with a travel of 8.
+    let valve = json!({ "name": "valve", "kind": "valve/impulse-5/2", "numbers": { "conductance": CONDUCTANCE,
+        "critical_pressure_ratio": 0.3, "time_on": 0.01, "time_off": 0.02, "travel_share": 0.4 } });
+    let components = json!([supply(), valve, tank("a", 1e-4), tank("b", 1e-4)]);
+    let joints = json!([["supply.1", "valve.1"], ["valve.4", "a.1"], ["valve.2", "b.1"]]);
+    let network = network(&components, &joints).expect("assembles");
+    let from = |position: f64, plan: &[(&str, f64, f64)], duration: f64| {
+        let start = [
+            ("a.pressure_pa", 101_300.0),
+            ("a.temperature_k", ROOM),
+            ("b.pressure_pa", 101_300.0),
+            ("b.temperature_k", ROOM),
+            ("valve.position", position),
+        ];
+        run(&network, plan, (duration, 1000.0), &start).0
+    };
+    let at = |columns: &BTreeMap<String, Vec<f64>>, ms: usize, x: f64| {
+        let position = columns["valve.position"][ms];
+        assert!((position - x).abs() < 1e-9, "{ms} ms: {position}, expected {x}");
+    };
+    // A pulse of 9 ms starts it at 8 ms; at 9 ms, a quarter gone, the pulse ends and it goes on, and stays.
+    let pulse = [(VALVE, 0.0, 1.0), (VALVE, 0.009, 0.0)];
+    let columns = from(0.0, &pulse, 0.2);
+    for (ms, x) in [(8, 0.0), (9, 0.25), (10, 0.5), (12, 1.0), (200, 1.0)] {
+        at(&columns, ms, x);
+    }
+    let last =
+        |columns: &BTreeMap<String, Vec<f64>>, name: &str| columns[name].last().copied().unwrap_or(f64::NAN);
+    assert!(last(&columns, "a.pressure_pa") > 6e5 && last(&columns, "b.pressure_pa") < 1.02e5);
+    // One of 7 ms is shorter than the dead time.
+    at(&from(0.0, &[(VALVE, 0.0, 1.0), (VALVE, 0.007, 0.0)], 0.05), 50, 0.0);
+    // Without any command it keeps the position that it starts in.
+    let columns = from(1.0, &[], 0.2);
+    assert!(columns["valve.position"].iter().all(|x| *x == 1.0));
+    assert!(last(&columns, "a.pressure_pa") > 6e5 && last(&columns, "b.pressure_pa") < 1.02e5);
+    let columns = from(0.0, &[], 0.2);
+    assert!(last(&columns, "a.pressure_pa") < 1.02e5 && last(&columns, "b.pressure_pa") > 6e5);
+    // The other coil: 16 ms of dead time, then back in 8.
+    let columns = from(1.0, &[(VALVE, 0.0, -1.0), (VALVE, 0.017, 0.0)], 0.05);
+    for (ms, x) in [(16, 1.0), (18, 0.75), (20, 0.5), (24, 0.0), (50, 0.0)] {
+        at(&columns, ms, x);
+    }
+    // Its position is one of two.
+    let start: BTreeMap<String, f64> = (network.start_names().into_iter())
+        .map(|name| (name.to_string(), if name == "valve.position" { 0.5 } else { 3e5 }))
+        .collect();
+    let refused = network.session(&start, Options::default()).err().map(|error| error.to_string());
+    assert!(refused.is_some_and(|message| message.contains("valve.position = 0.5 must be 0 or 1")));
+}
+
+#[test]
 fn a_spool_is_of_second_order_behind_its_dead_time_and_its_play() {
     let (f, zeta, delay) = (90.0, 0.6, 0.002);
     let w = 2.0 * PI * f;

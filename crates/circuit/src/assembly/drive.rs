@@ -319,6 +319,7 @@ impl Drive {
             axes: &[(axis, initial.position_m, initial.velocity_m_s)],
             ages: &[(axis, initial.contact_age_s)],
             inner: &[],
+            signals: &[],
         });
         (circuit, y)
     }

@@ -751,7 +751,7 @@ impl Assembly {
             }
             Some(value) => Ok(*value),
         };
-        let (mut gas, mut axes, mut ages) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut gas, mut axes, mut ages, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (starting, names) in &self.variables.starts {
             match *starting {
                 Starting::Gas(id) => gas.push((id, number(&names[0], true)?, number(&names[1], true)?)),
@@ -759,6 +759,15 @@ impl Assembly {
                     axes.push((id, number(&names[0], false)?, number(&names[1], false)?));
                     ages.push((id, 0.0));
                 }
+                Starting::Kept(signal) => match number(&names[0], false)? {
+                    position @ (0.0 | 1.0) => signals.push((signal, position)),
+                    position => {
+                        return refuse(format!(
+                            "the start {} = {position} must be 0 or 1: the valve keeps an end position",
+                            names[0]
+                        ));
+                    }
+                },
                 Starting::Inner(_) | Starting::Alike(_) => {}
             }
         }
@@ -769,7 +778,7 @@ impl Assembly {
                 self.set(&mut circuit, input, 0, value);
             }
         }
-        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[] });
+        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[], signals: &signals });
         Ok(Session::new(self, 0.0, (circuit, y), options))
     }
 }

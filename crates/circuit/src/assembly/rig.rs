@@ -157,7 +157,8 @@ impl Rig {
         let at = if let Start::Rest(position) = from { position } else { 0.0 };
         let axes = [(self.axis, at, 0.0), (self.carriage_axis, at, 0.0)];
         let ages = [(self.axis, self.initial_age)];
-        let mut y = circuit.begin(&Given { gas: &filled, axes: &axes, ages: &ages, inner: &[] });
+        let mut y =
+            circuit.begin(&Given { gas: &filled, axes: &axes, ages: &ages, inner: &[], signals: &[] });
         if let Start::State(state) = from {
             let n = circuit.n_states();
             if state.len() != n {

@@ -26,6 +26,9 @@ pub enum Timing {
         /// It starts where its first command has it; else at rest.
         stands: bool,
     },
+    /// An armature travels to one under a command 1 and to zero under -1, each as above; without a command it keeps its
+    /// position, and a travel that has begun goes on to its end.
+    Keep { part: PartId, dead: [f64; 2], travel: [f64; 2] },
     /// The mean of pulses.
     Average { part: PartId, times: [f64; 2], dead: [f64; 2], pulses: Pulses },
 }
@@ -56,7 +59,10 @@ impl Due {
 impl Timing {
     pub fn part(&self) -> PartId {
         match *self {
-            Timing::Follow { part, .. } | Timing::Travel { part, .. } | Timing::Average { part, .. } => part,
+            Timing::Follow { part, .. }
+            | Timing::Travel { part, .. }
+            | Timing::Keep { part, .. }
+            | Timing::Average { part, .. } => part,
         }
     }
 
@@ -77,7 +83,7 @@ impl Timing {
                 circuit.set_input(self.input(signal::REMEMBERED), lane, command);
                 command
             }
-            Timing::Travel { .. } => R::zero(),
+            Timing::Travel { .. } | Timing::Keep { .. } => R::zero(),
             Timing::Average { times, dead, pulses, .. } => {
                 R::c(average(command.get(lane), times, dead, pulses))
             }
@@ -87,7 +93,7 @@ impl Timing {
 
     /// Whether the command is one of whole numbers.
     pub fn is_whole(&self) -> bool {
-        matches!(self, Timing::Travel { pulses: None, .. })
+        matches!(self, Timing::Travel { pulses: None, .. } | Timing::Keep { .. })
     }
 
     /// Whether the first command of a run has acted for long when it begins.
@@ -176,6 +182,9 @@ impl<R: Lane> Session<R> {
                 self.act(what.input(signal::ACTS), average(value, times, dead, pulses));
             }
             Timing::Travel { pulses: None, .. } => self.switch(timing, value),
+            // Shorter than the dead time, a command does not move it.
+            Timing::Keep { .. } if value == 0.0 => self.forget(timing, Due::Start),
+            Timing::Keep { .. } => self.switch(timing, f64::from(u8::from(value > 0.0))),
             Timing::Travel { pulses: Some(Pulses { period }), .. } => {
                 if !self.is_due(timing, Due::Rise) {
                     self.later((now / period).ceil() * period, timing, Due::Rise, 0.0);
@@ -186,7 +195,9 @@ impl<R: Lane> Session<R> {
 
     /// Switches an armature: it starts after the dead time, unless it is switched back before.
     fn switch(&mut self, timing: usize, to: f64) {
-        let Timing::Travel { dead, .. } = self.timings()[timing] else { return };
+        let (Timing::Travel { dead, .. } | Timing::Keep { dead, .. }) = self.timings()[timing] else {
+            return;
+        };
         self.forget(timing, Due::Start);
         self.later(self.time() + dead[usize::from(to == 0.0)], timing, Due::Start, to);
     }
@@ -196,7 +207,7 @@ impl<R: Lane> Session<R> {
         let (now, what) = (self.time(), self.timings()[timing]);
         match (due, what) {
             (Due::Act, _) => self.act(what.input(signal::ACTS), value),
-            (Due::Start, Timing::Travel { travel, .. }) => {
+            (Due::Start, Timing::Travel { travel, .. } | Timing::Keep { travel, .. }) => {
                 self.forget(timing, Due::Act);
                 let left = value - self.circuit().part_state(what.part(), self.state()).get(0);
                 let time = left.abs() * travel[usize::from(value == 0.0)];

@@ -84,6 +84,8 @@ pub enum Starting {
     Axis(AxisId),
     /// All inner states of an axis' friction.
     Inner(AxisId),
+    /// The position of a valve that keeps it, 0 or 1: its place among the signals.
+    Kept(usize),
 }
 
 /// The names of a circuit.
@@ -190,7 +192,7 @@ impl<P: Lane> Assembly<P> {
     pub fn begin(&self, start: &[P], u: P) -> (Circuit<P>, Vec<P>) {
         let mut circuit = Circuit::clone(&self.circuit);
         self.set_command(&mut circuit, 0, u);
-        let (mut gas, mut axes, mut inner) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut gas, mut axes, mut inner, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut rest = start;
         for (starting, names) in &self.variables.starts {
             let (own, others) = rest.split_at(names.len());
@@ -199,10 +201,11 @@ impl<P: Lane> Assembly<P> {
                 Starting::Alike(id) => gas.extend(gas.last().map(|&(_, p, t)| (id, p, t))),
                 Starting::Axis(id) => axes.push((id, own[0], own[1])),
                 Starting::Inner(id) => inner.push((id, own)),
+                Starting::Kept(signal) => signals.push((signal, own[0])),
             }
             rest = others;
         }
-        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &[], inner: &inner });
+        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &[], inner: &inner, signals: &signals });
         (circuit, y)
     }
 
@@ -214,6 +217,7 @@ impl<P: Lane> Assembly<P> {
             Starting::Alike(_) => Vec::new(),
             Starting::Axis(id) => vec![net[id].x, net[id].v],
             Starting::Inner(id) => circuit.inner_states(id, y).to_vec(),
+            Starting::Kept(signal) => vec![net.signal[signal]],
         });
         each.collect()
     }

@@ -314,7 +314,7 @@ impl<R: Lane> Circuit<R> {
     /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
     /// Sets the modes of friction to match.
     pub fn initial(&mut self, gas: &[(GasId, R, R)], axes: &[(AxisId, R, R)]) -> Vec<R> {
-        self.begin(&Given { gas, axes, ages: &[], inner: &[] })
+        self.begin(&Given { gas, axes, ages: &[], inner: &[], signals: &[] })
     }
 
     /// The state as given; sets all modes to match.

@@ -22,7 +22,7 @@ const PULSES: [Row; 1] = *table! {
         "Frequency of pulses whose width the command is; 0: the command switches";
 };
 
-const EXHAUST: [Row; 2] = *table! {
+pub(super) const EXHAUST: [Row; 2] = *table! {
     exhaust_conductance: "m3/(s Pa)", physics::above(0.0), follows "the conductance of the supply's paths",
         "Sonic conductance C of the paths to the exhaust, for air";
     exhaust_critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "the ratio of the supply's paths",
@@ -39,8 +39,8 @@ const NORMALLY: Choice =
     Choice { name: "normally", options: &["closed", "open"], meaning: "State without a command" };
 
 /// How a position opens an edge: shut up to the middle of the travel, so that no two edges of a port are open at once.
-const OPENS: [f64; 2] = [-1.0, 2.0];
-const SHUTS: [f64; 2] = [1.0, -2.0];
+pub(super) const OPENS: [f64; 2] = [-1.0, 2.0];
+pub(super) const SHUTS: [f64; 2] = [1.0, -2.0];
 /// An edge without another beside it. It is shut, and open, over the rounding of a travel.
 const ALONE: [f64; 2] = [-SLACK, 1.0 + 2.0 * SLACK];
 const ALONE_SHUTS: [f64; 2] = [1.0 + SLACK, -1.0 - 2.0 * SLACK];
@@ -234,17 +234,16 @@ impl Component for Switching32 {
     }
 }
 
-/// The four edges of a valve with five ports.
-fn five<P: Lane>(
+/// The four edges of a valve with five ports, from the signal of its position.
+pub(super) fn five<P: Lane>(
     own: &Instance<P>,
     at: &Terminals,
-    (least, opens): (f64, [[f64; 2]; 4]),
+    (signal, opens): (usize, [[f64; 2]; 4]),
     build: &mut Build<P>,
 ) {
     let each = [0, 1, 2, 3, 4].map(|port| at.gas(port));
     let [Some(supply), Some(a), Some(b), Some(out_a), Some(out_b)] = each else { return };
     let (law, vent) = (own.path("conductance", build), own.exhaust_path(build));
-    let signal = armature(own, Drives { has_pulses: false, least, stands: false }, build);
     let ends = [(supply, a), (a, out_a), (supply, b), (b, out_b)];
     let laws = [&law, &vent, &law, &vent];
     let [to_a, from_a, to_b, from_b] =
@@ -253,7 +252,7 @@ fn five<P: Lane>(
     build.column(own, 3, Quantity::Flow([Some(to_b), Some(from_b.backward())]));
 }
 
-const FIVE: Kind = Kind {
+pub(super) const FIVE: Kind = Kind {
     ports: &[gas("1"), gas("4"), gas("2"), exhaust("5"), exhaust("3")],
     outputs: &[
         ("command", "1", "command"),
@@ -285,7 +284,8 @@ impl Component for Switching52 {
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
-        five(own, at, (0.0, [OPENS, SHUTS, SHUTS, OPENS]), build);
+        let signal = armature(own, Drives { has_pulses: false, least: 0.0, stands: false }, build);
+        five(own, at, (signal, [OPENS, SHUTS, SHUTS, OPENS]), build);
     }
 }
 
@@ -316,7 +316,8 @@ impl Component for Switching53 {
             1 => [OPENS, SHUTS, [-1.0, -2.0], [1.0, 2.0]],
             _ => [[1.0, 2.0], [-1.0, -2.0], SHUTS, OPENS],
         };
-        five(own, at, (-1.0, edges), build);
+        let signal = armature(own, Drives { has_pulses: false, least: -1.0, stands: false }, build);
+        five(own, at, (signal, edges), build);
     }
 }
 

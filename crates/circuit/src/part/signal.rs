@@ -127,8 +127,8 @@ impl<P: Real> Part<P> for Armature<P> {
         dy.set([S::from(self.acts)]);
     }
 
-    fn begin(&self, _given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
-        y.set([self.commanded]);
+    fn begin(&self, given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
+        y.set([given.signal(self.signal).unwrap_or(self.commanded)]);
     }
 }
 
