@@ -28,10 +28,10 @@ const BUDGET: [f64; 3] = [100_000.0, 100.0, 220_000.0];
 /// The tolerance to which the budget belongs, and the power with which it grows below. A smooth motion takes steps as
 /// long as the fifth root of the tolerance; kinks and events, of which most work is made, cost less than that.
 const BUDGET_RTOL: f64 = 1e-6;
-const BUDGET_POWER: f64 = 0.03125;
+const BUDGET_POWER: f64 = 0.02;
 
 /// The number of states to which the budget belongs, and the least share of it. An attempt with more states costs more.
-const BUDGET_STATES: f64 = 11.0;
+const BUDGET_STATES: f64 = 10.0;
 const LEAST_BUDGET: f64 = 0.5;
 
 /// Attempts that a run of `duration` s with so many commands and states may take.

@@ -1,5 +1,6 @@
 //! Step size, acceptance and failure of one lane, in plain `f64` and plain `if`.
 
+use crate::approach::{Approach, FAR_OFF};
 use crate::swing::Swing;
 
 /// How accurately, and how long at most.
@@ -98,6 +99,8 @@ pub(crate) struct Control {
     pub wish: f64,
     /// After a rejection the next step may not grow.
     pub after_rejection: bool,
+    /// The way to a kink.
+    pub approach: Approach,
     /// The present attempt ends on the target exactly.
     pub last: bool,
     /// Length of the next attempt, where it is to end on an event.
@@ -124,6 +127,7 @@ impl Control {
         Control {
             wish: 0.0,
             after_rejection: false,
+            approach: Approach::NEW,
             last: false,
             cut: None,
             cutting: false,
@@ -170,7 +174,7 @@ impl Control {
     /// Sets the next wish from the error of an attempt with step `h`; true where it is accepted.
     pub fn judge(&mut self, h: f64, error: f64) -> bool {
         if !error.is_finite() {
-            self.wish = h * NOT_FINITE_FACTOR;
+            self.wish = h * self.approach.failed(h).unwrap_or(NOT_FINITE_FACTOR);
             self.after_rejection = true;
             self.statistics.rejected += 1;
             return false;
@@ -178,16 +182,21 @@ impl Control {
         let factor = SAFETY * inverse_fifth_root(error.max(LEAST_ERROR));
         let factor = factor.clamp(MIN_FACTOR, MAX_FACTOR);
         if error > 1.0 {
-            self.wish = h * factor.min(SAFETY);
+            let halving = if error > FAR_OFF { self.approach.failed(h) } else { None };
+            self.wish = h * halving.unwrap_or(factor.min(SAFETY));
             self.after_rejection = true;
             self.statistics.rejected += 1;
             return false;
         }
-        let factor = if self.after_rejection { factor.min(1.0) } else { factor };
+        let smooth = if self.after_rejection { factor.min(1.0) } else { factor };
         self.after_rejection = false;
         // A step cut short by the target or an event says nothing against the longer one planned.
-        let wish = h * factor;
-        self.wish = if self.last || self.cutting { wish.max(self.wish) } else { wish };
+        self.wish = if self.last || self.cutting {
+            self.approach.end();
+            (h * smooth).max(self.wish)
+        } else {
+            self.approach.kept(h, error).map_or(h * smooth, |most| most.min(h * factor))
+        };
         self.statistics.steps += 1;
         true
     }
@@ -215,6 +224,7 @@ impl Control {
     pub fn note_switch(&mut self, t: f64, event: usize, moved: bool) {
         self.statistics.events += 1;
         self.cuts = 0;
+        self.approach.end();
         self.idle_switches = if moved { 0 } else { self.idle_switches + 1 };
         if self.idle_switches > MAX_IDLE_SWITCHES {
             self.failure = Some(Failure::Chatter { t, event });

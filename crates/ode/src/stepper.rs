@@ -6,6 +6,7 @@ mod refusal;
 mod saltation;
 mod search;
 
+use crate::approach::FAR_OFF;
 use crate::control::{Control, Failure, Options, Statistics};
 use crate::dense::Step;
 use crate::linear::{Linear, blocks};
@@ -20,9 +21,6 @@ use std::sync::Arc;
 
 /// A step below this fraction of the present time (or of 1) no longer moves the clock reliably.
 const MIN_RELATIVE_STEP: f64 = 4.0 * f64::EPSILON;
-
-/// An attempt whose error is this many tolerances may have run into an obstacle.
-const FAR_OFF: f64 = 10.0;
 
 /// The first step may change the state by about this share of its size.
 const FIRST_SHARE: f64 = 0.01;

@@ -1,6 +1,7 @@
 //! A stepper between two calls of `advance` as words, and back.
 
 use super::Stepper;
+use crate::approach::Approach;
 use crate::control::{Control, Statistics};
 use crate::swing::Memory;
 use crate::system::System;
@@ -11,14 +12,24 @@ const SWING: usize = 7;
 impl<Sys: System<f64>> Stepper<f64, Sys> {
     /// All that what follows depends on, beside the inputs and modes of the system; nothing of a lane that has failed.
     pub fn save(&self) -> Option<Vec<u64>> {
-        let Control { wish, after_rejection, cut, cuts, idle_switches, failure, statistics, swings, .. } =
-            &self.lanes[0];
+        let Control {
+            wish,
+            after_rejection,
+            approach,
+            cut,
+            cuts,
+            idle_switches,
+            failure,
+            statistics,
+            swings,
+            ..
+        } = &self.lanes[0];
         if failure.is_some() {
             return None;
         }
         let Statistics { steps, rejected, right_hand_sides, jacobians, factorisations, events } = *statistics;
-        let flags = [self.fresh, self.started, *after_rejection, cut.is_some()];
-        let numbers = [self.t[0], *wish, cut.unwrap_or(0.0)];
+        let flags = [self.fresh, self.started, *after_rejection, cut.is_some(), approach.halving];
+        let numbers = [self.t[0], *wish, cut.unwrap_or(0.0), approach.left];
         let words = numbers.iter().chain(self.state()).map(|number| number.to_bits());
         let counts = [
             steps,
@@ -29,6 +40,8 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
             events,
             u64::from(*idle_switches),
             u64::from(*cuts),
+            u64::from(approach.kept),
+            u64::from(approach.failures),
         ];
         let swings = swings.iter().flat_map(|swing| {
             let Memory { count, before, peak, turns, towards, time, resting } = swing.memory;
@@ -39,21 +52,21 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
 
     /// How many words that are.
     pub fn words(&self) -> usize {
-        self.structure.n() + 15 + SWING * self.lanes[0].swings.len()
+        self.structure.n() + 19 + SWING * self.lanes[0].swings.len()
     }
 
     /// Goes on, bit for bit, where `save` was called; the inputs and modes of the system are those of that time.
     pub fn restore(&mut self, words: &[u64]) {
         assert_eq!(words.len(), self.words(), "words of a system of this size");
-        let (numbers, rest) = words.split_at(3 + self.structure.n());
-        let (flags, rest) = rest.split_at(4);
-        let (counts, swings) = rest.split_at(8);
+        let (numbers, rest) = words.split_at(4 + self.structure.n());
+        let (flags, rest) = rest.split_at(5);
+        let (counts, swings) = rest.split_at(10);
         let number = |i: usize| f64::from_bits(numbers[i]);
         self.t[0] = number(0);
-        for (i, y) in self.y.as_flattened_mut()[..numbers.len() - 3].iter_mut().enumerate() {
-            *y = number(3 + i);
+        for (i, y) in self.y.as_flattened_mut()[..numbers.len() - 4].iter_mut().enumerate() {
+            *y = number(4 + i);
         }
-        let [fresh, started, after_rejection, has_cut] = [0, 1, 2, 3].map(|i| flags[i] != 0);
+        let [fresh, started, after_rejection, has_cut, halving] = [0, 1, 2, 3, 4].map(|i| flags[i] != 0);
         self.started = started;
         let mut own = std::mem::take(&mut self.lanes[0].swings);
         for (swing, words) in own.iter_mut().zip(swings.as_chunks::<SWING>().0) {
@@ -63,6 +76,12 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
         self.lanes[0] = Control {
             wish: number(1),
             after_rejection,
+            approach: Approach {
+                left: number(3),
+                halving,
+                kept: counts[8] as u32,
+                failures: counts[9] as u32,
+            },
             cut: has_cut.then(|| number(2)),
             idle_switches: counts[6] as u32,
             cuts: counts[7] as u32,
