@@ -174,5 +174,5 @@ fn a_failure_of_any_lane_ends_the_run_with_its_reason() {
     let outcome = advance(&mut stepper, 0.1, &mut NoOutput, &mut Look::new(&mut |_| false));
     let Err(Error::Stopped(message)) = outcome else { panic!("{outcome:?}") };
     assert!(message.contains("t = 0.0") && message.contains("chamber a"), "{message}");
-    assert!(message.contains("position [m] = -3.000000e-1"), "{message}");
+    assert!(message.contains("position_m = -3.000000e-1"), "{message}");
 }
