@@ -80,7 +80,7 @@ impl Component for Lumped {
             heat_transfer: own.given("heat_transfer").unwrap_or_else(|| P::c(LAMINAR_HEAT) / diameter),
             wall_temperature: own.given("wall_temperature").unwrap_or(build.ambient[1]),
         });
-        build.gas_starts(cell, &format!("{}.cell", own.name));
+        build.gas_starts(cell, format!("{}.cell", own.name));
         let half = tube::law(own, halves(steady(own)), build);
         let edges = [build.passage(half.clone(), from, cell), build.passage(half, cell, to)];
         for (output, edge) in edges.into_iter().enumerate() {
