@@ -49,9 +49,19 @@ fn what_passes_follows_the_closed_form_and_the_ledger_closes() {
 #[test]
 fn it_is_linearised_and_saved() {
     let mut session = filling().session(&start(), Options::default()).expect("starts");
-    session
-        .advance(1.0, &mut circuit::ode::NoOutput, &mut circuit::Look::new(&mut |_| false))
-        .expect("advances");
+    let advance = |session: &mut circuit::Session, until: f64| {
+        let outcome =
+            session.advance(until, &mut circuit::ode::NoOutput, &mut circuit::Look::new(&mut |_| false));
+        outcome.expect("advances");
+    };
+    advance(&mut session, 0.5);
+    let saved = session.save().expect("bytes");
+    let mut other = filling().session(&start(), Options::default()).expect("starts");
+    other.restore(&saved).expect("restores");
+    for each in [&mut session, &mut other] {
+        advance(each, 1.0);
+    }
+    assert_eq!(session.save().expect("bytes"), other.save().expect("bytes"));
     let linear = session.linearise(&[]).expect("a linear part");
     let n = linear.state.len();
     let names = session.circuit().state_names();
