@@ -279,10 +279,10 @@ def plans(draw: Draw, core: _core.Circuit, circuit: Circuit, duration: float) ->
         times = [0.0, *sorted(draw.linear(0.0, duration) for _ in range(int(draw.linear(1, 4))))]
         of = circuit.components[name.partition(".")[0]]
         if name.endswith(".command"):
-            # A switching valve without pulses is on or off.
-            switches = of.kind.startswith(("valve/switching", "valve/impulse"))
+            # A switching valve without pulses is on or off, as a lock is.
+            switches = of.kind.startswith(("valve/switching", "valve/impulse", "rod-lock"))
             is_whole = switches and not getattr(of, "pwm_frequency_hz", 0.0)
-            low = 0.0 if of.kind.startswith("valve/switching") and not of.kind.endswith("5/3") else -1.0
+            low = 0.0 if switches and not of.kind.endswith(("5/3", "impulse-5/2")) else -1.0
             values = [draw.one(1.0, low, 0.0, 1.0 if is_whole else draw.linear(low, 1.0)) for _ in times]
         elif unit == "Pa" and draw.chance(0.4):
             values = [draw.linear(1.2e5, 9e5) for _ in times]

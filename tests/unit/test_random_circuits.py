@@ -22,4 +22,5 @@ def test_random_circuits_keep_the_rules():
         if one.broken:
             broken[number] = one.broken
     assert not broken, "\n".join(f"{number}: {what}" for number, what in broken.items())
-    assert set(kinds) == set(component_kinds())
+    # A formula is its author's: test_component_formula holds some against the kinds that they repeat.
+    assert set(kinds) == {kind for kind in component_kinds() if not kind.endswith("/formula")}
