@@ -93,6 +93,7 @@ KEYS: dict[str, tuple[float, float]] = {
     "end_damping": (50.0, 200.0),
     "loss": (0.1, 3.0),
     "friction_scale": (0.5, 2.0),
+    "ripple_velocity": (1e-3, 0.05),
     "cells": (2.0, 2.0),
 }
 UNITS: dict[str, tuple[float, float]] = {
@@ -119,6 +120,8 @@ UNITS: dict[str, tuple[float, float]] = {
 }
 #: Optional numbers that only those who know what they do change, or that make sense only together.
 LEFT_OUT = ("cells", "end_stop_", "wall_temperature", "incline")
+#: One without ends, which something else has to keep away from them.
+NOT_DRAWN = ("piston",)
 #: Where along the stroke of its cylinder a stop stands that is met towards b: beyond the start, in the middle.
 STOP_SHARE = (0.55, 1.0)
 FRICTION = ("coulomb", "stribeck", "lugre")
@@ -203,7 +206,7 @@ def joined_axis(draw: Draw, axis: str, rods: list[str], components: dict[str, An
 
 def draw_circuit(draw: Draw) -> Drawn:
     """Draw components and join their ports: each to a place that has a volume or a pressure, or to another port."""
-    entries = component_kinds()
+    entries = {kind: entry for kind, entry in component_kinds().items() if kind not in NOT_DRAWN}
     gas_of = {kind: [p for p in entry["ports"] if p["kind"] == "gas"] for kind, entry in entries.items()}
     # Lists, not sets, whose order differs from process to process.
     holding = [kind for kind, ports in gas_of.items() if any(p["holds"] in ("volume", "pressure") for p in ports)]
@@ -223,7 +226,8 @@ def draw_circuit(draw: Draw) -> Drawn:
             if port["kind"] == "pilot":
                 pilots.append(one)
             elif port["kind"] == "axis":
-                (rods if entries[kind]["friction"] else axes).append(one)
+                moves = entries[kind]["friction"] or port["holds"] == "motion"
+                (rods if moves else axes).append(one)
             elif port["holds"] in ("volume", "pressure"):
                 places.append(one)
             elif not port["exhaust"] or draw.chance(0.4):
@@ -288,6 +292,10 @@ def plans(draw: Draw, core: _core.Circuit, circuit: Circuit, duration: float) ->
             values = [draw.linear(1.2e5, 9e5) for _ in times]
         elif unit == "N" and draw.chance(0.3):
             values = [draw.linear(-40.0, 40.0) for _ in times]
+        elif unit == "m/s3":  # of a carriage
+            values = [draw.linear(-2.0, 2.0) for _ in times]
+        elif name.endswith(".giving_way"):
+            values = [draw.one(0.0, 1.0) for _ in times]
         else:
             continue
         out.append((name, times, values))

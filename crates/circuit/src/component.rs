@@ -3,6 +3,7 @@
 
 mod build;
 mod bumper;
+mod carriage;
 mod check_valve;
 mod compressor;
 mod coupling;
@@ -10,6 +11,7 @@ pub(crate) mod cylinder;
 mod ejector;
 mod fitting;
 mod flow_control;
+mod force_sensor;
 mod formula;
 mod impulse;
 mod leak;
@@ -20,6 +22,7 @@ mod magnetic_coupling;
 mod motor;
 mod orifice;
 mod piloted;
+mod piston;
 mod pulsating;
 mod quick_exhaust;
 mod registry;
@@ -64,10 +67,10 @@ pub enum PortKind {
     Pilot,
 }
 
-/// What determines the state of the gas behind a port.
+/// What determines the state behind a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Holds {
-    /// A restriction: the gas is that of the joint.
+    /// A restriction: the gas is that of the joint; a mass: it moves with that.
     Nothing,
     /// A volume of its own.
     Volume,
@@ -75,6 +78,8 @@ pub enum Holds {
     Pressure,
     /// A restriction that keeps the pressure behind it at the one that the component states.
     Set,
+    /// An axis that moves as commanded, whatever is joined to it.
+    Motion,
 }
 
 /// A port of a component.
@@ -304,6 +309,8 @@ pub enum Brings<P> {
     Room { volume: P },
     /// A moving mass, kg, on an incline, rad, with an external force in +x, N, and with friction.
     Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
+    /// A motion that nothing bends.
+    Motion,
 }
 
 /// A volume, m3, with a wall: m2, W/(m2 K), K.
@@ -428,6 +435,9 @@ components! {
     formula::Restriction,
     formula::Force,
     rod_lock::RodLock,
+    carriage::Carriage,
+    force_sensor::ForceSensor,
+    piston::Bare,
     bumper::Bumper,
     shock_absorber::ShockAbsorber,
     // Last: the end stops of a cylinder follow from what is joined to it.
@@ -470,6 +480,7 @@ mod tests {
                 let holds = match bring(&own, place, 293.15) {
                     Brings::Volume(_) => Holds::Volume,
                     Brings::Reservoir { .. } => Holds::Pressure,
+                    Brings::Motion => Holds::Motion,
                     Brings::Mass { .. } | Brings::Room { .. } | Brings::Nothing => Holds::Nothing,
                 };
                 let own = if port.holds == Holds::Set { Holds::Nothing } else { port.holds };

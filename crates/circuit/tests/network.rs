@@ -329,6 +329,11 @@ fn what_cannot_be_joined_is_said() {
             "no cylinder or slide moves the joint of x.1",
         ),
         (
+            json!([{ "name": "x", "kind": "load" }, { "name": "axis", "kind": "carriage" }]),
+            json!([["x.1", "axis.1"]]),
+            "axis moves as commanded and cannot have the mass of x: put a force-sensor between them",
+        ),
+        (
             json!([{ "name": "x", "kind": "load" }, tank("t")]),
             json!([["x.1", "t.1"]]),
             "joins gas to an axis",
@@ -337,6 +342,55 @@ fn what_cannot_be_joined_is_said() {
     for (components, joints, expected) in cases {
         let message = network(&components, &joints).err().map(|error| error.to_string()).unwrap_or_default();
         assert!(message.contains(expected), "{expected}: {message}");
+    }
+}
+
+/// A carriage that drags a piston between reservoirs of unequal pressure.
+fn dragged(more: &[(&str, f64)]) -> (Value, Value) {
+    let held =
+        |name: &str, p: f64| json!({ "name": name, "kind": "reservoir", "numbers": { "pressure": p } });
+    let mut carriage = json!({ "servo_bandwidth": 20.0, "servo_damping_ratio": 0.8 });
+    more.iter().for_each(|&(key, value)| carriage[key] = json!(value));
+    let components = json!([
+        held("a", 3e5),
+        held("b", 2e5),
+        { "name": "carriage", "kind": "carriage", "numbers": carriage },
+        { "name": "sensor", "kind": "force-sensor", "numbers": { "stiffness": 1e6, "damping": 1e3 } },
+        { "name": "piston", "kind": "piston", "friction": case_a()["friction"], "numbers": {
+            "area_a": 5e-4, "area_b": 4e-4, "stroke": 0.3, "moving_mass": 0.8, "incline": 0.1 } },
+    ]);
+    let joints = json!([
+        ["carriage.1", "sensor.1"],
+        ["sensor.2", "piston.rod"],
+        ["a.1", "piston.a"],
+        ["b.1", "piston.b"]
+    ]);
+    (components, joints)
+}
+
+#[test]
+fn a_carriage_drags_a_piston_through_a_force_sensor() {
+    let ripple = [("ripple_velocity", 0.01), ("ripple_pitch", 5e-3)];
+    for more in [&ripple[..], &[]] {
+        let (components, joints) = dragged(more);
+        let network = network(&components, &joints).expect("assembles");
+        let start = [("carriage", 0.05), ("piston", 0.05)].map(|(name, x)| (format!("{name}.position_m"), x));
+        let speeds = ["carriage.velocity_m_s", "piston.velocity_m_s"].map(|name| (name, 0.0));
+        let start: Vec<_> = start.iter().map(|(name, x)| (name.as_str(), *x)).chain(speeds).collect();
+        // Constant acceleration from 10 ms on.
+        let plan = [("carriage.jerk_m_s3", 0.0, 50.0), ("carriage.jerk_m_s3", 0.01, 0.0)];
+        let (columns, ledger) = run(&network, &plan, (0.5, 1000.0), &start);
+        // The gas does the more part of the work: it has to stand in the books with its sign.
+        assert!(ledger[1].abs() < 1e-6 && ledger[2].abs() < 1e-6, "{ledger:?}");
+        let at = |name: &str| columns[name][500];
+        if more.is_empty() {
+            let (t, w) = (0.49, std::f64::consts::TAU * 20.0);
+            let commanded = 0.05 + 50.0 * 1e-6 / 6.0 + 0.0025 * t + 0.25 * t * t;
+            assert!((commanded - at("carriage.position_m") - 0.5 / (w * w)).abs() < 1e-8, "the lag is a/w^2");
+        }
+        let gas = 5e-4 * (3e5 - 101_300.0) - 4e-4 * (2e5 - 101_300.0) - 0.8 * 9.80665 * 0.1_f64.sin();
+        let rest = at("sensor.force_n") + gas - at("piston.friction_force_n");
+        assert!((rest - 0.8 * at("piston.acceleration_m_s2")).abs() < 1e-9, "{rest}");
     }
 }
 
@@ -359,12 +413,13 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         (_, "Hz") => 20.0,
         (_, "m3/s") => 1e-3,
         (_, "m3") => 1e-5,
+        (_, "m2") => 1e-5,
         (_, "m") => 0.05,
         (_, "kg") => 1.0,
         (_, "s") => 0.005,
         (_, "N/m") => 500.0,
         (_, "N") => 20.0,
-        (_, "kg/m") => 50.0,
+        (_, "N s/m" | "kg/m") => 50.0,
         _ => panic!("{key}: a usual value in {unit}"),
     };
     let mut numbers: BTreeMap<_, _> = needed.map(|own| (own.key, value(own.key, own.unit))).collect();
@@ -401,11 +456,18 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
                 let (mut mover, name) = (cylinder(&case_a()["friction"]), format!("mover_{i}"));
                 mover["name"] = json!(name);
                 components.push(mover);
-                joints.push(json!([format!("{name}.rod"), own]));
                 joints.push(json!([format!("{name}.a")]));
                 joints.push(json!([format!("{name}.b")]));
-            } else if port.kind == circuit::PortKind::Axis && kind.ports.len() == 1 {
-                let spring = json!({ "stiffness": 500.0, "rest_position": 0.05 });
+                if port.holds == circuit::Holds::Motion {
+                    let coupling = json!({ "stiffness": 500.0, "damping": 50.0 });
+                    components.push(json!({ "name": "coupling", "kind": "coupling", "numbers": coupling }));
+                    joints.push(json!([own, "coupling.1"]));
+                    joints.push(json!(["coupling.2", format!("{name}.rod")]));
+                } else {
+                    joints.push(json!([format!("{name}.rod"), own]));
+                }
+            } else if port.kind == circuit::PortKind::Axis && !kind.needs_friction {
+                let spring = json!({ "stiffness": 500.0, "rest_position": 0.03 });
                 components.push(json!({ "name": "spring", "kind": "spring", "numbers": spring }));
                 joints.push(json!(["spring.1", own]));
             }
@@ -446,7 +508,7 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
         let inputs = &network.assembly().variables.inputs;
         let commands: Vec<_> = inputs
             .iter()
-            .filter(|own| own.name == "own.command")
+            .filter(|own| ["own.command", "own.jerk_m_s3"].contains(&&*own.name))
             .map(|own| (&*own.name, 0.02, 1.0))
             .collect();
         let named = start(true);
@@ -469,6 +531,8 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
             "spring",
             "force/formula",
             "slide",
+            "piston",
+            "carriage",
             "cylinder/single-acting",
             "reservoir",
             "reservoir/pulsating",

@@ -275,6 +275,7 @@ fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Bound<'py,
             Holds::Volume => "volume",
             Holds::Pressure => "pressure",
             Holds::Set => "set",
+            Holds::Motion => "motion",
         };
         out.set_item("holds", holds)?;
         out.set_item("exhaust", port.exhaust)?;

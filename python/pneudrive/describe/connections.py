@@ -39,7 +39,9 @@ class Port(NamedTuple):
     component: str
     name: str
     kind: str  # "gas", "axis", or "pilot": it feels the pressure of gas that does not pass it
-    holds: str  # "volume": gas with a state of its own; "pressure": constant; "set": kept; "": a restriction, an axis
+    #: "volume": gas with a state of its own; "pressure": constant; "set": kept; "motion": an axis that moves as
+    #: commanded; "": a restriction, another axis
+    holds: str
     exhaust: bool
     optional: bool
 

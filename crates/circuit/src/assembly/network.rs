@@ -316,36 +316,51 @@ where
 
     fn axis(&mut self, joint: &Joint) -> Result<AxisId, Error> {
         let (mut sum, mut force, mut incline, mut friction) = (None::<P>, P::zero(), None, None);
-        let mut name = String::new();
+        // What moves it, by its own line or as commanded; and what else has a mass.
+        let (mut name, mut load, mut driven) = (String::new(), String::new(), false);
         for &(component, port) in &joint.ports {
-            let Brings::Mass { mass, incline: own, force: pushes, friction: rubs } =
-                bring(&self.each[component], port, self.build.ambient[1])
-            else {
-                continue;
-            };
-            sum = Some(sum.map_or(mass, |sum| sum + mass));
-            force += pushes;
-            if own.is_some() {
-                if incline.is_some() {
-                    let one = &self.each[component].name;
-                    return refuse(format!(
-                        "{name} and {one} move each on a line of its own: put a coupling between them"
-                    ));
+            let one = &self.each[component].name;
+            let mut moves = false;
+            match bring(&self.each[component], port, self.build.ambient[1]) {
+                Brings::Mass { mass, incline: own, force: pushes, friction: rubs } => {
+                    sum = Some(sum.map_or(mass, |sum| sum + mass));
+                    force += pushes;
+                    load.clone_from(one);
+                    if own.is_some() {
+                        (incline, friction, moves) = (own, rubs, true);
+                    }
                 }
-                (incline, friction, name) = (own, rubs, self.each[component].name.clone());
+                Brings::Motion => (driven, moves) = (true, true),
+                _ => {}
+            }
+            if moves && !name.is_empty() {
+                return refuse(format!(
+                    "{name} and {one} move each on a line of its own: put a coupling between them"
+                ));
+            }
+            if moves {
+                name.clone_from(one);
             }
         }
-        let (Some(mass), Some(incline)) = (sum, incline) else {
-            let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
-            return refuse(format!("no cylinder or slide moves the joint of {}", names.join(", ")));
-        };
+        if driven && sum.is_some() {
+            return refuse(format!(
+                "{name} moves as commanded and cannot have the mass of {load}: put a force-sensor between them"
+            ));
+        }
         let contact = friction.iter().filter(|_| !self.build.is_like);
         let inner: Vec<String> = contact
             .flat_map(physics::friction::Contact::states)
             .map(|state| format!("{name}.{}", state.name))
             .collect();
-        let axis = self.build.circuit.axis(mass, incline, force, friction);
-        self.build.masses.push((mass, force));
+        let axis = match (sum, incline) {
+            _ if driven => self.build.circuit.driven(),
+            (Some(mass), Some(incline)) => self.build.circuit.axis(mass, incline, force, friction),
+            _ => {
+                let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
+                return refuse(format!("no cylinder or slide moves the joint of {}", names.join(", ")));
+            }
+        };
+        self.build.masses.push((sum.unwrap_or(P::zero()), force));
         if self.build.is_like {
             return Ok(axis);
         }

@@ -142,6 +142,11 @@ impl<R: Lane> Circuit<R> {
         self.add(Restriction { law, opening: R::zero(), closed: false, path }).input(0)
     }
 
+    /// An axis that a carriage moves.
+    pub(crate) fn driven(&mut self) -> AxisId {
+        AxisId(self.next_axis())
+    }
+
     /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.
     pub fn axis(&mut self, mass: R, incline: R, external_force: R, friction: Option<Contact<R>>) -> AxisId {
         let node = self.next_axis();
@@ -199,8 +204,7 @@ impl<R: Lane> Circuit<R> {
 
     /// Spring and damper between two axes.
     pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: R, damping: R) -> PartId {
-        let driven = self.parts.carriages.iter().any(|(_, part)| part.node == from.0);
-        self.add(Link { stiffness, damping, from: from.0, to: to.0, driven })
+        self.add(Link { stiffness, damping, from: from.0, to: to.0 })
     }
 
     /// Joins each axis that stands between two chambers of its own, with end stops, into one part: the
@@ -304,9 +308,8 @@ impl Circuit<f64> {
 
     /// A servo axis driven by its jerk.
     pub fn servo(&mut self, carriage: Carriage<f64>) -> (AxisId, CarriageId) {
-        let node = self.next_axis();
-        self.parts.carriages.push((Place::default(), Carriage { node, ..carriage }));
-        (AxisId(node), CarriageId(self.parts.carriages.len() - 1))
+        let axis = self.driven();
+        (axis, CarriageId(self.add(Carriage { node: axis.0, ..carriage }).index))
     }
 }
 

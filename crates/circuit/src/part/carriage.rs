@@ -1,6 +1,8 @@
 use super::{Common, Given, Input, Own, OwnMut, Part, State};
+use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Over, Real};
+use std::f64::consts::TAU;
 
 physics::parameters! {
     /// A servo axis: a commanded motion of piecewise constant jerk, and the carriage that follows it.
@@ -44,18 +46,19 @@ physics::parameters! {
 /// Offset of x_f, v_f within the states of a carriage that follows.
 pub(crate) const FOLLOWER: usize = 3;
 
-impl Carriage<f64> {
+impl<P: Real> Carriage<P> {
     /// An axis that is its command, and never gives way.
     pub fn rigid() -> Self {
+        let (zero, one) = (P::zero(), P::one());
         Carriage {
-            jerk: 0.0,
-            frequency: 1.0,
-            damping_ratio: 1.0,
-            ripple: 0.0,
-            wave_number: 1.0,
-            virtual_mass: 1.0,
-            virtual_damping: 0.0,
-            giving_way: 0.0,
+            jerk: zero,
+            frequency: one,
+            damping_ratio: one,
+            ripple: zero,
+            wave_number: one,
+            virtual_mass: one,
+            virtual_damping: zero,
+            giving_way: zero,
             node: 0,
             follows: false,
             ripples: false,
@@ -64,27 +67,25 @@ impl Carriage<f64> {
     }
 
     /// One that follows with a natural frequency in rad/s and a damping ratio.
-    pub fn following(self, frequency: f64, damping_ratio: f64) -> Self {
+    pub fn following(self, frequency: P, damping_ratio: P) -> Self {
         Carriage { frequency, damping_ratio, follows: true, ..self }
     }
 
     /// One whose velocity ripples by this share, once every `pitch` m.
-    pub fn rippling(self, ripple: f64, pitch: f64) -> Self {
-        Carriage { ripple, wave_number: std::f64::consts::TAU / pitch, ripples: true, ..self }
+    pub fn rippling(self, ripple: P, pitch: P) -> Self {
+        Carriage { ripple, wave_number: P::c(TAU) / pitch, ripples: true, ..self }
     }
 
     /// One that can give way: to a spring of `stiffness` N/m critically damped, with this time constant, s.
-    pub fn yielding(self, stiffness: f64, time: f64) -> Self {
+    pub fn yielding(self, stiffness: P, time: P) -> Self {
         Carriage {
             virtual_mass: stiffness * time * time,
-            virtual_damping: 2.0 * stiffness * time,
+            virtual_damping: P::c(2.0) * stiffness * time,
             can_give_way: true,
             ..self
         }
     }
-}
 
-impl<P: Real> Carriage<P> {
     /// Where x_f, v_f lie within the own states.
     pub(crate) fn follower(&self) -> usize {
         if self.follows { FOLLOWER } else { 0 }
@@ -187,5 +188,14 @@ impl<P: Real> Part<P> for Carriage<P> {
         } else {
             a_f
         };
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![("work of the driven end", Kind::Energy)]
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
+        let node = &net.axis[self.node];
+        out[0] = -node.force * node.v;
     }
 }

@@ -89,6 +89,11 @@ impl<P: Real> Part<P> for Face<P> {
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        out[0] = -self.signed(S::from(common.ambient_pressure * self.area) * net.axis[self.axis].v);
+        let work = |pressure: S| self.signed(pressure * S::from(self.area) * net.axis[self.axis].v);
+        out[0] = -work(S::from(common.ambient_pressure));
+        // Gas that takes no notice of the piston works on it from outside.
+        if self.held {
+            out[0] += work(net.gas[self.gas].p);
+        }
     }
 }

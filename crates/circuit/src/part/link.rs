@@ -15,8 +15,6 @@ physics::parameters! {
     } with {
         from: usize,
         to: usize,
-        /// The motion of `from` is prescribed: what it gives is external work.
-        driven: bool,
     }
 }
 
@@ -41,18 +39,13 @@ impl<P: Real> Part<P> for Link<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![
-            ("work of the driven end", Kind::Energy),
-            ("damper heat", Kind::Energy),
-            ("damper", Kind::EntropyOfSolid),
-        ]
+        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let speed = net.axis[self.from].v - net.axis[self.to].v;
         let heat = S::from(self.damping) * speed * speed;
-        out[0] = if self.driven { self.force(net) * net.axis[self.from].v } else { S::zero() };
-        out[1] = -heat;
-        out[2] = heat / S::from(common.ambient_temperature);
+        out[0] = -heat;
+        out[1] = heat / S::from(common.ambient_temperature);
     }
 }
