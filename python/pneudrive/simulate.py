@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from pneudrive import __version__, units
+from pneudrive import __version__, humidity, units
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.references import bibtex
@@ -182,7 +182,7 @@ def run(
         result = solve(seconds, rate, rtol, budget, lambda t: watch.tell(t, seconds, "seconds simulated"))
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None
-    result["warnings"] += _open_ledger(result["ledger"], rtol)
+    result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.told(drive, result["columns"])
     for message in result["warnings"]:
         warn(message)
     provenance = _provenance(drive, result, rtol)
@@ -240,6 +240,7 @@ def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
 
 def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -> dict[str, Any]:
     ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
+    water = () if drive.gas.dew_point_k is None else humidity.SOURCES
     return {
         "title": drive.name,
         "description_hash": drive.description_hash,
@@ -249,7 +250,7 @@ def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -
         "statistics": result["statistics"],
         "warnings": [*drive.notes, *result["warnings"]],
         "impacts": result["impacts"],
-        "citations": list(dict.fromkeys([*result["citations"], *getattr(drive, "cited", ())])),
+        "citations": list(dict.fromkeys([*result["citations"], *getattr(drive, "cited", ()), *water])),
         "assumed": drive.assumed(),
         "labels": dict(drive.labels),
         **({"identified": drive.to_dict()["provenance"]} if getattr(drive, "provenance", None) else {}),

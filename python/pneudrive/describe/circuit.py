@@ -109,6 +109,22 @@ class Circuit(Described):
             warn(warning)
         return whole
 
+    @model_validator(mode="after")
+    def _dew_point_at_a_pressure(self) -> Circuit:
+        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # or it says what is wrong
+        return self
+
+    @property
+    def dew_point_pressure_pa(self) -> float | None:
+        """Absolute pressure at which the dew point of the gas is given, Pa; None where it has none.
+
+        Where nothing is said the highest pressure of its reservoirs.
+        """
+        ambient = self.ambient.pressure_pa
+        holding = (one for one in self.components.values() if one.entry["ports"][0]["holds"] == "pressure")
+        pressures = [one.numbers(ambient)["pressure"] for one in holding]
+        return self.gas.dew_point_pressure_pa(ambient, max(pressures, default=None))
+
     @classmethod
     def load(cls, source: str | Path) -> Circuit:
         """Read a circuit from a TOML file.

@@ -87,6 +87,7 @@ class Drive(Described):
     def _supply_is_absolute(self) -> Drive:
         if not self.supply_pressure_pa > 0.0:
             raise wrong("supply.pressure", "supply.pressure is below vacuum", rule="gauge + ambient > 0")
+        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # or it says what is wrong
         return self
 
     @model_validator(mode="after")
@@ -172,6 +173,11 @@ class Drive(Described):
     def supply_pressure_pa(self) -> float:
         """Absolute supply pressure, Pa."""
         return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
+
+    @property
+    def dew_point_pressure_pa(self) -> float | None:
+        """Absolute pressure at which the dew point of the gas is given, Pa; None where it has none."""
+        return self.gas.dew_point_pressure_pa(self.ambient.pressure_pa, self.supply_pressure_pa)
 
     @cached_property
     def origins(self) -> tuple[Value, ...]:

@@ -38,6 +38,8 @@ from pneudrive.describe.signal import Signal, SignalRange
 from pneudrive.errors import warn
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
+#: -80 to 60 degC: dryers of all kinds, and as far as the vapour pressure of water is asked for.
+DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
 
 
 #: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name: R is the molar gas constant over the
@@ -52,7 +54,11 @@ GASES: dict[str, tuple[float, float]] = {
 
 
 class Gas(Described):
-    """The ideal gas in the drive: by its name or by its numbers; dry air where nothing is said."""
+    """The ideal gas in the drive: by its name or by its numbers; dry air where nothing is said.
+
+    `dew_point` is the pressure dew point of what is supplied, below 0 degC its frost point, at `dew_point_pressure`:
+    that of the supply where nothing is said. It moves nothing; a run then tells where water may condense or freeze.
+    """
 
     table_name: ClassVar[str] = "gas"
     name: Literal["air", "nitrogen", "argon", "helium", "carbon-dioxide"] | None = None
@@ -60,6 +66,8 @@ class Gas(Described):
     gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = Field(
         default=AIR_GAS_CONSTANT_J_KG_K, alias="gas_constant"
     )
+    dew_point_k: Annotated[float | None, Quantity("K", "degC", DEW_POINTS)] = Field(default=None, alias="dew_point")
+    dew_point_pressure: Annotated[units.Pressure | None, StatedPressure()] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -85,6 +93,29 @@ class Gas(Described):
                 "5.3 % at 10 bar"
             )
         return self
+
+    def dew_point_pressure_pa(self, ambient_pa: float, supply_pa: float | None) -> float | None:
+        """Return the absolute pressure, Pa, at which its dew point is given; None where it has none.
+
+        Raises
+        ------
+        DescriptionError
+            The pressure is not given, or no pressure above vacuum.
+        """
+        key, stated = "gas.dew_point_pressure", self.dew_point_pressure
+        if self.dew_point_k is None:
+            if stated is not None:
+                raise wrong(key, f"{key} = {stated} has no effect without gas.dew_point", remedy="Add dew_point.")
+            return None
+        pressure = supply_pa if stated is None else stated.absolute_pa(ambient_pa)
+        if pressure is None:
+            remedy = 'Add dew_point_pressure = "7 bar abs" to [gas]: the pressure at the dryer.'
+            raise wrong(
+                "gas.dew_point", "gas.dew_point is that at the supply, and there is no reservoir", remedy=remedy
+            )
+        if not pressure > 0.0:
+            raise wrong(key, f"{key} = {stated} is below vacuum", rule="gauge + ambient > 0")
+        return pressure
 
 
 class Ambient(Described):
