@@ -22,24 +22,18 @@ pub enum Error {
 /// Attempts between two looks at whether the user wants to stop, fewer with derivatives: some 20 ms of work.
 const ATTEMPTS_PER_LOOK: u64 = 20_000;
 
-/// Attempts at a step that a run may take where nobody says how many: at the default tolerance, for each second of
-/// motion and for each step of the command, and for the run itself.
+/// Attempts at a step that a run may take where nobody says how many: for each second of motion and for each step of the
+/// command, and for the run itself. Most of many attempts are made of kinks and events, at any tolerance.
 const BUDGET: [f64; 3] = [100_000.0, 100.0, 220_000.0];
-/// The tolerance to which the budget belongs, and the power with which it grows below. A smooth motion takes steps as
-/// long as the fifth root of the tolerance; kinks and events, of which most work is made, cost less than that.
-const BUDGET_RTOL: f64 = 1e-6;
-const BUDGET_POWER: f64 = 0.02;
-
 /// The number of states to which the budget belongs, and the least share of it. An attempt with more states costs more.
 const BUDGET_STATES: f64 = 10.0;
 const LEAST_BUDGET: f64 = 0.5;
 
 /// Attempts that a run of `duration` s with so many commands and states may take.
-pub fn budget(duration: f64, commands: usize, states: usize, rtol: f64) -> u64 {
+pub fn budget(duration: f64, commands: usize, states: usize) -> u64 {
     let [second, command, run] = BUDGET;
-    let tighter = (BUDGET_RTOL / rtol).max(1.0).powf(BUDGET_POWER);
     let dearer = (BUDGET_STATES / states as f64).clamp(LEAST_BUDGET, 1.0);
-    (dearer * tighter * (second * duration + command * commands as f64 + run)) as u64
+    (dearer * (second * duration + command * commands as f64 + run)) as u64
 }
 
 /// Asks now and then, with the simulated time, whether the user wants to stop.

@@ -130,7 +130,7 @@ pub fn run_to_dict<'py>(py: Python<'py>, names: &[String], run: Run) -> PyResult
 
 /// Options of a run of `duration` s with so many commands; the budget is the usual one where none is given.
 pub fn options(rtol: f64, duration: f64, commands: usize, states: usize, given: Option<u64>) -> Options {
-    let max_attempts = given.unwrap_or_else(|| budget(duration, commands, states, rtol));
+    let max_attempts = given.unwrap_or_else(|| budget(duration, commands, states));
     Options { rtol, max_attempts, ..Options::default() }
 }
 

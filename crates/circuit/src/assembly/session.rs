@@ -184,7 +184,7 @@ impl<R: Lane> Session<R> {
     pub fn allow_until(&mut self, until: f64) {
         let due = self.schedule.iter().filter(|entry| entry.0 <= until).count();
         let states = self.circuit().n_states();
-        self.stepper.allow(budget(until - self.time(), due + 1, states, self.rtol));
+        self.stepper.allow(budget(until - self.time(), due + 1, states));
     }
 
     /// Goes on until a time, s.

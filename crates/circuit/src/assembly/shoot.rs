@@ -300,7 +300,7 @@ impl All<'_> {
             rows: Vec::new(),
         };
         let commands = asked.times.partition_point(|&time| time < end) - at;
-        let work = budget(end - from, commands, begun.0.n_states(), asked.options.rtol);
+        let work = budget(end - from, commands, begun.0.n_states());
         let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
         let mut session = Session::new(drive, from, begun, options);
         session.plan(0, later(&asked.times, &asked.commands, from, end));
