@@ -100,8 +100,8 @@ def our_run(drive: Any, columns: dict[str, np.ndarray], rtol: float, share: floa
     times, start = columns["time_s"][:n], np.array([[0.25, 0.0, 3e5, 293.15, 3e5, 293.15, 0.0]])
     outputs = ["position_m", "pressure_a_pa", "pressure_b_pa"]
     core = _core.Drive(drive.core_json())
-    shot = core.shoot(times.tolist(), columns["command"][:n].tolist(), times, [0], start, [], False, outputs, rtol, 1)
-    return shot["values"]
+    asked = {"times": times, "commands": columns["command"][:n], "sample_times": times, "starts": [0]}
+    return core.shoot(asked | {"initial": start, "outputs": outputs, "rtol": rtol})["values"]
 
 
 def speed() -> None:

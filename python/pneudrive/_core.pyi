@@ -1,7 +1,7 @@
 """The compiled core: what `crates/python` offers. SI throughout, pressures absolute unless a name says gauge."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, TypedDict, final, type_check_only
+from typing import Any, Literal, NotRequired, TypedDict, final, type_check_only
 
 from numpy import float64
 from numpy.typing import NDArray
@@ -52,6 +52,18 @@ class ServoResult(TypedDict):
     statistics: dict[str, int]
 
 @type_check_only
+class Shooting(TypedDict):
+    times: Sequence[float] | NDArray[float64]
+    commands: Sequence[float] | NDArray[float64]
+    sample_times: Sequence[float] | NDArray[float64]
+    starts: Sequence[int]
+    initial: NDArray[float64]
+    parameters: NotRequired[Sequence[str]]
+    with_initial: NotRequired[bool | Sequence[int]]
+    outputs: Sequence[str]
+    rtol: float
+    threads: NotRequired[int]
+
 class Shot(TypedDict):
     values: NDArray[float64]
     sensitivities: NDArray[float64]
@@ -63,20 +75,7 @@ class Shot(TypedDict):
 @final
 class Tank:
     def __new__(cls, json: str) -> Tank: ...
-    def shoot(
-        self,
-        times: Sequence[float] | NDArray[float64],
-        commands: Sequence[float] | NDArray[float64],
-        sample_times: Sequence[float] | NDArray[float64],
-        starts: Sequence[int],
-        initial: NDArray[float64],
-        parameters: Sequence[str],
-        with_initial: bool | Sequence[int],
-        outputs: Sequence[str],
-        rtol: float,
-        threads: int = 2,
-        look: Callable[[float], object] | None = None,
-    ) -> Shot: ...
+    def shoot(self, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
 
 @final
 class Drive:
@@ -124,20 +123,7 @@ class Drive:
     ) -> ServoResult: ...
     @property
     def start_names(self) -> list[str]: ...
-    def shoot(
-        self,
-        times: Sequence[float] | NDArray[float64],
-        commands: Sequence[float] | NDArray[float64],
-        sample_times: Sequence[float] | NDArray[float64],
-        starts: Sequence[int],
-        initial: NDArray[float64],
-        parameters: Sequence[str],
-        with_initial: bool | Sequence[int],
-        outputs: Sequence[str],
-        rtol: float,
-        threads: int = 2,
-        look: Callable[[float], object] | None = None,
-    ) -> Shot: ...
+    def shoot(self, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
     def chambers(self, states: NDArray[float64]) -> NDArray[float64]: ...
     def along(
         self,
@@ -284,21 +270,7 @@ class Circuit:
     def citations(self) -> list[str]: ...
     def start(self, start: Mapping[str, float], rtol: float) -> Session: ...
     def members(self, names: Sequence[str], values: NDArray[float64]) -> Members: ...
-    def shoot(
-        self,
-        command: str,
-        times: Sequence[float] | NDArray[float64],
-        commands: Sequence[float] | NDArray[float64],
-        sample_times: Sequence[float] | NDArray[float64],
-        starts: Sequence[int],
-        initial: NDArray[float64],
-        parameters: Sequence[str],
-        with_initial: bool | Sequence[int],
-        outputs: Sequence[str],
-        rtol: float,
-        threads: int = 2,
-        look: Callable[[float], object] | None = None,
-    ) -> Shot: ...
+    def shoot(self, command: str, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
     def simulate(
         self,
         plans: Sequence[tuple[str, Sequence[float], Sequence[float]]],

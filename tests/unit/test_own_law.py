@@ -80,8 +80,9 @@ def test_exact_sensitivities_go_through_formulas(folder):
 
     def shoot(text):
         core = _core.Drive(load(folder, text).core_json())
-        at = np.linspace(0.0, 0.3, 31)
-        return core.shoot([0.0, 0.15], [0.3, -0.3], at, [0], start, names, True, outputs, 1e-8)
+        asked = {"times": [0.0, 0.15], "commands": [0.3, -0.3], "sample_times": np.linspace(0.0, 0.3, 31)}
+        asked |= {"starts": [0], "initial": start, "parameters": names, "with_initial": True}
+        return core.shoot(asked | {"outputs": outputs, "rtol": 1e-8})
 
     built_in, own = shoot(BUILT_IN), shoot(FRICTION)
     assert not any(own["failures"])

@@ -127,7 +127,8 @@ def test_a_mass_that_creeps_on_a_stiff_stop_leaves_it():
 def test_shooting_and_measured_records_meet_the_same_covers():
     core = compiled(soft().core_json())
     start = np.array([[0.099, 1000.0, 1.013e5, 293.15, 1.013e5, 293.15, 0.0]])
-    shot = core.shoot([0.0], [1.0], np.linspace(0.0, 0.5, 26), [0], start, [], False, ["pressure_b_pa"], 1e-6)
+    asked = {"times": [0.0], "commands": [1.0], "sample_times": np.linspace(0.0, 0.5, 26), "starts": [0]}
+    shot = core.shoot(asked | {"initial": start, "outputs": ["pressure_b_pa"], "rtol": 1e-6})
     assert "cover of chamber b" in str(shot["failures"][0])
     given = shot["values"][np.isfinite(shot["values"])]
     assert 0 < given.size < 26

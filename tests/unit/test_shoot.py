@@ -20,7 +20,9 @@ def shoot(drive: pn.Drive, names: list[str], with_initial: bool = False, coulomb
     core = _core.Drive(drive.core_json())
     t = np.arange(201) / 1000.0
     start = np.tile([0.25, 0.0, 3e5, 293.15, 3e5, 293.15, 0.0], (2, 1))
-    return core.shoot(t, 0.3 * np.sin(20.0 * t), t, [0, 120], start, names, with_initial, OUTPUTS, 1e-8)
+    asked = {"times": t, "commands": 0.3 * np.sin(20.0 * t), "sample_times": t, "starts": [0, 120]}
+    asked |= {"initial": start, "parameters": names, "with_initial": with_initial}
+    return core.shoot(asked | {"outputs": OUTPUTS, "rtol": 1e-8})
 
 
 def test_derivatives_come_beside_the_values_of_the_plain_run(drive):

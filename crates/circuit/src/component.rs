@@ -1,6 +1,7 @@
 //! Components as users order them: each is a table - ports, parameters, inputs, outputs - and the parts that it is made
 //! of. A new component is a file here and a word in `components!`.
 
+mod boxes;
 mod build;
 mod bumper;
 mod carriage;

@@ -1,10 +1,9 @@
 //! `Drive`: simulation, balances along a record, shooting.
 
-use crate::convert::{
-    Numbers, Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched,
-};
+use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched};
 use crate::session::PySession;
-use circuit::{ALONG, ByStart, Drive, Record, Restart, Servo, Shooting, Shot, specification};
+use crate::shooting::{Asked, shot_to_dict};
+use circuit::{ALONG, Drive, Record, Restart, Servo, Shooting, specification};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -228,35 +227,14 @@ impl PyDrive {
 
     /// Runs segments of a record, each from a start of its own, with exact derivatives of the outputs and
     /// of the ends by numbers of the description and, if asked, by the starts.
-    #[pyo3(signature = (times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2, look=None))]
-    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    #[pyo3(signature = (asked, look=None))]
     fn shoot<'py>(
         &self,
         py: Python<'py>,
-        times: Numbers<'py>,
-        commands: Numbers<'py>,
-        sample_times: Numbers<'py>,
-        starts: Vec<usize>,
-        initial: PyReadonlyArray2<'py, f64>,
-        parameters: Vec<String>,
-        with_initial: WithInitial,
-        outputs: Vec<String>,
-        rtol: f64,
-        threads: usize,
+        asked: Asked<'py>,
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let asked = Shooting {
-            times: times.into(),
-            commands: commands.into(),
-            sample_times: sample_times.into(),
-            starts,
-            initial: initial.as_array().iter().copied().collect(),
-            parameters,
-            with_initial: with_initial.into(),
-            outputs,
-            options: Options { rtol, ..Options::default() },
-            threads,
-        };
+        let asked = Shooting::from(asked);
         let shot = watched(py, look, |interrupted| self.drive.shoot(&self.json, &asked, interrupted))?;
         shot_to_dict(py, &asked, shot, self.drive.start_names())
     }
@@ -313,41 +291,4 @@ fn initial_state(initial: &Bound<'_, PyDict>) -> PyResult<specification::Initial
         temperature_b_k: value("temperature_b_k")?,
         contact_age_s: initial.get_item("contact_age_s")?.map_or(Ok(0.0), |age| age.extract())?,
     })
-}
-
-/// Whether to differentiate by the starts, or by which of their numbers.
-#[derive(FromPyObject)]
-pub enum WithInitial {
-    All(bool),
-    Of(Vec<usize>),
-}
-
-impl From<WithInitial> for ByStart {
-    fn from(asked: WithInitial) -> Self {
-        match asked {
-            WithInitial::All(all) => all.into(),
-            WithInitial::Of(places) => ByStart::Of(places),
-        }
-    }
-}
-
-/// What a shot gave, as arrays by name.
-pub fn shot_to_dict<'py>(
-    py: Python<'py>,
-    asked: &Shooting,
-    shot: Shot,
-    start_names: Vec<String>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let Shot { values, sensitivities, ends, end_sensitivities, failures, directions } = shot;
-    let (samples, outputs) = (asked.sample_times.len(), asked.outputs.len());
-    let (segments, states) = (asked.starts.len(), start_names.len());
-    let array = |values: Vec<f64>| PyArray1::from_vec(py, values);
-    let out = PyDict::new(py);
-    out.set_item("values", array(values).reshape([samples, outputs])?)?;
-    out.set_item("sensitivities", array(sensitivities).reshape([samples, outputs, directions])?)?;
-    out.set_item("ends", array(ends).reshape([segments, states])?)?;
-    out.set_item("end_sensitivities", array(end_sensitivities).reshape([segments, states, directions])?)?;
-    out.set_item("failures", failures)?;
-    out.set_item("start_names", start_names)?;
-    Ok(out)
 }

@@ -6,6 +6,7 @@ mod friction;
 mod network;
 mod rig;
 mod session;
+mod shooting;
 mod tank;
 
 use physics::IdealGas;

@@ -1,9 +1,9 @@
 //! `Circuit`: components and joints; `components`: what there is.
 
-use crate::convert::{Numbers, Teller, options, parse, run_to_dict, to_python, watched};
-use crate::drive::{WithInitial, shot_to_dict};
+use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
 use crate::friction::refused;
 use crate::session::PySession;
+use crate::shooting::{Asked, shot_to_dict};
 use circuit::{
     Assembly, ComponentKind, Holds, Network, PortKind, Shooting, Stroke, formula_kind, kinds, specification,
 };
@@ -110,36 +110,15 @@ impl PyCircuit {
 
     /// As `Drive.shoot`, under the commands of one input; parameters are numbers of components, such as "left.bore"
     /// or "left.friction.parameters.coulomb".
-    #[pyo3(signature = (command, times, commands, sample_times, starts, initial, parameters, with_initial, outputs, rtol, threads=2, look=None))]
-    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    #[pyo3(signature = (command, asked, look=None))]
     fn shoot<'py>(
         &self,
         py: Python<'py>,
         command: &str,
-        times: Numbers<'py>,
-        commands: Numbers<'py>,
-        sample_times: Numbers<'py>,
-        starts: Vec<usize>,
-        initial: PyReadonlyArray2<'py, f64>,
-        parameters: Vec<String>,
-        with_initial: WithInitial,
-        outputs: Vec<String>,
-        rtol: f64,
-        threads: usize,
+        asked: Asked<'py>,
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let asked = Shooting {
-            times: times.into(),
-            commands: commands.into(),
-            sample_times: sample_times.into(),
-            starts,
-            initial: initial.as_array().iter().copied().collect(),
-            parameters,
-            with_initial: with_initial.into(),
-            outputs,
-            options: Options { rtol, ..Options::default() },
-            threads,
-        };
+        let asked = Shooting::from(asked);
         let shot =
             watched(py, look, |interrupted| self.network.shoot(&self.json, command, &asked, interrupted))?;
         shot_to_dict(py, &asked, shot, self.network.assembly().start_names())
@@ -219,21 +198,39 @@ impl PyMembers {
 
 /// The strokes of a symbol, each a word and its points and numbers.
 fn strokes<'py>(py: Python<'py>, strokes: &[Stroke]) -> PyResult<Vec<Bound<'py, PyAny>>> {
-    let each = strokes.iter().map(|stroke| {
-        let any = match *stroke {
-            Stroke::Line(points) => ("line", points).into_pyobject(py)?.into_any(),
-            Stroke::Dashed(points) => ("dashed", points).into_pyobject(py)?.into_any(),
-            Stroke::Arc(centre, radius, angles) => {
-                ("arc", centre, radius, angles).into_pyobject(py)?.into_any()
+    let mut out = Vec::new();
+    add_strokes(py, strokes, ([0.0, 0.0], false), &mut out)?;
+    Ok(out)
+}
+
+/// Adds them, moved by so much, mirrored before if so.
+fn add_strokes<'py>(
+    py: Python<'py>,
+    strokes: &[Stroke],
+    (by, mirrored): ([f64; 2], bool),
+    out: &mut Vec<Bound<'py, PyAny>>,
+) -> PyResult<()> {
+    let place = |[x, y]: [f64; 2]| [by[0] + if mirrored { -x } else { x }, by[1] + y];
+    let places = |points: &[[f64; 2]]| points.iter().copied().map(place).collect::<Vec<_>>();
+    for stroke in strokes {
+        out.push(match *stroke {
+            Stroke::Line(points) => ("line", places(points)).into_pyobject(py)?.into_any(),
+            Stroke::Dashed(points) => ("dashed", places(points)).into_pyobject(py)?.into_any(),
+            Stroke::Arc(centre, radius, [from, to]) => {
+                let angles = if mirrored { [180.0 - to, 180.0 - from] } else { [from, to] };
+                ("arc", place(centre), radius, angles).into_pyobject(py)?.into_any()
             }
-            Stroke::Dot(centre, radius) => ("dot", centre, radius).into_pyobject(py)?.into_any(),
-            Stroke::Triangle(corners) => ("triangle", corners).into_pyobject(py)?.into_any(),
-            Stroke::Head(corners) => ("head", corners).into_pyobject(py)?.into_any(),
-            Stroke::Text(place, text) => ("text", place, text).into_pyobject(py)?.into_any(),
-        };
-        Ok(any)
-    });
-    each.collect()
+            Stroke::Dot(centre, radius) => ("dot", place(centre), radius).into_pyobject(py)?.into_any(),
+            Stroke::Triangle(corners) => ("triangle", places(&corners)).into_pyobject(py)?.into_any(),
+            Stroke::Head(corners) => ("head", places(&corners)).into_pyobject(py)?.into_any(),
+            Stroke::Text(at, text) => ("text", place(at), text).into_pyobject(py)?.into_any(),
+            Stroke::Moved(own, at, flipped) => {
+                add_strokes(py, own, (place(at), mirrored != flipped), out)?;
+                continue;
+            }
+        });
+    }
+    Ok(())
 }
 
 /// Every kind of component: its ports, parameters, choices, inputs and outputs.

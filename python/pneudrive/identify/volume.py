@@ -256,9 +256,19 @@ class _Problem:
         for j, record in enumerate(self.records):
             times, openings = record.steps
             initial = np.array([[np.exp(q[p + j]), self.tank.start_temperature_k]])
-            segment = (times, openings, record.time_s, [0], initial)
-            names = list(record.measured)
-            shot = core.shoot(*segment, self.paths, [0], names, RTOL, threads=1, look=lambda _: watch.look())
+            asked: _core.Shooting = {
+                "times": times,
+                "commands": openings,
+                "sample_times": record.time_s,
+                "starts": [0],
+                "initial": initial,
+                "parameters": self.paths,
+                "with_initial": [0],
+                "outputs": list(record.measured),
+                "rtol": RTOL,
+                "threads": 1,
+            }
+            shot = core.shoot(asked, lambda _: watch.look())
             if shot["failures"][0] is not None:
                 return None
             for place, measured in enumerate(record.measured.values()):

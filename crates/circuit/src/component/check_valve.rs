@@ -1,6 +1,5 @@
-use super::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, table,
-};
+use super::boxes::CHECK;
+use super::{Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Symbol, Terminals, gas, table};
 use crate::assembly::Quantity;
 use math::Lane;
 
@@ -36,21 +35,4 @@ impl Component for CheckValve {
     }
 }
 
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 0.0], [0.0, 1.2]]),
-        Stroke::Line(&[[-0.9, 2.1], [0.0, 1.2], [0.9, 2.1]]),
-        Stroke::Arc([0.0, 2.05], 0.6, [0.0, 360.0]),
-        Stroke::Line(&[
-            [0.0, 2.65],
-            [0.35, 2.75],
-            [-0.35, 2.95],
-            [0.35, 3.15],
-            [-0.35, 3.35],
-            [0.0, 3.45],
-            [0.0, 4.0],
-        ]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 4.0]],
-};
+const SYMBOL: Symbol = Symbol { strokes: &[CHECK], when: &[], ports: &[[0.0, 0.0], [0.0, 4.0]] };

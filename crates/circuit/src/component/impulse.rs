@@ -1,3 +1,4 @@
+use super::boxes::{FIVE_TWO, FIVE_TWO_PORTS, SOLENOID};
 use super::switching::{EXHAUST, FIVE, OPENS, SHUTS, five};
 use super::{
     Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, table,
@@ -51,32 +52,5 @@ impl Component for Impulse52 {
     }
 }
 
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[-4.0, 0.0], [-4.0, 4.0], [4.0, 4.0], [4.0, 0.0], [-4.0, 0.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
-        Stroke::Line(&[[-4.0, 1.0], [-6.0, 1.0], [-6.0, 3.0], [-4.0, 3.0]]),
-        Stroke::Line(&[[-5.3, 3.0], [-4.7, 1.0]]),
-        Stroke::Line(&[[4.0, 1.0], [6.0, 1.0], [6.0, 3.0], [4.0, 3.0]]),
-        Stroke::Line(&[[5.3, 3.0], [4.7, 1.0]]),
-        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
-        Stroke::Line(&[[2.0, 0.0], [2.0, -1.0]]),
-        Stroke::Line(&[[3.0, 0.0], [3.0, -1.0]]),
-        Stroke::Line(&[[1.0, 4.0], [1.0, 5.0]]),
-        Stroke::Line(&[[3.0, 4.0], [3.0, 5.0]]),
-        Stroke::Line(&[[2.0, 0.0], [3.0, 4.0]]),
-        Stroke::Head([[3.0, 4.0], [2.45, 3.26], [3.13, 3.09]]),
-        Stroke::Line(&[[1.0, 4.0], [1.0, 0.0]]),
-        Stroke::Head([[1.0, 0.0], [1.35, 0.85], [0.65, 0.85]]),
-        Stroke::Line(&[[3.0, 0.0], [3.0, 0.7]]),
-        Stroke::Line(&[[2.7, 0.7], [3.3, 0.7]]),
-        Stroke::Line(&[[-2.0, 0.0], [-3.0, 4.0]]),
-        Stroke::Head([[-3.0, 4.0], [-3.13, 3.09], [-2.45, 3.26]]),
-        Stroke::Line(&[[-1.0, 4.0], [-1.0, 0.0]]),
-        Stroke::Head([[-1.0, 0.0], [-0.65, 0.85], [-1.35, 0.85]]),
-        Stroke::Line(&[[-3.0, 0.0], [-3.0, 0.7]]),
-        Stroke::Line(&[[-3.3, 0.7], [-2.7, 0.7]]),
-    ],
-    when: &[],
-    ports: &[[2.0, -1.0], [1.0, 5.0], [3.0, 5.0], [1.0, -1.0], [3.0, -1.0]],
-};
+const SYMBOL: Symbol =
+    Symbol { strokes: &[FIVE_TWO, Stroke::at(SOLENOID, 4.0)], when: &[], ports: FIVE_TWO_PORTS };

@@ -1,3 +1,7 @@
+use super::boxes::{
+    ABOVE, BELOW, CLOSED, EXHAUSTS, FEEDS, FIVE_THREE, FIVE_THREE_PORTS, FIVE_TWO, FIVE_TWO_PORTS,
+    PRESSURIZES, SHUT, SHUT_ABOVE, SOLENOID, SPRING, TWO_BOXES, UP, VENTS,
+};
 use super::{
     Acts, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Row, SUBSONIC_INDEX, Stroke, Symbol,
     Terminals, exhaust, gas, table,
@@ -278,7 +282,7 @@ impl Component for Switching52 {
     const KIND: Kind = Kind {
         key: "valve/switching-5/2",
         title: "5/2 switching valve",
-        symbol: FIVE_TWO,
+        symbol: Symbol { strokes: &[FIVE_TWO, Stroke::at(SPRING, 4.0)], when: &[], ports: FIVE_TWO_PORTS },
         text: text!("1 to 2 and 4 to 5 are open; under a command 1 to 4 and 2 to 3."),
         ..FIVE
     };
@@ -296,7 +300,7 @@ impl Component for Switching53 {
     const KIND: Kind = Kind {
         key: "valve/switching-5/3",
         title: "5/3 switching valve",
-        symbol: FIVE_THREE,
+        symbol: THREE_POSITIONS,
         text: text!(
             "Under command 1, 1 to 4 and 2 to 3 are open; under -1, 1 to 2 and 4 to 5; under 0 what the centre says."
         ),
@@ -323,189 +327,37 @@ impl Component for Switching53 {
 
 const TWO_TWO: Symbol = Symbol {
     strokes: &[
-        Stroke::Line(&[[-4.0, 0.0], [-4.0, 4.0], [4.0, 4.0], [4.0, 0.0], [-4.0, 0.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
-        Stroke::Line(&[[-4.0, 1.0], [-6.0, 1.0], [-6.0, 3.0], [-4.0, 3.0]]),
-        Stroke::Line(&[[-5.3, 3.0], [-4.7, 1.0]]),
-        Stroke::Line(&[[4.0, 2.0], [4.2, 2.6], [4.6, 1.4], [5.0, 2.6], [5.4, 1.4], [5.8, 2.6], [6.0, 2.0]]),
-        Stroke::Line(&[[2.0, 0.0], [2.0, -1.0]]),
-        Stroke::Line(&[[2.0, 4.0], [2.0, 5.0]]),
+        TWO_BOXES,
+        Stroke::mirrored(SOLENOID, -4.0),
+        Stroke::at(SPRING, 4.0),
+        Stroke::at(BELOW, 2.0),
+        Stroke::at(ABOVE, 2.0),
     ],
     when: &[
-        (
-            "closed",
-            &[
-                Stroke::Line(&[[2.0, 0.0], [2.0, 0.7]]),
-                Stroke::Line(&[[1.7, 0.7], [2.3, 0.7]]),
-                Stroke::Line(&[[2.0, 4.0], [2.0, 3.3]]),
-                Stroke::Line(&[[1.7, 3.3], [2.3, 3.3]]),
-                Stroke::Line(&[[-2.0, 0.0], [-2.0, 4.0]]),
-                Stroke::Head([[-2.0, 4.0], [-2.35, 3.15], [-1.65, 3.15]]),
-            ],
-        ),
-        (
-            "open",
-            &[
-                Stroke::Line(&[[2.0, 0.0], [2.0, 4.0]]),
-                Stroke::Head([[2.0, 4.0], [1.65, 3.15], [2.35, 3.15]]),
-                Stroke::Line(&[[-2.0, 0.0], [-2.0, 0.7]]),
-                Stroke::Line(&[[-2.3, 0.7], [-1.7, 0.7]]),
-                Stroke::Line(&[[-2.0, 4.0], [-2.0, 3.3]]),
-                Stroke::Line(&[[-2.3, 3.3], [-1.7, 3.3]]),
-            ],
-        ),
+        ("closed", &[Stroke::at(SHUT, 2.0), Stroke::at(SHUT_ABOVE, 2.0), Stroke::at(UP, -2.0)]),
+        ("open", &[Stroke::at(UP, 2.0), Stroke::at(SHUT, -2.0), Stroke::at(SHUT_ABOVE, -2.0)]),
     ],
     ports: &[[2.0, -1.0], [2.0, 5.0]],
 };
 
 const THREE_TWO: Symbol = Symbol {
     strokes: &[
-        Stroke::Line(&[[-4.0, 0.0], [-4.0, 4.0], [4.0, 4.0], [4.0, 0.0], [-4.0, 0.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
-        Stroke::Line(&[[-4.0, 1.0], [-6.0, 1.0], [-6.0, 3.0], [-4.0, 3.0]]),
-        Stroke::Line(&[[-5.3, 3.0], [-4.7, 1.0]]),
-        Stroke::Line(&[[4.0, 2.0], [4.2, 2.6], [4.6, 1.4], [5.0, 2.6], [5.4, 1.4], [5.8, 2.6], [6.0, 2.0]]),
-        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
-        Stroke::Line(&[[1.0, 4.0], [1.0, 5.0]]),
-        Stroke::Line(&[[3.0, 0.0], [3.0, -1.0]]),
+        TWO_BOXES,
+        Stroke::mirrored(SOLENOID, -4.0),
+        Stroke::at(SPRING, 4.0),
+        Stroke::at(BELOW, 1.0),
+        Stroke::at(ABOVE, 1.0),
+        Stroke::at(BELOW, 3.0),
     ],
     when: &[
-        (
-            "closed",
-            &[
-                Stroke::Line(&[[1.0, 4.0], [3.0, 0.0]]),
-                Stroke::Head([[3.0, 0.0], [2.93, 0.92], [2.31, 0.60]]),
-                Stroke::Line(&[[1.0, 0.0], [1.0, 0.7]]),
-                Stroke::Line(&[[0.7, 0.7], [1.3, 0.7]]),
-                Stroke::Line(&[[-3.0, 0.0], [-3.0, 4.0]]),
-                Stroke::Head([[-3.0, 4.0], [-3.35, 3.15], [-2.65, 3.15]]),
-                Stroke::Line(&[[-1.0, 0.0], [-1.0, 0.7]]),
-                Stroke::Line(&[[-1.3, 0.7], [-0.7, 0.7]]),
-            ],
-        ),
-        (
-            "open",
-            &[
-                Stroke::Line(&[[1.0, 0.0], [1.0, 4.0]]),
-                Stroke::Head([[1.0, 4.0], [0.65, 3.15], [1.35, 3.15]]),
-                Stroke::Line(&[[3.0, 0.0], [3.0, 0.7]]),
-                Stroke::Line(&[[2.7, 0.7], [3.3, 0.7]]),
-                Stroke::Line(&[[-3.0, 4.0], [-1.0, 0.0]]),
-                Stroke::Head([[-1.0, 0.0], [-1.07, 0.92], [-1.69, 0.60]]),
-                Stroke::Line(&[[-3.0, 0.0], [-3.0, 0.7]]),
-                Stroke::Line(&[[-3.3, 0.7], [-2.7, 0.7]]),
-            ],
-        ),
+        ("closed", &[Stroke::at(VENTS, 2.0), Stroke::at(FEEDS, -2.0)]),
+        ("open", &[Stroke::at(FEEDS, 2.0), Stroke::at(VENTS, -2.0)]),
     ],
     ports: &[[1.0, -1.0], [1.0, 5.0], [3.0, -1.0]],
 };
 
-const FIVE_TWO: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[-4.0, 0.0], [-4.0, 4.0], [4.0, 4.0], [4.0, 0.0], [-4.0, 0.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
-        Stroke::Line(&[[-4.0, 1.0], [-6.0, 1.0], [-6.0, 3.0], [-4.0, 3.0]]),
-        Stroke::Line(&[[-5.3, 3.0], [-4.7, 1.0]]),
-        Stroke::Line(&[[4.0, 2.0], [4.2, 2.6], [4.6, 1.4], [5.0, 2.6], [5.4, 1.4], [5.8, 2.6], [6.0, 2.0]]),
-        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
-        Stroke::Line(&[[2.0, 0.0], [2.0, -1.0]]),
-        Stroke::Line(&[[3.0, 0.0], [3.0, -1.0]]),
-        Stroke::Line(&[[1.0, 4.0], [1.0, 5.0]]),
-        Stroke::Line(&[[3.0, 4.0], [3.0, 5.0]]),
-        Stroke::Line(&[[2.0, 0.0], [3.0, 4.0]]),
-        Stroke::Head([[3.0, 4.0], [2.45, 3.26], [3.13, 3.09]]),
-        Stroke::Line(&[[1.0, 4.0], [1.0, 0.0]]),
-        Stroke::Head([[1.0, 0.0], [1.35, 0.85], [0.65, 0.85]]),
-        Stroke::Line(&[[3.0, 0.0], [3.0, 0.7]]),
-        Stroke::Line(&[[2.7, 0.7], [3.3, 0.7]]),
-        Stroke::Line(&[[-2.0, 0.0], [-3.0, 4.0]]),
-        Stroke::Head([[-3.0, 4.0], [-3.13, 3.09], [-2.45, 3.26]]),
-        Stroke::Line(&[[-1.0, 4.0], [-1.0, 0.0]]),
-        Stroke::Head([[-1.0, 0.0], [-0.65, 0.85], [-1.35, 0.85]]),
-        Stroke::Line(&[[-3.0, 0.0], [-3.0, 0.7]]),
-        Stroke::Line(&[[-3.3, 0.7], [-2.7, 0.7]]),
-    ],
-    when: &[],
-    ports: &[[2.0, -1.0], [1.0, 5.0], [3.0, 5.0], [1.0, -1.0], [3.0, -1.0]],
-};
-
-const FIVE_THREE: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[-6.0, 0.0], [-6.0, 4.0], [6.0, 4.0], [6.0, 0.0], [-6.0, 0.0]]),
-        Stroke::Line(&[[-2.0, 0.0], [-2.0, 4.0]]),
-        Stroke::Line(&[[2.0, 0.0], [2.0, 4.0]]),
-        Stroke::Line(&[[-6.0, 1.0], [-8.0, 1.0], [-8.0, 3.0], [-6.0, 3.0]]),
-        Stroke::Line(&[[-7.3, 3.0], [-6.7, 1.0]]),
-        Stroke::Line(&[[6.0, 1.0], [8.0, 1.0], [8.0, 3.0], [6.0, 3.0]]),
-        Stroke::Line(&[[7.3, 3.0], [6.7, 1.0]]),
-        Stroke::Line(&[
-            [-8.0, 2.0],
-            [-8.2, 2.6],
-            [-8.6, 1.4],
-            [-9.0, 2.6],
-            [-9.4, 1.4],
-            [-9.8, 2.6],
-            [-10.0, 2.0],
-        ]),
-        Stroke::Line(&[[8.0, 2.0], [8.2, 2.6], [8.6, 1.4], [9.0, 2.6], [9.4, 1.4], [9.8, 2.6], [10.0, 2.0]]),
-        Stroke::Line(&[[-1.0, 0.0], [-1.0, -1.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, -1.0]]),
-        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
-        Stroke::Line(&[[-1.0, 4.0], [-1.0, 5.0]]),
-        Stroke::Line(&[[1.0, 4.0], [1.0, 5.0]]),
-        Stroke::Line(&[[-4.0, 0.0], [-5.0, 4.0]]),
-        Stroke::Head([[-5.0, 4.0], [-5.13, 3.09], [-4.45, 3.26]]),
-        Stroke::Line(&[[-3.0, 4.0], [-3.0, 0.0]]),
-        Stroke::Head([[-3.0, 0.0], [-2.65, 0.85], [-3.35, 0.85]]),
-        Stroke::Line(&[[-5.0, 0.0], [-5.0, 0.7]]),
-        Stroke::Line(&[[-5.3, 0.7], [-4.7, 0.7]]),
-        Stroke::Line(&[[4.0, 0.0], [5.0, 4.0]]),
-        Stroke::Head([[5.0, 4.0], [4.45, 3.26], [5.13, 3.09]]),
-        Stroke::Line(&[[3.0, 4.0], [3.0, 0.0]]),
-        Stroke::Head([[3.0, 0.0], [3.35, 0.85], [2.65, 0.85]]),
-        Stroke::Line(&[[5.0, 0.0], [5.0, 0.7]]),
-        Stroke::Line(&[[4.7, 0.7], [5.3, 0.7]]),
-    ],
-    when: &[
-        (
-            "closed",
-            &[
-                Stroke::Line(&[[-1.0, 0.0], [-1.0, 0.7]]),
-                Stroke::Line(&[[-1.3, 0.7], [-0.7, 0.7]]),
-                Stroke::Line(&[[0.0, 0.0], [0.0, 0.7]]),
-                Stroke::Line(&[[-0.3, 0.7], [0.3, 0.7]]),
-                Stroke::Line(&[[1.0, 0.0], [1.0, 0.7]]),
-                Stroke::Line(&[[0.7, 0.7], [1.3, 0.7]]),
-                Stroke::Line(&[[-1.0, 4.0], [-1.0, 3.3]]),
-                Stroke::Line(&[[-1.3, 3.3], [-0.7, 3.3]]),
-                Stroke::Line(&[[1.0, 4.0], [1.0, 3.3]]),
-                Stroke::Line(&[[0.7, 3.3], [1.3, 3.3]]),
-            ],
-        ),
-        (
-            "exhaust",
-            &[
-                Stroke::Line(&[[-1.0, 4.0], [-1.0, 0.0]]),
-                Stroke::Head([[-1.0, 0.0], [-0.65, 0.85], [-1.35, 0.85]]),
-                Stroke::Line(&[[1.0, 4.0], [1.0, 0.0]]),
-                Stroke::Head([[1.0, 0.0], [1.35, 0.85], [0.65, 0.85]]),
-                Stroke::Line(&[[0.0, 0.0], [0.0, 0.7]]),
-                Stroke::Line(&[[-0.3, 0.7], [0.3, 0.7]]),
-            ],
-        ),
-        (
-            "pressure",
-            &[
-                Stroke::Line(&[[0.0, 0.0], [-1.0, 4.0]]),
-                Stroke::Head([[-1.0, 4.0], [-1.13, 3.09], [-0.45, 3.26]]),
-                Stroke::Line(&[[0.0, 0.0], [1.0, 4.0]]),
-                Stroke::Head([[1.0, 4.0], [0.45, 3.26], [1.13, 3.09]]),
-                Stroke::Line(&[[-1.0, 0.0], [-1.0, 0.7]]),
-                Stroke::Line(&[[-1.3, 0.7], [-0.7, 0.7]]),
-                Stroke::Line(&[[1.0, 0.0], [1.0, 0.7]]),
-                Stroke::Line(&[[0.7, 0.7], [1.3, 0.7]]),
-            ],
-        ),
-    ],
-    ports: &[[0.0, -1.0], [-1.0, 5.0], [1.0, 5.0], [-1.0, -1.0], [1.0, -1.0]],
+const THREE_POSITIONS: Symbol = Symbol {
+    strokes: &[FIVE_THREE, Stroke::mirrored(SPRING, -8.0), Stroke::at(SPRING, 8.0)],
+    when: &[("closed", CLOSED), ("exhaust", EXHAUSTS), ("pressure", PRESSURIZES)],
+    ports: FIVE_THREE_PORTS,
 };

@@ -15,6 +15,8 @@ pub enum Stroke {
     Head([[f64; 2]; 3]),
     /// About this point.
     Text([f64; 2], &'static str),
+    /// Strokes moved by this much, after left and right have changed places where asked.
+    Moved(&'static [Stroke], [f64; 2], bool),
 }
 
 /// How a component is drawn, after ISO 1219: supply below, consumers above.
@@ -25,6 +27,18 @@ pub struct Symbol {
     pub when: &'static [(&'static str, &'static [Stroke])],
     /// Places of the ports in their order, on whole modules at the rim of the symbol.
     pub ports: &'static [[f64; 2]],
+}
+
+impl Stroke {
+    /// The same strokes, further to the right.
+    pub const fn at(strokes: &'static [Stroke], right: f64) -> Stroke {
+        Stroke::Moved(strokes, [right, 0.0], false)
+    }
+
+    /// Their mirror image, further to the right.
+    pub const fn mirrored(strokes: &'static [Stroke], right: f64) -> Stroke {
+        Stroke::Moved(strokes, [right, 0.0], true)
+    }
 }
 
 impl Symbol {

@@ -13,12 +13,12 @@ from pneudrive.describe.derived import derived
 from pneudrive.session import short_name
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from pneudrive._core import Circuit as CoreCircuit
-    from pneudrive._core import Shot
+    from pneudrive._core import Shooting, Shot
     from pneudrive.describe import Drive
     from pneudrive.describe.derived import Derived
 
@@ -117,27 +117,19 @@ class Lines:
         self.start_names = [short[i] for i in self._order]
         self._columns = {short_name(name): name for name in core.columns}
 
-    def shoot(
-        self,
-        times: Sequence[float],
-        commands: Sequence[float],
-        sample_times: Array,
-        starts: Sequence[int],
-        initial: Array,
-        parameters: Sequence[str],
-        with_initial: bool | Sequence[int],
-        outputs: Sequence[str],
-        *rest: Any,  # noqa: ANN401 - tolerance, threads, look
-    ) -> Shot:
+    def shoot(self, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot:
         """Run segments, as `_core.Drive.shoot` does."""
-        given = np.empty_like(initial)
-        given[:, self._order] = initial
-        asked = range(self._order.size) if with_initial is True else with_initial or ()
-        found = self._core.shoot(
-            *("valve.command", times, commands, sample_times, starts, given, parameters),
-            *([int(self._order[i]) for i in asked], [self._columns[name] for name in outputs]),
-            *rest,
-        )
+        initial = np.empty_like(asked["initial"])
+        initial[:, self._order] = asked["initial"]
+        by_start = asked["with_initial"]
+        by_start = range(self._order.size) if by_start is True else by_start or ()
+        own: Shooting = {
+            **asked,
+            "initial": initial,
+            "with_initial": [int(self._order[i]) for i in by_start],
+            "outputs": [self._columns[name] for name in asked["outputs"]],
+        }
+        found = self._core.shoot("valve.command", own, look)
         found["ends"] = found["ends"][:, self._order]
         found["end_sensitivities"] = found["end_sensitivities"][:, self._order]
         found["start_names"] = self.start_names

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive._core import Shooting
     from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.identify.dynamic.parameters import Candidates
     from pneudrive.watch import Watch
@@ -178,19 +179,19 @@ class Shooter:
         by_start: NDArray[np.int64] | None = None,
     ) -> dict[str, Any]:
         times, commands = delayed(*self.recording.steps, self._delay_s if delay_s is None else delay_s)
-        return core.shoot(
-            times.tolist(),
-            commands.tolist(),
-            self.recording.time_s,
-            self.starts.tolist(),
-            np.ascontiguousarray(initial),
-            self.candidates.paths if derivatives else [],
-            derivatives if by_start is None or not derivatives else by_start.tolist(),
-            self.outputs,
-            self._rtol,
-            self._threads,
-            lambda _: self.watch.look(),
-        )
+        asked: Shooting = {
+            "times": times.tolist(),
+            "commands": commands.tolist(),
+            "sample_times": self.recording.time_s,
+            "starts": self.starts.tolist(),
+            "initial": np.ascontiguousarray(initial),
+            "parameters": self.candidates.paths if derivatives else [],
+            "with_initial": derivatives if by_start is None or not derivatives else by_start.tolist(),
+            "outputs": self.outputs,
+            "rtol": self._rtol,
+            "threads": self._threads,
+        }
+        return core.shoot(asked, lambda _: self.watch.look())
 
 
 def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array]:

@@ -1,0 +1,81 @@
+//! What segments of a record are asked for, and what running them gave.
+
+use crate::convert::Numbers;
+use circuit::{ByStart, Shooting, Shot};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
+use ode::Options;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Whether to differentiate by the starts, or by which of their numbers.
+#[derive(FromPyObject)]
+enum WithInitial {
+    All(bool),
+    Of(Vec<usize>),
+}
+
+impl From<WithInitial> for ByStart {
+    fn from(asked: WithInitial) -> Self {
+        match asked {
+            WithInitial::All(all) => all.into(),
+            WithInitial::Of(places) => ByStart::Of(places),
+        }
+    }
+}
+
+/// The dict `_core.Shooting` as it comes from Python.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Asked<'py> {
+    times: Numbers<'py>,
+    commands: Numbers<'py>,
+    sample_times: Numbers<'py>,
+    starts: Vec<usize>,
+    initial: PyReadonlyArray2<'py, f64>,
+    #[pyo3(default)]
+    parameters: Vec<String>,
+    #[pyo3(default = WithInitial::All(false))]
+    with_initial: WithInitial,
+    outputs: Vec<String>,
+    rtol: f64,
+    #[pyo3(default = 1)]
+    threads: usize,
+}
+
+impl From<Asked<'_>> for Shooting {
+    fn from(asked: Asked<'_>) -> Self {
+        Shooting {
+            times: asked.times.into(),
+            commands: asked.commands.into(),
+            sample_times: asked.sample_times.into(),
+            starts: asked.starts,
+            initial: asked.initial.as_array().iter().copied().collect(),
+            parameters: asked.parameters,
+            with_initial: asked.with_initial.into(),
+            outputs: asked.outputs,
+            options: Options { rtol: asked.rtol, ..Options::default() },
+            threads: asked.threads,
+        }
+    }
+}
+
+/// What a shot gave, as arrays by name.
+pub fn shot_to_dict<'py>(
+    py: Python<'py>,
+    asked: &Shooting,
+    shot: Shot,
+    start_names: Vec<String>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let Shot { values, sensitivities, ends, end_sensitivities, failures, directions } = shot;
+    let (samples, outputs) = (asked.sample_times.len(), asked.outputs.len());
+    let (segments, states) = (asked.starts.len(), start_names.len());
+    let array = |values: Vec<f64>| PyArray1::from_vec(py, values);
+    let out = PyDict::new(py);
+    out.set_item("values", array(values).reshape([samples, outputs])?)?;
+    out.set_item("sensitivities", array(sensitivities).reshape([samples, outputs, directions])?)?;
+    out.set_item("ends", array(ends).reshape([segments, states])?)?;
+    out.set_item("end_sensitivities", array(end_sensitivities).reshape([segments, states, directions])?)?;
+    out.set_item("failures", failures)?;
+    out.set_item("start_names", start_names)?;
+    Ok(out)
+}
