@@ -205,6 +205,23 @@ class ComponentParameter(TypedDict):
     was: str
 
 @type_check_only
+class ComponentColumn(TypedDict):
+    key: str
+    unit: str
+    meaning: str
+    rule: str
+    lower: float
+    upper: float
+    open: bool
+    open_above: bool
+    default: float | None
+
+@type_check_only
+class ComponentPoints(TypedDict):
+    columns: list[ComponentColumn]
+    most: int
+
+@type_check_only
 class ComponentChoice(TypedDict):
     name: str
     meaning: str
@@ -239,6 +256,7 @@ class Component(TypedDict):
     parameters: list[ComponentParameter]
     choices: list[ComponentChoice]
     formula: ComponentFormula | None
+    points: ComponentPoints | None
     open: bool
     friction: bool
     inputs: list[ComponentVariable]

@@ -26,6 +26,7 @@ _BAR, _PSI, _L_MIN = 1.0e5, 6894.757293168361, 1.0e-3 / 60.0  # psi: 0.45359237 
 _TABLE: dict[str, tuple[str, float, float]] = {
     **{u: ("m", f, 0.0) for u, f in {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}.items()},
     "km": ("m", 1e3, 0.0),
+    **{u: ("kg m^2", f, 0.0) for u, f in {"kg m2": 1.0, "kg cm2": 1e-4, "kg mm2": 1e-6, "g cm2": 1e-7}.items()},
     **{u: ("m^2", f, 0.0) for u, f in {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6}.items()},
     **{
         u: ("m^3", f, 0.0) for u, f in {"m3": 1.0, "dm3": 1e-3, "l": 1e-3, "cm3": 1e-6, "ml": 1e-6, "mm3": 1e-9}.items()
@@ -85,6 +86,7 @@ _KINDS: dict[str, tuple[str, str]] = {
     "A": ("a current", "12 mA"),
     "N/m": ("a stiffness", "1e6 N/m"),
     "N s/m": ("a viscous coefficient", "40 N s/m"),
+    "kg m^2": ("a moment of inertia", "0.02 kg m2"),
     "kg/m": ("a damping by the square of speed", "100 kg/m"),
     "N/Pa": ("a force per pressure", "1.0 N/bar"),
     "1/Pa": ("a share per pressure", "10 %/bar"),

@@ -95,6 +95,17 @@ KEYS: dict[str, tuple[float, float]] = {
     "friction_scale": (0.5, 2.0),
     "ripple_velocity": (1e-3, 0.05),
     "cells": (2.0, 2.0),
+    "distance": (0.05, 0.3),
+    "centre": (0.0, 0.4),
+    "link_length": (0.45, 1.0),  # longer than the longest stroke
+}
+#: The same for columns of points.
+POINTS: dict[str, tuple[float, float]] = {
+    "position": (0.0, 0.4),
+    "velocity": (-1.0, 1.0),
+    "time": (0.0, 0.6),
+    "force": (-30.0, 30.0),
+    "mass": (0.0, 5.0),
 }
 UNITS: dict[str, tuple[float, float]] = {
     "m3/(s Pa)": (2e-10, 3e-8),
@@ -117,6 +128,7 @@ UNITS: dict[str, tuple[float, float]] = {
     "W/K": (0.1, 5.0),
     "N s/m": (5.0, 100.0),
     "kg/m": (5.0, 50.0),
+    "kg m2": (1e-4, 0.05),
 }
 #: Optional numbers that only those who know what they do change, or that make sense only together.
 LEFT_OUT = ("cells", "end_stop_", "wall_temperature", "incline")
@@ -157,6 +169,26 @@ def number(draw: Draw, parameter: dict[str, Any]) -> float | str:
     return value if unit in {"1", "-"} else q(value, unit)
 
 
+def points(draw: Draw, columns: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Draw points of a curve."""
+    rows = [[draw.linear(*POINTS[column["key"]]) for column in columns] for _ in range(int(draw.linear(2, 7)))]
+    return [
+        {column["key"]: q(value, column["unit"]) for column, value in zip(columns, row, strict=True)}
+        for row in sorted(rows)
+    ]
+
+
+def friction(draw: Draw) -> dict[str, Any]:
+    """Draw a friction table."""
+    force, law = draw.log(2.0, 20.0), draw.one(*FRICTION)
+    out = {"law": law, "coulomb": q(force, "N"), "viscous": q(draw.log(5.0, 60.0), "N s/m")}
+    if law != "coulomb":
+        out |= {"breakaway": q(1.4 * force, "N"), "stribeck_velocity": q(draw.log(0.005, 0.05), "m/s")}
+    if law == "lugre":
+        out |= {"bristle_stiffness": q(force / 5e-5, "N/m"), "bristle_damping": q(force * 20.0, "N s/m")}
+    return out
+
+
 def component(draw: Draw, kind: str, entry: dict[str, Any]) -> dict[str, Any]:
     """Draw the table of a component."""
     out: dict[str, Any] = {"kind": kind}
@@ -171,21 +203,14 @@ def component(draw: Draw, kind: str, entry: dict[str, Any]) -> dict[str, Any]:
         optional = not (parameter["unless"] or (table and table not in tables) or key.startswith(LEFT_OUT))
         if needed or (optional and draw.chance(0.25)):
             out[key] = number(draw, parameter)
+    if entry["points"]:
+        out["points"] = points(draw, entry["points"]["columns"])
     if "coefficient" in out:  # of a leak: in place of its gap
         for parameter in entry["parameters"]:
             if parameter["unless"] == "coefficient":
                 del out[parameter["key"]]
     if entry["friction"]:
-        force = draw.log(2.0, 20.0)
-        law = draw.one(*FRICTION)
-        out["friction"] = {"law": law, "coulomb": q(force, "N"), "viscous": q(draw.log(5.0, 60.0), "N s/m")}
-        if law != "coulomb":
-            out["friction"] |= {"breakaway": q(1.4 * force, "N"), "stribeck_velocity": q(draw.log(0.005, 0.05), "m/s")}
-        if law == "lugre":
-            out["friction"] |= {
-                "bristle_stiffness": q(force / 5e-5, "N/m"),
-                "bristle_damping": q(force * 20.0, "N s/m"),
-            }
+        out["friction"] = friction(draw)
         out.pop("rod_diameter", None)
         if kind not in ("cylinder/rodless", "slide"):
             out["rod_diameter"] = q(0.005, "m")

@@ -10,11 +10,13 @@ mod compressor;
 mod coupling;
 pub(crate) mod cylinder;
 mod ejector;
+mod extra;
 mod fitting;
 mod flow_control;
 mod force_sensor;
 mod formula;
 mod impulse;
+mod inertia;
 mod leak;
 mod line;
 mod load;
@@ -37,6 +39,7 @@ mod soft_start;
 mod switching;
 mod symbol;
 mod table;
+mod table_force;
 mod tank;
 mod tube;
 mod valve;
@@ -48,13 +51,13 @@ use crate::table;
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::friction::Contact;
-use physics::written::Role;
 use table::WALL;
 
 pub use formula::formula_kind;
-pub(crate) use formula::{Written, written};
 
 pub use build::{Acts, Build, Piston};
+pub use extra::Extra;
+pub(crate) use extra::Given;
 pub use registry::{kinds, register};
 pub use symbol::{Stroke, Symbol};
 pub use table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX, count, join};
@@ -157,8 +160,8 @@ pub struct Kind {
     pub ports: &'static [Port],
     pub parameters: &'static [Row],
     pub choices: &'static [Choice],
-    /// It takes a formula, which gives this and has parameters of its own.
-    pub formula: Option<&'static Role>,
+    /// What it takes beside them.
+    pub extra: Extra,
     /// Gas can always pass between its ports.
     pub open: bool,
     /// It takes a friction table, and needs one.
@@ -182,7 +185,7 @@ impl Kind {
         ports: &[],
         parameters: &[],
         choices: &[],
-        formula: None,
+        extra: Extra::Nothing,
         open: false,
         friction: false,
         needs_friction: false,
@@ -205,8 +208,7 @@ impl Kind {
 pub struct Instance<P> {
     pub name: String,
     pub kind: usize,
-    /// Its formula, if its kind takes one, with the table of what that makes of it.
-    pub(crate) written: Option<&'static Written>,
+    pub(crate) extra: Given<P>,
     /// None where it is left out and has no default.
     pub numbers: Vec<Option<P>>,
     /// Which of them something is differentiated by, in this pass of directions or another.
@@ -224,7 +226,7 @@ impl<P> Instance<P> {
     }
 
     pub fn kind(&self) -> &'static Kind {
-        self.written.map_or_else(|| registry::kind(self.kind), |written| &written.kind)
+        self.extra.kind(registry::kind(self.kind))
     }
 }
 
@@ -236,7 +238,7 @@ impl<P: Lane> Instance<P> {
         Instance {
             name: name.into(),
             kind,
-            written: None,
+            extra: Given::Nothing,
             numbers: (each().zip(KINDS[kind].parameters))
                 .map(|(number, row)| number.map(|(value, _)| value).or(row.default.map(P::c)))
                 .collect(),
@@ -254,6 +256,11 @@ impl<P: Lane> Instance<P> {
     /// A number that may be left out.
     pub fn given(&self, key: &str) -> Option<P> {
         self.numbers[self.place(key)]
+    }
+
+    /// Its points: rows in the order of its kind's columns; none where its kind takes none.
+    pub fn points(&self) -> &[Vec<P>] {
+        if let Given::Points(rows) = &self.extra { rows } else { &[] }
     }
 
     /// Whether something is differentiated by a number.
@@ -439,6 +446,12 @@ components! {
     carriage::Carriage,
     force_sensor::ForceSensor,
     piston::Bare,
+    table_force::OverPosition,
+    table_force::OverVelocity,
+    table_force::OverTime,
+    inertia::Table,
+    inertia::Lever,
+    inertia::Toggle,
     bumper::Bumper,
     shock_absorber::ShockAbsorber,
     // Last: the end stops of a cylinder follow from what is joined to it.
@@ -476,7 +489,7 @@ mod tests {
             let numbers = vec![Some(1.0); table.parameters.len()];
             let choices = vec![0; table.choices.len()];
             let (name, free) = (String::new(), Vec::new());
-            let own = Instance { name, kind, written: None, numbers, choices, friction: None, free };
+            let own = Instance { name, kind, extra: Given::Nothing, numbers, choices, friction: None, free };
             for (place, port) in table.ports.iter().enumerate() {
                 let holds = match bring(&own, place, 293.15) {
                     Brings::Volume(_) => Holds::Volume,

@@ -26,7 +26,7 @@ pub use assembly::{
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
 pub use component::{
-    Choice, Holds, KINDS, Kind as ComponentKind, Port, PortKind, Stroke, Symbol, formula_kind, kinds,
+    Choice, Extra, Holds, KINDS, Kind as ComponentKind, Port, PortKind, Stroke, Symbol, formula_kind, kinds,
     register,
 };
 pub use impacts::Impact;

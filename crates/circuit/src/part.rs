@@ -36,6 +36,7 @@ mod second_order;
 mod shock_absorber;
 pub(crate) mod signal;
 mod spring;
+mod table_force;
 pub(crate) mod volume;
 mod wall;
 
@@ -81,6 +82,7 @@ pub use second_order::SecondOrder;
 pub use shock_absorber::ShockAbsorber;
 pub use signal::{Armature, Held, Spool};
 pub use spring::Spring;
+pub use table_force::{Along, TableForce};
 pub use volume::{ChamberLaw, Volume};
 pub use wall::Wall;
 
@@ -441,6 +443,7 @@ parts! {
         couplings: Coupling,
         magnets: Magnet,
         locks: Lock,
+        table_forces: TableForce,
         walls: Wall,
         motors: Motor,
         formula_paths: FormulaPath,

@@ -290,6 +290,9 @@ pub struct Component {
     pub friction: Option<Friction>,
     #[serde(default)]
     pub formula: Option<ComponentFormula>,
+    /// Rows of numbers in the order of the kind's columns.
+    #[serde(default)]
+    pub points: Option<Vec<Vec<f64>>>,
 }
 
 /// A formula of a component: see [`physics::written::Text`].

@@ -180,3 +180,114 @@ fn a_lock_that_is_shut_at_the_start_holds_until_it_opens() {
     let heavy = locked(100.0, -up, 0.0, &[("lock.command", 0.0, 0.0), ("lock.command", 0.1, 1.0)], 0.3);
     assert!((heavy["mass.acceleration_m_s2"][299] - (9.80665 - 100.0 / 20.0)).abs() < 1e-9);
 }
+
+/// A free slide of 2 kg that starts at x = 0 with something on it.
+fn on_a_slide(what: &Value, v: f64, duration: f64) -> Columns {
+    let mut own = what.clone();
+    own["name"] = json!("own");
+    let network =
+        network(&json!([slide("mass", 2.0), own]), &json!([["mass.1", "own.1"]])).expect("assembles");
+    let start = [("mass.position_m", 0.0), ("mass.velocity_m_s", v)];
+    let (columns, ledger) = run(&network, &[], (duration, 1000.0), &start);
+    assert!(ledger[1].abs() < 1e-6, "{ledger:?}");
+    columns
+}
+
+fn force(over: &str, shape: &str, points: &[[f64; 2]]) -> Value {
+    json!({ "kind": format!("force/{over}"), "choices": { "shape": shape }, "points": points })
+}
+
+#[test]
+fn a_force_over_the_position_gives_the_energy_of_its_integral() {
+    let points = [[0.1, -2.0], [0.3, 6.0]];
+    for (shape, integral) in [
+        // From F_0 to F_1 by t, or by 3 t^2 - 2 t^3.
+        ("straight", (|t| 0.5 * t * t) as fn(f64) -> f64),
+        ("smooth", |t| t * t * t * (1.0 - 0.5 * t)),
+    ] {
+        let columns = on_a_slide(&force("position", shape, &points), 1.0, 0.5);
+        for i in [50, 150, 250, 500] {
+            let (x, v) = (columns["mass.position_m"][i], columns["mass.velocity_m_s"][i]);
+            let t = ((x - 0.1) / 0.2).clamp(0.0, 1.0);
+            let within = 0.2 * (-2.0 * t + 8.0 * integral(t));
+            let work = -2.0 * x.min(0.1) + within + 6.0 * (x - 0.3).max(0.0);
+            assert!((v * v - 1.0 - work).abs() < 1e-7, "{shape}, {i}: {v} at {x}");
+        }
+    }
+}
+
+#[test]
+fn a_force_over_the_velocity_damps_and_one_over_time_gives_its_impulse() {
+    let columns = on_a_slide(&force("velocity", "straight", &[[-2.0, 10.0], [2.0, -10.0]]), 1.0, 1.0);
+    // m v' = -c v with c = 5 N s/m.
+    for i in [10, 400, 1000] {
+        let (v, t) = (columns["mass.velocity_m_s"][i], 1e-3 * i as f64);
+        assert!((v - (-2.5 * t).exp()).abs() < 1e-7, "{t}: {v}");
+    }
+    // A tent of 10 N and 0.2 s, and one of 1 ms after seconds of rest.
+    let points = [[0.1, 0.0], [0.2, 10.0], [0.3, 0.0], [5.0, 0.0], [5.0005, -2e3], [5.001, 0.0]];
+    let columns = on_a_slide(&force("time", "straight", &points), 0.0, 6.0);
+    let v = |i: usize| columns["mass.velocity_m_s"][i];
+    assert!(v(99) == 0.0 && (v(200) - 0.25).abs() < 1e-9 && (v(300) - 0.5).abs() < 1e-9, "{}", v(200));
+    assert!((v(5000) - 0.5).abs() < 1e-9 && v(6000).abs() < 1e-8, "{}", v(6000));
+    assert!((columns["mass.position_m"][300] - 0.05).abs() < 1e-9);
+}
+
+#[test]
+fn a_mass_that_the_position_determines_keeps_its_energy() {
+    let (own, v0) = (2.0, 1.0);
+    let toggle =
+        json!({ "kind": "inertia/toggle", "numbers": { "mass": 3.0, "link_length": 0.3, "centre": 0.05 } });
+    let lever = json!({ "kind": "inertia/lever",
+                        "numbers": { "moment_of_inertia": 0.02, "distance": 0.1, "centre": 0.05 } });
+    let table = json!({ "kind": "inertia/table", "points": [[0.05, 1.0], [0.15, 5.0]] });
+    let of_toggle = |x: f64| 12.0 * (x - 0.05).powi(2) / (0.09 - (x - 0.05).powi(2));
+    // J (d atan(s/h)/ds)^2
+    let of_lever = |x: f64| 0.02 * (0.1 / (0.01 + (x - 0.05).powi(2))).powi(2);
+    let of_table = |x: f64| {
+        let t = ((x - 0.05) / 0.1).clamp(0.0, 1.0);
+        1.0 + 4.0 * t * t * (3.0 - 2.0 * t)
+    };
+    let cases: [(&Value, &dyn Fn(f64) -> f64); 3] =
+        [(&toggle, &of_toggle), (&lever, &of_lever), (&table, &of_table)];
+    for (what, m) in cases {
+        let columns = on_a_slide(what, v0, 0.2);
+        for i in [40, 100, 200] {
+            let (x, v) = (columns["mass.position_m"][i], columns["mass.velocity_m_s"][i]);
+            let expected = v0 * ((own + m(0.0)) / (own + m(x))).sqrt();
+            assert!((v - expected).abs() < 1e-7, "{what}, {i}: {v} {expected} at {x}");
+        }
+    }
+    // A lever without anything on its pin but a light slide turns steadily.
+    let mut light = slide("mass", 1e-9);
+    light["numbers"]["incline"] = json!(0.0);
+    let mut own = lever;
+    own["name"] = json!("own");
+    let network = network(&json!([light, own]), &json!([["mass.1", "own.1"]])).expect("assembles");
+    let start = [("mass.position_m", -0.05), ("mass.velocity_m_s", 1.0)];
+    let (columns, _) = run(&network, &[], (0.3, 1000.0), &start);
+    // From -45 deg, at v cos^2(phi)/h = 5 rad/s.
+    for i in [100, 300] {
+        let phi = -0.25 * PI + 5.0 * 1e-3 * f64::from(i);
+        let x = columns["mass.position_m"][i as usize];
+        assert!((x - 0.05 - 0.1 * phi.tan()).abs() < 1e-6, "{i}: {x}");
+    }
+}
+
+#[test]
+fn points_that_do_not_rise_or_are_missing_are_refused() {
+    let message = |points: Value| {
+        let what = json!({ "name": "own", "kind": "inertia/table", "points": points });
+        let all = json!([slide("mass", 2.0), what]);
+        network(&all, &json!([["mass.1", "own.1"]])).err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    for (points, said) in [
+        (Value::Null, "own.points is missing"),
+        (json!([[0.0, 1.0]]), "own.points has 1 points: 2 to 50"),
+        (json!([[0.0, 1.0], [0.0, 2.0]]), "position = 0 m comes after 0 m"),
+        (json!([[0.0, 1.0], [0.1, -2.0]]), "mass = -2 kg is out of bounds"),
+        (json!([[0.0, 1.0], [0.1]]), "a point has 2 numbers, not 1"),
+    ] {
+        assert!(message(points).contains(said), "{said}");
+    }
+}

@@ -404,7 +404,7 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         ("rod_diameter", _) => 0.01,
         ("gap_height", _) => 5e-5,
         ("stop_pressure", _) => 6e5,
-        ("length", _) => 1.0,
+        ("length" | "link_length", _) => 1.0,
         ("diameter", _) => 4e-3,
         ("critical_pressure_ratio", _) => 0.35,
         (_, "m3/(s Pa)") => 1e-8,
@@ -417,9 +417,11 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         (_, "m") => 0.05,
         (_, "kg") => 1.0,
         (_, "s") => 0.005,
+        (_, "m/s") => 1.0,
         (_, "N/m") => 500.0,
         (_, "N") => 20.0,
         (_, "N s/m" | "kg/m") => 50.0,
+        (_, "kg m2") => 0.01,
         _ => panic!("{key}: a usual value in {unit}"),
     };
     let mut numbers: BTreeMap<_, _> = needed.map(|own| (own.key, value(own.key, own.unit))).collect();
@@ -428,7 +430,7 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         numbers.insert("rod_diameter", 0.01);
     }
     let friction = if kind.friction { case_a()["friction"].clone() } else { Value::Null };
-    let formula = kind.formula.map(|role| {
+    let formula = if let circuit::Extra::Formula(role) = kind.extra {
         let output = match role.output.0 {
             "mass_flow" => "opening*slope*(p_up - p_down)*(1 + opening*p_down/p_up)",
             "force" => "-k*(x - rest) - c*v + command*k*rest",
@@ -440,8 +442,20 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         let force = vec![row("k", "N/m", 300.0), row("rest", "m", 0.02), row("c", "N s/m", 20.0)];
         let parameters = if role.output.0 == "force" { force } else { flow };
         json!({ "name": "usual", "parameters": parameters, "output": output })
-    });
-    json!({ "name": "own", "kind": kind.key, "numbers": numbers, "friction": friction, "formula": formula })
+    } else {
+        Value::Null
+    };
+    // From the origin to something usual.
+    let points = if let circuit::Extra::Points(columns) = kind.extra {
+        json!(
+            [0.0, 1.0]
+                .map(|share| columns.iter().map(|own| share * value(own.key, own.unit)).collect::<Vec<_>>())
+        )
+    } else {
+        Value::Null
+    };
+    json!({ "name": "own", "kind": kind.key, "numbers": numbers, "friction": friction, "formula": formula,
+            "points": points })
 }
 
 /// Every kind of component between volumes: what a new one has to keep is asked here, and nowhere by its name.
@@ -529,7 +543,6 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
         // Ambient pressure and temperature everywhere, valves open: nothing moves, but what a spring or a supply drives.
         let driven = [
             "spring",
-            "force/formula",
             "slide",
             "piston",
             "carriage",
@@ -538,7 +551,7 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
             "reservoir/pulsating",
             "compressor",
         ];
-        if driven.contains(&kind.key) {
+        if driven.contains(&kind.key) || kind.key.starts_with("force/") {
             continue;
         }
         let named = start(false);

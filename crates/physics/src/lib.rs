@@ -7,6 +7,7 @@ mod parameter;
 
 pub mod chamber;
 pub mod constants;
+pub mod curve;
 pub mod flow;
 pub mod friction;
 pub mod gas;

@@ -2,5 +2,7 @@
 
 mod end_stop;
 mod formula;
+mod inertia;
 pub use end_stop::EndStop;
 pub use formula::{FORCE, ForceFormula};
+pub use inertia::Inertia;

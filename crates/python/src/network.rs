@@ -5,10 +5,12 @@ use crate::friction::refused;
 use crate::session::PySession;
 use crate::shooting::{Asked, shot_to_dict};
 use circuit::{
-    Assembly, ComponentKind, Holds, Network, PortKind, Shooting, Stroke, formula_kind, kinds, specification,
+    Assembly, ComponentKind, Extra, Holds, Network, PortKind, Shooting, Stroke, formula_kind, kinds,
+    specification,
 };
 use numpy::PyReadonlyArray2;
 use ode::Options;
+use physics::Parameter;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -279,7 +281,7 @@ fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Bound<'py,
         out.set_item("optional", port.optional)?;
         PyResult::Ok(out)
     });
-    let parameters = kind.parameters.iter().map(|own| {
+    let number = |own: &Parameter| {
         let out = table(&[("key", any(own.key)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])?;
         out.set_item("rule", own.bounds.to_string())?;
         out.set_item("lower", own.bounds.lower)?;
@@ -287,6 +289,10 @@ fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Bound<'py,
         out.set_item("open", own.bounds.open)?;
         out.set_item("open_above", own.bounds.open_above)?;
         out.set_item("default", own.default)?;
+        PyResult::Ok(out)
+    };
+    let parameters = kind.parameters.iter().map(|own| {
+        let out = number(&own.parameter)?;
         out.set_item("assumed", own.assumed)?;
         out.set_item("follows", own.follows)?;
         out.set_item("unless", own.unless)?;
@@ -312,15 +318,22 @@ fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Bound<'py,
     out.set_item("ports", ports.collect::<PyResult<Vec<_>>>()?)?;
     out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
     out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
-    let formula = kind.formula.map(|role| {
+    for key in ["formula", "points"] {
+        out.set_item(key, py.None())?;
+    }
+    if let Extra::Formula(role) = kind.extra {
         let names = role.variables.iter().chain(role.constants).map(|own| {
             table(&[("name", any(own.name)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])
         });
-        let out = table(&[("output", any(role.output.0)?), ("unit", any(role.output.1)?)])?;
-        out.set_item("names", names.collect::<PyResult<Vec<_>>>()?)?;
-        PyResult::Ok(out)
-    });
-    out.set_item("formula", formula.transpose()?)?;
+        let formula = table(&[("output", any(role.output.0)?), ("unit", any(role.output.1)?)])?;
+        formula.set_item("names", names.collect::<PyResult<Vec<_>>>()?)?;
+        out.set_item("formula", formula)?;
+    } else if let Extra::Points(columns) = kind.extra {
+        let points = PyDict::new(py);
+        points.set_item("columns", columns.iter().map(number).collect::<PyResult<Vec<_>>>()?)?;
+        points.set_item("most", Extra::MOST_POINTS)?;
+        out.set_item("points", points)?;
+    }
     out.set_item("open", kind.open)?;
     out.set_item("discrete", kind.discrete)?;
     let friction = if kind.needs_friction { "needed" } else { "optional" };

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
 
@@ -104,6 +105,60 @@ class _OnPaper(Quantity):
     def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
         """Describe the form."""
         return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+
+
+@dataclass(frozen=True)
+class _Points(Quantity):
+    """Annotation of a field that takes points, a list of tables, and stores them as rows in SI.
+
+    Parameters
+    ----------
+    columns : tuple
+        Key of each column and how its values are written; those of the first rise.
+    most : int
+        The most points that there may be.
+    """
+
+    columns: tuple[tuple[str, Quantity], ...] = ()
+    most: int = 0
+
+    def read(self, given: object) -> tuple[tuple[float, ...], ...]:  # type: ignore[override]
+        """Convert and check all of them."""
+        example = "{ " + ", ".join(f"{key} = ..." for key, _ in self.columns) + " }"
+        if not isinstance(given, list | tuple) or not all(isinstance(one, dict) for one in given):
+            raise WrongValueError(f"{given!r} is no list of points", remedy=f"Write [{example}, {example}].")
+        if not 2 <= len(given) <= self.most:
+            raise WrongValueError(f"{len(given)} points", rule=f"2 to {self.most} points")
+        rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
+        key, first = self.columns[0]
+        for before, after in pairwise(rows):
+            if after[0] <= before[0]:
+                what = f"{key} = {first.show(after[0])} comes after {first.show(before[0])}"
+                raise WrongValueError(what, rule=f"{key} rises from point to point")
+        return rows
+
+    def _row(self, table: dict[str, Any], number: int, example: str) -> tuple[float, ...]:
+        keys = [key for key, _ in self.columns]
+        if set(table) != set(keys):
+            raise WrongValueError(f"point {number} = {table!r}", rule=f"a point is {example}")
+        return tuple(_read(mark, table[key], f"{key} of point {number}") for key, mark in self.columns)
+
+    def show(self, value: Sequence[Sequence[float]]) -> list[dict[str, str | float]]:  # type: ignore[override]
+        """Write them as users would."""
+        return [{key: mark.show(one) for (key, mark), one in zip(self.columns, row, strict=True)} for row in value]
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the list."""
+        columns = {key: mark.__get_pydantic_json_schema__(schema, handler) for key, mark in self.columns}
+        point = {"type": "object", "properties": columns, "required": list(columns), "additionalProperties": False}
+        return {"type": "array", "items": point, "minItems": 2, "maxItems": self.most}
+
+
+def _read(mark: Quantity, given: object, name: str) -> float:
+    try:
+        return mark.read(given)
+    except WrongValueError as error:
+        raise WrongValueError(f"{name}: {error.what}", error.rule, error.remedy) from None
 
 
 class Component(Described):
@@ -253,12 +308,15 @@ class Component(Described):
         """Return the SI form of the component that the core takes."""
         friction = getattr(self, "friction", None)
         formula = getattr(self, "formula", None)
+        points = getattr(self, "points", None) if self.entry["points"] else None
         return {
             "kind": self.kind,
             "numbers": self.numbers(ambient_pa),
             "choices": self._choices(),
             "friction": None if friction is None else friction.core(),
-        } | ({} if formula is None else {"formula": formula.core()})
+            **({} if formula is None else {"formula": formula.core()}),
+            **({} if points is None else {"points": points}),
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table, values with where they come from where that is known."""
@@ -378,6 +436,12 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     if entry["formula"]:
         meaning = f"Its formula, which gives {entry['formula']['output']}; its parameters are keys beside it"
         out.append(("formula", '"file:NAME.toml" or a table', "needed", meaning))
+    if entry["points"]:
+        columns = entry["points"]["columns"]
+        point = ", ".join(f"{column['key']} = ..." for column in columns)
+        meaning = "; ".join(f"{column['meaning']}, {parameter_quantity(column).written}" for column in columns)
+        meaning += f": 2 to {entry['points']['most']} points, {columns[0]['key']} rising"
+        out.append(("points", f"[{{ {point} }}, ...]", "needed", meaning))
     if entry["friction"]:
         needed = "needed" if entry["friction"] == "needed" else "none"
         out.append(("friction", "a table", needed, "As [friction] of a drive file"))
@@ -441,6 +505,11 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
         fields["friction"] = (Friction | None, None)
     if entry["formula"]:
         fields["formula"] = (ComponentFormula, ...)
+    if entry["points"]:
+        columns = tuple((column["key"], parameter_quantity(column)) for column in entry["points"]["columns"])
+        mark = _Points("", columns=columns, most=entry["points"]["most"])
+        meaning = f"{mark.columns[1][0]} over the {mark.columns[0][0]}".capitalize()
+        fields["points"] = (Annotated[tuple[tuple[float, ...], ...], mark], Field(description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):
         meaning = "Range of the electrical input where commands are given in V or mA"
         fields[COMMAND] = (Annotated[Signal | None, SignalRange("")], Field(default=None, description=meaning))

@@ -7,8 +7,8 @@ use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Instance, Node, Piston, PortKind, Row, Terminals, Vessel, bring, check, compose,
-    joint_volume, kinds, written,
+    Acts, Brings, Build, Given as Extra, Instance, Node, Piston, PortKind, Row, Terminals, Vessel, bring,
+    check, compose, joint_volume, kinds,
 };
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
@@ -64,16 +64,8 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         let kinds = one_of(kinds.iter().map(|kind| kind.key));
         return refuse(format!("{name}: there is no kind \"{}\" of component; there are {kinds}", spec.kind));
     };
-    let written = match (kinds[kind].formula, &spec.formula) {
-        (None, None) => None,
-        (None, Some(_)) => return refuse(format!("{name}: a {} takes no formula", spec.kind)),
-        (Some(_), None) => return refuse(format!("{name}.formula is missing")),
-        (Some(role), Some(formula)) => match written(kinds[kind], role, formula) {
-            Ok(written) => Some(written),
-            Err(refusal) => return refuse(format!("{name}.formula.{refusal}")),
-        },
-    };
-    let table = written.map_or(kinds[kind], |written| &written.kind);
+    let extra = Extra::of(kinds[kind], spec)?;
+    let table = extra.kind(kinds[kind]);
     let known = |key: &String| table.parameters.iter().any(|parameter| parameter.key == key);
     if let Some(key) = spec.numbers.keys().find(|key| !known(key)) {
         let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));
@@ -132,7 +124,7 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
     };
     let free = vec![false; table.parameters.len()];
     let name = name.clone();
-    let instance = Instance { name, kind, written, numbers, free, choices, friction };
+    let instance = Instance { name, kind, extra, numbers, free, choices, friction };
     check(&instance)?;
     Ok(instance)
 }

@@ -73,7 +73,7 @@ fn lift<P: Lane>(
     Ok(Instance {
         name: own.name.clone(),
         kind: own.kind,
-        written: own.written,
+        extra: own.extra.lift(),
         numbers: numbers.collect(),
         free: free.collect(),
         choices: own.choices.clone(),

@@ -7,6 +7,7 @@ use ode::{Structure, System};
 use physics::IdealGas;
 use physics::constants::STANDARD_GRAVITY;
 use physics::friction::Contact;
+use physics::mechanics::Inertia;
 use std::sync::Arc;
 
 impl<R: Lane> Circuit<R> {
@@ -162,12 +163,19 @@ impl<R: Lane> Circuit<R> {
             weight,
             external_force,
             friction,
+            moves: Vec::new(),
             mode: R::zero(),
             largest_scales,
             node,
         };
         self.parts.axes.push((Place::default(), part));
         AxisId(node)
+    }
+
+    /// Something moves along with an axis by a ratio that depends on its position.
+    pub(crate) fn moves(&mut self, axis: AxisId, law: Inertia<R>) {
+        let of = self.parts.axes.iter_mut().find(|(_, part)| part.node == axis.0);
+        of.expect("an axis").1.moves.push(law);
     }
 
     /// One side of a piston: `grows` where the chamber grows with x, else it ends at `stroke` m.

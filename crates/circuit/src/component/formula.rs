@@ -1,7 +1,8 @@
 //! Components whose equation is a formula of a user, with parameters of its own.
 
 use super::{
-    Acts, Build, Choice, Component, Instance, KINDS, Kind, Row, Stroke, Symbol, Terminals, axis, gas,
+    Acts, Build, Choice, Component, Extra, Given, Instance, KINDS, Kind, Row, Stroke, Symbol, Terminals,
+    axis, gas,
 };
 use crate::assembly::Quantity;
 use crate::circuit::Path;
@@ -72,13 +73,14 @@ pub fn formula_kind(
     formula: &ComponentFormula,
 ) -> Option<Result<(&'static Kind, &'static [String]), Refusal>> {
     let base = KINDS.iter().find(|own| own.key == kind)?;
-    let made = written(base, base.formula?, formula);
+    let Extra::Formula(role) = base.extra else { return None };
+    let made = written(base, role, formula);
     Some(made.map(|written| (&written.kind, &written.own.warnings[..])))
 }
 
 /// The formula of a component with values of its parameters.
 fn valued<P: Lane>(own: &Instance<P>) -> (&'static OwnFormula, Vec<P>) {
-    let written = own.written.expect("a component with a formula");
+    let Given::Formula(written) = own.extra else { unreachable!("a component with a formula") };
     (written.own, own.numbers.iter().map(|number| number.expect("a number that was checked")).collect())
 }
 
@@ -98,7 +100,7 @@ impl Component for Restriction {
             options: &["alike", "shut"],
             meaning: "Flow from port 2 to port 1: as from 1 to 2, or none",
         }],
-        formula: Some(&MASS_FLOW),
+        extra: Extra::Formula(&MASS_FLOW),
         inputs: &[("command", "1", "opening, 0 to 1")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
         symbol: PATH,
@@ -138,7 +140,7 @@ impl Component for Force {
         text: "A force on a mass, in +x, that is a formula of yours of position, velocity and a command, with parameters of \
                its own. All of its work stands in one account of the ledger.",
         ports: &[axis("1", false)],
-        formula: Some(&FORCE),
+        extra: Extra::Formula(&FORCE),
         inputs: &[("command", "1", "command, -1 to 1")],
         outputs: &[("force_n", "N", "force in +x")],
         symbol: PUSH,

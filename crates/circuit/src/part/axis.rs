@@ -4,6 +4,7 @@ use crate::net::{AxisNode, Net};
 use math::{Lane, Over, Real};
 use ode::Accepted;
 use physics::friction::{At, Contact};
+use physics::mechanics::Inertia;
 
 /// A mass that moves along one line, with friction: piston, slide and load.
 ///
@@ -24,6 +25,8 @@ pub struct Axis<P> {
     /// External force in +x, N: an input.
     pub external_force: P,
     pub friction: Option<Contact<P>>,
+    /// What moves along by a ratio that depends on the position.
+    pub(crate) moves: Vec<Inertia<P>>,
     /// -1, 0 or +1: see [`physics::friction`].
     pub mode: P,
     /// Largest error scale of each inner state, in its unit: see [`largest_scales`].
@@ -42,6 +45,9 @@ impl<R: Lane> Axis<R> {
             weight: number(&|axis| axis.weight),
             external_force: number(&|axis| axis.external_force),
             friction: contacts.map(|contacts| Contact::gather(&contacts)),
+            moves: (0..each[0].moves.len())
+                .map(|k| Inertia::gather(&each.iter().map(|axis| &axis.moves[k]).collect::<Vec<_>>()))
+                .collect(),
             mode: number(&|axis| axis.mode),
             largest_scales: each[0].largest_scales.clone(),
             node: each[0].node,
@@ -117,9 +123,9 @@ fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
 }
 
 impl<P: Real> Axis<P> {
-    /// Whether its friction, if any, is evaluated in line, see [`Contact::is_usual`].
+    /// Whether its friction, if any, is evaluated in line, see [`Contact::is_usual`], and its mass is constant.
     pub(crate) fn is_usual(&self) -> bool {
-        self.friction.as_ref().is_none_or(Contact::is_usual)
+        self.friction.as_ref().is_none_or(Contact::is_usual) && self.moves.is_empty()
     }
 
     /// Position, velocity and the forces that are always there.
@@ -148,10 +154,23 @@ impl<P: Real> Axis<P> {
             None => S::zero(),
         };
         node.a = (node.force - node.friction) * S::from(self.inverse_mass);
+        if !USUAL && !self.moves.is_empty() {
+            let (mass, half) = self.moved(node.x);
+            node.a = (node.force - node.friction - half * node.v * node.v) / mass;
+        }
         if !USUAL {
             node.friction = S::from(self.inertia).fma(node.a, node.friction);
         }
         [node.v, node.a]
+    }
+
+    /// The whole mass at a position, kg, and half of its slope, kg/m.
+    fn moved<S: Over<P>>(&self, x: S) -> (S, S) {
+        let own = (S::from(self.mass + self.inertia), S::zero());
+        self.moves.iter().fold(own, |(mass, half), moves| {
+            let [more, slope] = moves.at(x);
+            (mass + more, half + slope)
+        })
     }
 
     /// Friction of steady sliding (after any transient) at a node, N.
@@ -162,7 +181,7 @@ impl<P: Real> Axis<P> {
     /// The energy of its speed, of its height and of its bristles with inner states `z`, J.
     pub(super) fn stores_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let node = &net.axis[self.node];
-        let kinetic = S::c(0.5) * S::from(self.mass + self.inertia) * node.v * node.v;
+        let kinetic = S::c(0.5) * self.moved(node.x).0 * node.v * node.v;
         let bristles = self.friction.as_ref().map_or(S::zero(), |contact| contact.stored(z));
         [kinetic, S::from(self.weight) * node.x, bristles]
     }
@@ -278,11 +297,11 @@ impl<R: Lane> Axis<R> {
         accounts: &mut [R],
     ) {
         let node = &net.axis[self.node];
-        let v = node.v.get(lane);
+        let (v, (mass, _)) = (node.v.get(lane), self.moved(node.x));
         if self.advance_mode(lane, z, net) {
             motion[1].put(lane, 0.0);
             if let [_, heat, entropy, ..] = accounts {
-                let energy = 0.5 * (self.mass + self.inertia).get(lane) * v * v;
+                let energy = 0.5 * mass.get(lane) * v * v;
                 heat.put(lane, heat.get(lane) - energy);
                 entropy.put(lane, entropy.get(lane) + energy / common.ambient_temperature.get(lane));
             }

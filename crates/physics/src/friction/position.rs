@@ -1,4 +1,5 @@
 use super::{At, FLOOR, Levels};
+use crate::curve::monotone_slopes;
 use math::{Lane, Over, Real};
 use std::f64::consts::TAU;
 
@@ -25,22 +26,8 @@ pub struct Table<P> {
 impl<P: Real> Table<P> {
     /// From positions, m, that rise and the factors there.
     pub fn new(points: &[[P; 2]]) -> Self {
-        let n = points.len();
-        let width = |k: usize| points[k + 1][0] - points[k][0];
-        let secant = |k: usize| (points[k + 1][1] - points[k][1]) / width(k);
-        let slope = |k: usize| {
-            if k == 0 || k + 1 == n {
-                return P::zero();
-            }
-            let (before, after) = (secant(k - 1), secant(k));
-            let (three, two) = (P::c(3.0), P::c(2.0));
-            let weight = (width(k - 1) + two * width(k)) / (three * (width(k - 1) + width(k)));
-            let product = before * after;
-            let mean = product
-                / P::select(P::zero().lt(product), weight * after + (P::one() - weight) * before, P::one());
-            P::select(P::zero().lt(product), mean, P::zero())
-        };
-        Table { points: (0..n).map(|k| [points[k][0], points[k][1], slope(k)]).collect() }
+        let slopes = monotone_slopes(points).into_iter().zip(points);
+        Table { points: slopes.map(|(slope, [x, factor])| [*x, *factor, slope]).collect() }
     }
 
     /// The factor at `x`; one where there is no table.

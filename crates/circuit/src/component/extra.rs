@@ -1,0 +1,101 @@
+//! What some kinds of component take beside their parameters: a formula, or points.
+
+use super::Kind;
+use super::formula::{Written, written};
+use crate::run::Error;
+use crate::specification;
+use math::Real;
+use physics::Parameter;
+use physics::written::Role;
+
+/// What a kind takes beside its parameters.
+#[derive(Clone, Copy, Debug)]
+pub enum Extra {
+    Nothing,
+    /// A formula, which gives this and has parameters of its own.
+    Formula(&'static Role),
+    /// Points: numbers in columns, of which those of the first rise.
+    Points(&'static [Parameter]),
+}
+
+impl Extra {
+    /// How many points there may be: each costs time at every evaluation.
+    pub const MOST_POINTS: usize = 50;
+}
+
+/// The same of one component.
+#[derive(Clone, Debug)]
+pub(crate) enum Given<P> {
+    Nothing,
+    /// With the table of what it makes of the kind.
+    Formula(&'static Written),
+    Points(Vec<Vec<P>>),
+}
+
+impl Given<f64> {
+    /// What a component of a kind is given, checked.
+    pub fn of(base: &'static Kind, spec: &specification::Component) -> Result<Self, Error> {
+        let refuse = |what: String| Err(Error::Specification(format!("{}{what}", spec.name)));
+        match (base.extra, &spec.formula, &spec.points) {
+            (Extra::Nothing, None, None) => Ok(Given::Nothing),
+            (Extra::Formula(role), Some(formula), None) => match written(base, role, formula) {
+                Ok(written) => Ok(Given::Formula(written)),
+                Err(refusal) => refuse(format!(".formula.{refusal}")),
+            },
+            (Extra::Points(columns), None, Some(points)) => match examined(columns, points) {
+                Ok(()) => Ok(Given::Points(points.clone())),
+                Err(what) => refuse(format!(".points{what}")),
+            },
+            (Extra::Formula(_), None, _) => refuse(".formula is missing".into()),
+            (Extra::Points(_), _, None) => refuse(".points is missing".into()),
+            (_, Some(_), None) => refuse(format!(": a {} takes no formula", base.key)),
+            (_, _, Some(_)) => refuse(format!(": a {} takes no points", base.key)),
+        }
+    }
+
+    /// The same with points as numbers of another type.
+    pub fn lift<P: Real>(&self) -> Given<P> {
+        match self {
+            Given::Nothing => Given::Nothing,
+            Given::Formula(written) => Given::Formula(written),
+            Given::Points(rows) => {
+                let row = |row: &Vec<f64>| row.iter().map(|value| P::c(*value)).collect();
+                Given::Points(rows.iter().map(row).collect())
+            }
+        }
+    }
+}
+
+impl<P> Given<P> {
+    /// The table of a component of a kind.
+    pub fn kind(&self, base: &'static Kind) -> &'static Kind {
+        if let Given::Formula(written) = self { &written.kind } else { base }
+    }
+}
+
+/// What is wrong with points, if anything is.
+fn examined(columns: &[Parameter], points: &[Vec<f64>]) -> Result<(), String> {
+    let most = Extra::MOST_POINTS;
+    if !(2..=most).contains(&points.len()) {
+        return Err(format!(" has {} points: 2 to {most}", points.len()));
+    }
+    for row in points {
+        if row.len() != columns.len() {
+            return Err(format!(": a point has {} numbers, not {}", columns.len(), row.len()));
+        }
+        let mut each = row.iter().zip(columns);
+        if let Some((value, own)) =
+            each.find(|(value, own)| !value.is_finite() || !own.bounds.contain(**value))
+        {
+            let Parameter { key, unit, bounds, .. } = own;
+            return Err(format!(": {key} = {value} {unit} is out of bounds: it must be {bounds}"));
+        }
+    }
+    if let Some(pair) = points.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
+        let (Parameter { key, unit, .. }, [before, after]) = (columns[0], [pair[0][0], pair[1][0]]);
+        return Err(format!(
+            ": {key} = {after} {unit} comes after {before} {unit}: they must rise from point to point"
+        ));
+    }
+    Ok(())
+}
