@@ -18,3 +18,6 @@ ANR_DENSITY_KG_M3 = 1.185
 #: Dry air, the usual values (assumed).
 AIR_HEAT_CAPACITY_RATIO = 1.4
 AIR_GAS_CONSTANT_J_KG_K = 287.05
+
+#: Critical pressure ratio of a leak past a seal: a narrow gap, far from an ideal nozzle (assumed).
+LEAK_CRITICAL_RATIO = 0.2

@@ -353,7 +353,7 @@ def lines_ready(drive: Drive, initial: Initial | None) -> tuple[CoreCircuit, dic
     return compiled_circuit(drive.circuit.core_json()), drive.circuit_initial(initial)
 
 
-def short_name(name: str) -> str:
+def short_name(name: str, piston: str = "cylinder") -> str:
     """Return the name that a drive has for a variable of its circuit; of what a drive has not, the same.
 
     Examples
@@ -362,7 +362,7 @@ def short_name(name: str) -> str:
     ('pressure_a_pa', 'command', 'tube_a.mass_flow_kg_s')
     """
     of, _, last = name.partition(".")
-    if of == "cylinder":
+    if of == piston:
         chamber, dot, rest = last.partition(".")
         if not dot:
             return last

@@ -255,28 +255,6 @@ impl<R: Lane> Circuit<R> {
         [0, 1].map(|input| InputId { kind: PartKind::Reservoir, index, input })
     }
 
-    /// The commanded position of a carriage at state `y`, m.
-    pub fn commanded(&self, id: CarriageId, y: &[R]) -> R {
-        y[self.parts.carriages[id.0].0.first]
-    }
-
-    /// Ends the command of a carriage at rest exactly, where rounding has left less than `speed` m/s.
-    pub fn come_to_rest(&self, id: CarriageId, y: &mut [R], speed: f64) {
-        let first = self.parts.carriages[id.0].0.first;
-        if (0..R::L).all(|lane| y[first + 1].get(lane).abs() < speed) {
-            y[first + 1..first + 3].fill(R::zero());
-        }
-    }
-
-    /// Begins a new command of a carriage: at rest where it stands.
-    pub fn take_over(&self, id: CarriageId, y: &mut [R]) {
-        let (place, part) = &self.parts.carriages[id.0];
-        let at = place.first + part.follower();
-        y[place.first] = y[at];
-        y[at + 1] = R::zero();
-        y[place.first + 1..place.first + 3].fill(R::zero());
-    }
-
     /// Whether its equations were analysed once for both.
     pub fn shares_analysis<Q>(&self, other: &Circuit<Q>) -> bool {
         Arc::ptr_eq(&self.topology, &other.topology)

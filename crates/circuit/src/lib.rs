@@ -1,7 +1,7 @@
 //! Volumes, restrictions, pistons and springs joined into one system of equations.
 //!
 //! A [`Circuit`] is parts and the nodes that join them: gas nodes carry pressure, temperature, mass
-//! and enthalpy flow; axes carry position, velocity and force. [`Drive`], [`Rig`] and [`Tank`] are assemblies
+//! and enthalpy flow; axes carry position, velocity and force. [`Drive`] and [`Tank`] are assemblies
 //! made of nothing but public parts.
 
 /// The crates that components of another crate are written with.
@@ -20,9 +20,9 @@ mod run;
 pub mod specification;
 
 pub use assembly::{
-    ALONG, Assembly, ByStart, DIRECTIONS, Drive, End, Linear, Members, Motion, Network, Quantity, Record,
-    Restart, Rig, Servo, Session, Settable, Shooting, Shot, Start, Starting, Tank, Target, Variables,
-    friction_law, own_law, steady_sensitivity,
+    ALONG, Assembly, ByStart, DIRECTIONS, Drive, Linear, Members, Network, Quantity, Record, Restart, Servo,
+    Session, Settable, Shooting, Shot, Starting, Tank, Target, Variables, friction_law, own_law,
+    steady_sensitivity,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
 pub use component::{

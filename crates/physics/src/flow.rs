@@ -12,3 +12,5 @@ pub const NOZZLE_RATIO: f64 = 0.528;
 /// Sonic conductance of a bore for each m2 of its area, m3/(s Pa m2): 0.2 dm3/(s bar) for each mm2, the rule C = S/5 for
 /// its effective area S.
 pub const BORE_CONDUCTANCE: f64 = 2e-3;
+/// Critical pressure ratio of a leak past a seal: a narrow gap, far from an ideal nozzle (assumed).
+pub const LEAK_RATIO: f64 = 0.2;

@@ -4,7 +4,6 @@ mod convert;
 mod drive;
 mod friction;
 mod network;
-mod rig;
 mod session;
 mod shooting;
 mod tank;
@@ -38,6 +37,7 @@ fn constants() -> BTreeMap<&'static str, f64> {
         ("ANR_PRESSURE_PA", c::P_0),
         ("AIR_HEAT_CAPACITY_RATIO", c::AIR_HEAT_CAPACITY_RATIO),
         ("AIR_GAS_CONSTANT_J_KG_K", c::AIR_GAS_CONSTANT),
+        ("LEAK_CRITICAL_RATIO", physics::flow::LEAK_RATIO),
     ])
 }
 
@@ -46,7 +46,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<drive::PyDrive>()?;
     m.add_class::<network::PyCircuit>()?;
     m.add_class::<network::PyMembers>()?;
-    m.add_class::<rig::PyRig>()?;
     m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;
     m.add_function(wrap_pyfunction!(network::components, m)?)?;

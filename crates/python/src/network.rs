@@ -24,6 +24,13 @@ pub struct PyCircuit {
     network: Network,
 }
 
+/// Where a session starts.
+#[derive(FromPyObject)]
+enum Start {
+    Named(BTreeMap<String, f64>),
+    State(Vec<f64>),
+}
+
 #[pymethods]
 impl PyCircuit {
     #[new]
@@ -94,10 +101,15 @@ impl PyCircuit {
         self.network.citations().to_vec()
     }
 
-    /// A session at a start, given by name.
-    fn start(&self, start: BTreeMap<String, f64>, rtol: f64) -> PyResult<PySession> {
+    /// A session at a start, given by name, or from the state of another session.
+    fn start(&self, start: Start, rtol: f64) -> PyResult<PySession> {
         let options = Options { rtol, ..Options::default() };
-        let session = self.network.session(&start, options).map_err(to_python)?;
+        let assembly = self.network.assembly();
+        let session = match start {
+            Start::Named(start) => assembly.session(&start, options),
+            Start::State(state) => assembly.session_from(&state, options),
+        };
+        let session = session.map_err(to_python)?;
         Ok(PySession::new(session.of_description(&self.json)))
     }
 

@@ -1,6 +1,6 @@
 //! `Session`: a drive that runs.
 
-use crate::convert::{Teller, statistics, to_python, watched};
+use crate::convert::{Numbers, Teller, run_to_dict, statistics, to_python, watched};
 use circuit::{Look, Session};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -77,6 +77,26 @@ impl PySession {
     fn advance(&mut self, py: Python<'_>, until: f64, look: Teller<'_>) -> PyResult<()> {
         let session = &mut self.session;
         watched(py, look, |interrupted| session.go_on(until, &mut Look::new(interrupted)))
+    }
+
+    /// The same, with the columns at times on the way.
+    #[pyo3(signature = (until, times, look=None))]
+    fn record<'py>(
+        &mut self,
+        py: Python<'py>,
+        until: f64,
+        times: Numbers<'py>,
+        look: Teller<'py>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let (session, times) = (&mut self.session, times.into());
+        let run = watched(py, look, |interrupted| session.record(until, times, &mut Look::new(interrupted)))?;
+        run_to_dict(py, self.session.columns(), run)
+    }
+
+    /// The present values of the states.
+    #[getter]
+    fn state(&self) -> Vec<f64> {
+        self.session.state()[..self.session.state_names().len()].to_vec()
     }
 
     /// A column, or an input, at the present state.

@@ -7,6 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.constants import LEAK_CRITICAL_RATIO
+from pneudrive.dragged import AMBIENT, Dragged
+from pneudrive.errors import SimulationError
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -60,7 +64,7 @@ def core_rig(
     pressures_pa: tuple[float, float],
     friction: dict[str, Any] | None = None,
     temperature_k: float | None = None,
-) -> dict[str, Any]:
+) -> Dragged:
     """Return the rig with its chambers held at, or its regulators set to, these absolute pressures.
 
     Parameters
@@ -72,58 +76,71 @@ def core_rig(
     temperature_k : float, optional
         Of the room; that of the file where nothing is said.
     """
-    area_a, area_b = d.areas_m2
-    servo = d.servo
-    out = {
-        "friction": friction or core_friction(d),
-        "area_a_m2": area_a,
-        "area_b_m2": area_b,
-        "moving_mass_kg": d.moving_mass_kg,
-        "ambient_pressure_pa": d.ambient_pressure_pa,
-        "pressure_a_pa": pressures_pa[0],
-        "pressure_b_pa": pressures_pa[1],
-        "stroke_m": d.stroke_m,
-        "incline_rad": d.incline_rad,
-        "sensor_stiffness_n_m": d.stiffness_n_m,
-        "sensor_damping_n_s_m": d.damping_n_s_m,
-        "temperature_k": temperature_k or d.ambient_temperature_k,
-        "release_time_s": servo["release_time"],
-        "chambers": _chambers(d),
-    }
-    if servo["bandwidth"] is not None:
-        out["servo"] = {"bandwidth_hz": servo["bandwidth"], "damping_ratio": servo["damping_ratio"]}
-    if servo["ripple"] > 0.0:
-        out["ripple"] = {"velocity": servo["ripple"], "pitch_m": servo["pitch"]}
-    return out
-
-
-def _chambers(d: RigDescription) -> dict[str, Any] | None:
-    c = d.chambers
-    if c["kind"] == "held":
-        return None
+    (area_a, area_b), servo = d.areas_m2, d.servo
     rods = {"rodless": (0, 0), "single-rod": (0, 1), "through-rod": (1, 1)}[d.cylinder]
-    perimeters = [math.pi * (d.bore_m + rod * d.rod_diameter_m) for rod in rods]
-
-    def orifice(conductance: float) -> dict[str, float]:
-        return {"conductance_m3_s_pa": conductance, "critical_pressure_ratio": c["critical_pressure_ratio"]}
-
-    lines = [orifice(c["line_conductance"])] * 2
-    supply: dict[str, Any] = {"kind": c["kind"]}
-    if c["kind"] == "open":
-        supply["ports"] = lines
+    perimeter_a, perimeter_b = (math.pi * (d.bore_m + rod * d.rod_diameter_m) for rod in rods)
+    carriage = {"release_time": servo["release_time"]}
+    if servo["bandwidth"] is not None:
+        carriage |= {"servo_bandwidth": servo["bandwidth"], "servo_damping_ratio": servo["damping_ratio"]}
+    if servo["ripple"] > 0.0:
+        carriage |= {"ripple_velocity": servo["ripple"], "ripple_pitch": servo["pitch"]}
+    rig = Dragged(
+        friction or core_friction(d),
+        {
+            "area_a": area_a,
+            "area_b": area_b,
+            "perimeter_a": perimeter_a,
+            "perimeter_b": perimeter_b,
+            "stroke": d.stroke_m,
+            "moving_mass": d.moving_mass_kg,
+            "incline": d.incline_rad,
+        },
+        {"stiffness": d.stiffness_n_m, "damping": d.damping_n_s_m},
+        carriage,
+        d.ambient_pressure_pa,
+        temperature_k or d.ambient_temperature_k,
+    )
+    if d.chambers["kind"] == "held":
+        for name, pressure in zip("ab", pressures_pa, strict=True):
+            rig.hold(name, pressure)
     else:
+        _supply(rig, d, pressures_pa)
+    return rig
+
+
+def _supply(rig: Dragged, d: RigDescription, pressures_pa: tuple[float, float]) -> None:
+    """Add the air of chambers: ports to the room, or regulators that can be shut off, with a volume and lines."""
+    c = d.chambers
+    kind, ratio, heat = c["kind"], c["critical_pressure_ratio"], c["heat_transfer"]
+    if kind == "common" and pressures_pa[0] != pressures_pa[1]:
+        raise SimulationError(
+            f"one regulator cannot give {pressures_pa[0]:g} Pa and {pressures_pa[1]:g} Pa",
+            rule="chambers on a common manifold have one pressure",
+        )
+
+    def regulator(volume: str, pressure: float) -> None:
+        source = f"source_{volume}"
+        rig.hold(source, pressure)
         # A hose of this volume and diameter has 4 V/d of wall.
         wall = 4.0 * c["manifold_volume"] / c["hose_diameter"]
-        supply["manifold"] = {"volume_m3": c["manifold_volume"], "wall_m2": wall}
-        supply |= {"regulator": orifice(c["regulator_conductance"]), "lines": lines}
-    a, b = (
-        {"dead_volume_m3": c["dead_volume"], "perimeter_m": perimeter, "leakage_m3_s_pa": c["leakage"]}
-        for perimeter in perimeters
-    )
-    return {
-        "supply": supply,
-        "a": a,
-        "b": b,
-        "heat_transfer_w_m2_k": c["heat_transfer"],
-        "piston_leakage_m3_s_pa": c["piston_leakage"],
-    }
+        rig.volume(volume, pressure, volume=c["manifold_volume"], wall_area=wall, heat_transfer=heat)
+        rig.path(f"regulator_{volume}", c["regulator_conductance"], ratio, (source, volume))
+        rig.shutters.append(f"regulator_{volume}")
+
+    for side, pressure in zip("ab", pressures_pa, strict=True):
+        rest = d.ambient_pressure_pa if kind == "open" else pressure
+        rig.volume(side, rest, volume=c["dead_volume"], heat_transfer=heat)
+    if kind == "common":
+        regulator("manifold", pressures_pa[0])
+    for side, pressure in zip("ab", pressures_pa, strict=True):
+        source = {"open": AMBIENT, "common": "manifold", "separate": f"hose_{side}"}[kind]
+        rig.sources[side] = source
+        if kind == "separate":
+            regulator(source, pressure)
+        rig.path(f"line_{side}", c["line_conductance"], ratio, (source, side))
+        if kind == "open":
+            rig.shutters.append(f"line_{side}")
+    leaks = {("a", "b"): c["piston_leakage"], ("a", AMBIENT): c["leakage"], ("b", AMBIENT): c["leakage"]}
+    for ends, conductance in leaks.items():
+        if conductance > 0.0:
+            rig.path("leak_" + "_".join(ends), conductance, LEAK_CRITICAL_RATIO, ends)

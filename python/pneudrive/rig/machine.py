@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
@@ -177,20 +176,18 @@ class Machine:
         shut: bool,
         look: Callable[[], object] | None,
     ) -> dict[str, Array]:
-        from pneudrive import _core
-
         d, past = self.d, self.past
         room = float(past.room_k(d))
         pressures = (past.pressure_a_pa, past.pressure_b_pa)
         begin = past.commanded_m if past.state is None else past.state
         told = None if look is None else lambda _: look()
         try:
-            core = _core.Rig(json.dumps(core_rig(d, pressures, friction, room)))
-            result = core.run(motion.durations_s, motion.jerks_m_s3, times, begin, RTOL, released, shut, told)
+            rig = core_rig(d, pressures, friction, room)
+            plan = (motion.durations_s, motion.jerks_m_s3, times)
+            result = rig.run(*plan, begin, RTOL, released=released, shut=shut, look=told)
         except (ValueError, RuntimeError) as error:
             raise SimulationError("the simulated rig cannot run", value=str(error)) from error
-        past.state, past.commanded_m = result["final"], result["commanded_position_m"]
-        columns = dict(result["columns"])
+        columns, _, past.state, past.commanded_m = result
         past.shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
         return columns
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -137,8 +136,6 @@ class SimulatedRig:
         SimulationError
             If the core refuses the rig or cannot finish.
         """
-        from pneudrive import _core
-
         d = self.description
         motion = cycles(
             d.margin_m, d.stroke_m - d.margin_m, speed_m_s, limits or d.limits, count=count, dwell_s=dwell_s
@@ -146,11 +143,11 @@ class SimulatedRig:
         pressure_a, pressure_b = self._absolute(gauge_pa)
         times = (clock or d.clock).times(motion, count)
         try:
-            rig = _core.Rig(json.dumps(core_rig(d, (pressure_a, pressure_b))))
+            rig = core_rig(d, (pressure_a, pressure_b))
             result = rig.run(motion.durations_s, motion.jerks_m_s3, times, motion.start_m, rtol)
         except (ValueError, RuntimeError) as error:
             raise SimulationError("the simulated rig cannot run", value=str(error)) from error
-        return Trace(dict(result["columns"]), motion, speed_m_s, pressure_a, pressure_b, dict(result["statistics"]))
+        return Trace(result.columns, motion, speed_m_s, pressure_a, pressure_b, result.statistics)
 
     def record(self, trace: Trace, seed: int | Sequence[int] = 0, *, name: str | None = None) -> Recording:
         """Read a trace with the rig's sensors.

@@ -7,13 +7,13 @@ measured in the self-excited range, and fit again until nothing changes.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.dragged import Dragged
 from pneudrive.errors import SimulationError
 from pneudrive.rig.core import steady_friction_n
 
@@ -88,34 +88,21 @@ def drag_swinging(
     SimulationError
         If the core cannot go on.
     """
-    from pneudrive import _core
-
     steady = float(steady_friction_n(friction, speed_m_s, gauges_pa)[0])
     period = 2.0 * np.pi * (mass_kg / stiffness_n_m) ** 0.5
     start = START_PERIODS * period
     jerk = speed_m_s / (0.5 * start) ** 2
     cruise = max(STRETCHES * steady / stiffness_n_m / speed_m_s, PERIODS * period)
     pressures = [STANDARD_ATMOSPHERE_PA + gauge for gauge in gauges_pa]
-    rig = {
-        "friction": friction,
-        "area_a_m2": AREA_M2,
-        "area_b_m2": AREA_M2,
-        "moving_mass_kg": mass_kg,
-        "ambient_pressure_pa": STANDARD_ATMOSPHERE_PA,
-        "pressure_a_pa": pressures[0],
-        "pressure_b_pa": pressures[1],
-        "stroke_m": 1.0,
-        "sensor_stiffness_n_m": stiffness_n_m,
-        "sensor_damping_n_s_m": damping_n_s_m,
-    }
+    piston = {"area_a": AREA_M2, "area_b": AREA_M2, "stroke": 1.0, "moving_mass": mass_kg}
+    rig = Dragged(friction, piston, {"stiffness": stiffness_n_m, "damping": damping_n_s_m})
+    for side, pressure in zip("ab", pressures, strict=True):
+        rig.hold(side, pressure)
     times = np.linspace(start + LEFT_OUT * cruise, start + cruise, SAMPLES)
     try:
-        run = _core.Rig(json.dumps(rig)).run(
-            [0.5 * start, 0.5 * start, cruise], [jerk, -jerk, 0.0], times, 0.0, RTOL
-        )  # fmt: skip
+        columns = rig.run([0.5 * start, 0.5 * start, cruise], [jerk, -jerk, 0.0], times, 0.0, RTOL).columns
     except (ValueError, RuntimeError) as error:
         raise SimulationError("the dragged piston cannot be simulated", value=str(error)) from error
-    columns = run["columns"]
     force = columns["sensor_force_n"] + AREA_M2 * (pressures[0] - pressures[1])
     speed = columns["velocity_m_s"]
     return Swing(speed_m_s, float(force.mean()), steady, float(speed.std() / speed_m_s))

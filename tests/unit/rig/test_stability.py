@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pneudrive import _core
 from pneudrive.rig import SimulatedRig, TimeClock, shipped_rigs
 from pneudrive.rig.core import core_friction, core_rig
 from pneudrive.rig.stability import rig_stability, self_excited_range, sliding_stability
@@ -49,11 +47,11 @@ def test_growth_and_frequency_are_those_of_the_simulation(damping, dwell):
     d = replace(SOFT.description, damping_n_s_m=damping, dependences=acting)
     told = rig_stability(d, 0.009)
     assert told.stable[0] == (damping > 50.0)
-    rig = _core.Rig(json.dumps(core_rig(d, (101300.0, 101300.0))))
+    rig = core_rig(d, (101300.0, 101300.0))
     up, down = 0.02 / 0.1**2, -0.011 / 0.4**2
     durations, jerks = [0.1, 0.1, 0.7, 0.4, 0.4, 1.2], [up, -up, 0.0, down, -down, 0.0]
     times = np.linspace(1.7, 2.9, 50000)
-    c = rig.run(durations, jerks, times, 0.02, 1e-10)["columns"]
+    c = rig.run(durations, jerks, times, 0.02, 1e-10).columns
     swing = c["velocity_m_s"] / 0.009 - 1.0
     tops = np.flatnonzero((swing[1:-1] > swing[:-2]) & (swing[1:-1] >= swing[2:])) + 1
     small = tops[(swing[tops] > 1e-6) & (swing[tops] < 0.05)][1:]

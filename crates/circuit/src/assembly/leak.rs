@@ -2,13 +2,10 @@
 
 use math::Lane;
 use physics::IdealGas;
-use physics::flow::{Iso6358, LINEAR_ABOVE};
-
-/// Critical pressure ratio of a leak: a narrow gap, far from an ideal nozzle (assumed).
-pub(crate) const LEAK_CRITICAL_RATIO: f64 = 0.2;
+use physics::flow::{Iso6358, LEAK_RATIO, LINEAR_ABOVE};
 
 /// A leak by its sonic conductance, m3/(s Pa).
 pub(crate) fn leak<P: Lane>(conductance: P, gas: &IdealGas<P>, is_air: bool) -> Iso6358<P> {
-    let (ratio, index) = (P::c(LEAK_CRITICAL_RATIO), P::c(0.5));
+    let (ratio, index) = (P::c(LEAK_RATIO), P::c(0.5));
     Iso6358::for_gas(conductance, ratio, index, P::c(LINEAR_ABOVE), true, gas, is_air)
 }

@@ -788,4 +788,19 @@ impl Assembly {
         let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[], signals: &signals });
         Ok(Session::new(self, 0.0, (circuit, y), options))
     }
+
+    /// A session that goes on from the state of another one of this make, at time 0.
+    pub fn session_from(&self, state: &[f64], options: Options) -> Result<Session, Error> {
+        let (mut circuit, mut y) = (Circuit::clone(&self.circuit), state.to_vec());
+        let n = circuit.n_states();
+        if y.len() != n {
+            return refuse(format!(
+                "the state has {} values, of a circuit of another make: this one has {n}",
+                y.len()
+            ));
+        }
+        y.resize(n + circuit.channels().len(), 0.0);
+        circuit.find_modes(&mut y);
+        Ok(Session::new(self, 0.0, (circuit, y), options))
+    }
 }

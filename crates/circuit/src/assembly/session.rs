@@ -6,7 +6,7 @@ use super::variables::{Assembly, Quantity, Settable, Target};
 use crate::circuit::Circuit;
 use crate::net::Net;
 use crate::part::InputId;
-use crate::run::{Error, Look, advance, budget, settled, with_unit};
+use crate::run::{Error, Look, Recorder, Run, advance, budget, settled, with_unit};
 use math::{Dual, Lane, Real};
 use ode::{NoOutput, Options, Output, Statistics, Stepper, System};
 
@@ -298,6 +298,19 @@ impl Session {
             self.allow_until(until);
         }
         self.advance(until, &mut NoOutput, look)
+    }
+
+    /// The same, with the columns at `times` s on the way, which ascend from the present on.
+    pub fn record(&mut self, until: f64, times: Vec<f64>, look: &mut Look<'_>) -> Result<Run, Error> {
+        if !times.is_sorted() || times.first().is_some_and(|first| *first < self.time()) {
+            return refuse("the times of samples must ascend, and none may have passed");
+        }
+        if until.is_finite() {
+            self.allow_until(until);
+        }
+        let mut recorder = Recorder::new(&self.assembly, times);
+        self.advance(until, &mut recorder, look)?;
+        Ok(recorder.finish(self))
     }
 
     /// The whole session as bytes; a failed one has none.

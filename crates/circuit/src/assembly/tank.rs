@@ -1,4 +1,3 @@
-use super::leak::LEAK_CRITICAL_RATIO;
 use super::network::{self, Joint};
 use super::shoot::{Shooting, Shot, shoot};
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
@@ -8,6 +7,7 @@ use crate::run::Error;
 use crate::specification;
 use math::{Deps, Lane, Over};
 use physics::IdealGas;
+use physics::flow::LEAK_RATIO;
 use std::collections::BTreeMap;
 use std::iter;
 
@@ -70,7 +70,7 @@ fn components<P: Lane>(lifted: &Lifted<Spec>) -> (Vec<Instance<P>>, Vec<Joint>) 
         open.push((each.len(), 1));
         each.push(Instance::new("leak", "fitting", |key| match key {
             "conductance" => number(leakage),
-            "critical_pressure_ratio" => Some((P::c(LEAK_CRITICAL_RATIO), false)),
+            "critical_pressure_ratio" => Some((P::c(LEAK_RATIO), false)),
             _ => None,
         }));
     }

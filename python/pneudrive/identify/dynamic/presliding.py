@@ -8,7 +8,6 @@ such a loop, and the same evaluation of that loop says what it gives for a known
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -16,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.characterise.spread import student
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.dragged import Dragged
 from pneudrive.errors import FitError
 from pneudrive.identify.diagnose import Undetermined
 from pneudrive.identify.dynamic.states import white_noise
@@ -252,8 +253,6 @@ def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
 
 def _simulated_loop(drive: Drive, stiffness: float, level: float, speed: float) -> tuple[Array, Array, Array]:
     """Drag the law to and fro by many bristle deflections, as a stiff rig without air does."""
-    from pneudrive import _core
-
     law = drive.friction.core()
     parameters = dict(law["parameters"])
     ratio = level / max(parameters.get("breakaway", parameters.get("coulomb", level)), 1e-12)
@@ -262,16 +261,11 @@ def _simulated_loop(drive: Drive, stiffness: float, level: float, speed: float) 
             parameters[name] *= ratio
     parameters["bristle_stiffness"] = stiffness
     travel = 12.0 * level / stiffness
-    ambient = 1.0e5
-    rig = {
-        "friction": {**law, "parameters": parameters, "pressure": None},
-        **dict.fromkeys(("area_a_m2", "area_b_m2"), 1e-9),
-        **dict.fromkeys(("ambient_pressure_pa", "pressure_a_pa", "pressure_b_pa"), ambient),
-        "moving_mass_kg": 1e-2,
-        "stroke_m": 10.0 * travel,
-        "sensor_stiffness_n_m": 1e3 * stiffness,
-        "sensor_damping_n_s_m": 1e2,
-    }
+    piston = {"area_a": 1e-9, "area_b": 1e-9, "stroke": 10.0 * travel, "moving_mass": 1e-2}
+    friction = {**law, "parameters": parameters, "pressure": None}
+    rig = Dragged(friction, piston, {"stiffness": 1e3 * stiffness, "damping": 1e2})
+    for side in "ab":
+        rig.hold(side, STANDARD_ATMOSPHERE_PA)
     cruise, turn = travel / speed, 0.02 * travel / speed
     jerk = 4.0 * speed / turn**2
     durations, jerks = [], []
@@ -279,5 +273,5 @@ def _simulated_loop(drive: Drive, stiffness: float, level: float, speed: float) 
         durations += [0.5 * turn, 0.5 * turn, cruise]
         jerks += [change * jerk, -change * jerk, 0.0]
     times = np.linspace(0.0, sum(durations), 20000, endpoint=False)
-    columns = _core.Rig(json.dumps(rig)).run(durations, jerks, times, 5.0 * travel, 1e-8)["columns"]
+    columns = rig.run(durations, jerks, times, 5.0 * travel, 1e-8).columns
     return columns["time_s"], columns["position_m"], columns["friction_force_n"]

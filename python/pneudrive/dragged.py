@@ -1,0 +1,198 @@
+"""A carriage drags a piston through a force sensor: the circuit of a rig, and motions of it."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive.constants import (
+    AIR_GAS_CONSTANT_J_KG_K,
+    AIR_HEAT_CAPACITY_RATIO,
+    ANR_TEMPERATURE_K,
+    STANDARD_ATMOSPHERE_PA,
+)
+from pneudrive.session import short_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: The air around, as a joint.
+AMBIENT = "ambient"
+#: Commanded speed below which a motion has ended at rest, m/s: what rounding leaves of a move.
+AT_REST_M_S = 1e-9
+#: Columns of a run that are not of the piston, and what the circuit calls them.
+_OTHERS = {
+    "time_s": "time_s",
+    "carriage_position_m": "carriage.position_m",
+    "carriage_velocity_m_s": "carriage.velocity_m_s",
+    "sensor_force_n": "sensor.force_n",
+}
+
+
+class MotionResult(NamedTuple):
+    """What came of a motion.
+
+    Attributes
+    ----------
+    columns : dict
+        ``time_s``, ``carriage_position_m``, ``position_m``, ``sensor_force_n``, ``friction_force_n``,
+        ``pressure_a_pa``, ``supply_pressure_a_pa``, ..., and the inner states of friction.
+    statistics : dict
+        Of the integration.
+    state : list of float
+        At its end; another motion can begin from it.
+    commanded_m : float
+        Commanded position of the carriage at its end.
+    """
+
+    columns: dict[str, Array]
+    statistics: dict[str, int]
+    state: list[float]
+    commanded_m: float
+
+
+class Dragged:
+    """Components and joints of a rig; its chambers are the joints ``a`` and ``b``.
+
+    Parameters
+    ----------
+    friction : dict
+        Of the piston, as the core takes it.
+    piston, sensor, carriage : dict
+        Numbers of these components, by the keys of their kinds, in SI; the carriage gives way to the sensor.
+    ambient_pa, temperature_k : float
+        Of the room; air and walls start at its temperature.
+    """
+
+    def __init__(
+        self,
+        friction: Mapping[str, Any],
+        piston: Mapping[str, float],
+        sensor: Mapping[str, float],
+        carriage: Mapping[str, float] | None = None,
+        ambient_pa: float = STANDARD_ATMOSPHERE_PA,
+        temperature_k: float = ANR_TEMPERATURE_K,
+    ) -> None:
+        self.ambient = {"pressure_pa": ambient_pa, "temperature_k": temperature_k}
+        self.components: list[dict[str, Any]] = []
+        self.joints: dict[str, list[str]] = {name: [] for name in ("a", "b", "rod")}
+        self.joints[AMBIENT] = [AMBIENT]
+        self.start: dict[str, float] = {}
+        self.sources: dict[str, str] = {}  # chamber -> joint that its air comes from
+        self.shutters: list[str] = []  # paths that shutting off the supply closes
+        release = {"release_stiffness": sensor["stiffness"], **(carriage or {})}
+        self.add("carriage", "carriage", release, {"1": "servo"})
+        self.add("sensor", "force-sensor", sensor, {"1": "servo", "2": "rod"})
+        self.add("piston", "piston", piston, {"a": "a", "b": "b", "rod": "rod"})
+        self.components[-1]["friction"] = friction
+
+    def add(self, name: str, kind: str, numbers: Mapping[str, float], ports: Mapping[str, str]) -> None:
+        """Add a component, with the joint at each of its ports."""
+        self.components.append({"name": name, "kind": kind, "numbers": dict(numbers)})
+        for port, joint in ports.items():
+            self.joints.setdefault(joint, []).append(f"{name}.{port}")
+
+    def path(self, name: str, conductance: float, ratio: float, ends: tuple[str, str]) -> None:
+        """Add a flow path between two joints."""
+        numbers = {"conductance": conductance, "critical_pressure_ratio": ratio}
+        self.add(name, "fitting", numbers, dict(zip("12", ends, strict=True)))
+
+    def hold(self, name: str, pressure_pa: float) -> None:
+        """Keep a joint at an absolute pressure."""
+        self.add(name, "reservoir", {"pressure": pressure_pa}, {"1": name})
+
+    def volume(self, name: str, pressure_pa: float, **numbers: float) -> None:
+        """Give a joint the volume of a tank that starts at an absolute pressure."""
+        self.add(name, "tank", numbers, {"1": name})
+        self.start |= {f"{name}.pressure_pa": pressure_pa, f"{name}.temperature_k": self.ambient["temperature_k"]}
+
+    def core_json(self) -> str:
+        """Return the circuit as the core takes it."""
+        air = {"heat_capacity_ratio": AIR_HEAT_CAPACITY_RATIO, "gas_constant_j_kg_k": AIR_GAS_CONSTANT_J_KG_K}
+        joints = list(self.joints.values())
+        return json.dumps({"gas": air, "ambient": self.ambient, "components": self.components, "joints": joints})
+
+    def run(
+        self,
+        durations_s: Sequence[float] | Array,
+        jerks_m_s3: Sequence[float] | Array,
+        times_s: Sequence[float] | Array,
+        begin: float | Sequence[float],
+        rtol: float,
+        *,
+        released: bool = False,
+        shut: bool = False,
+        look: Callable[[float], object] | None = None,
+    ) -> MotionResult:
+        """Run a motion of piecewise constant jerk.
+
+        Parameters
+        ----------
+        durations_s, jerks_m_s3 : sequence of float
+            The jerk of the carriage's command, and for how long.
+        times_s : sequence of float
+            Of the samples, ascending.
+        begin : float or sequence of float
+            A position at rest, the sensor unstressed, or the state at the end of an earlier motion.
+        rtol : float
+        released : bool
+            The axis gives way until the sensor shows no force; then its command is where it stands.
+        shut : bool
+            The supply is shut off.
+        look : callable, optional
+            Called with the simulated time now and then; what it raises ends the run.
+
+        Raises
+        ------
+        ValueError, RuntimeError
+            The core refuses the rig, or cannot go on.
+        """
+        from pneudrive import _core
+
+        core = _core.Circuit(self.core_json())
+        start: Mapping[str, float] | Sequence[float]
+        if isinstance(begin, float | int):
+            at = {"position_m": float(begin), "velocity_m_s": 0.0}
+            axes = {f"{own}.{name}": value for own in ("carriage", "piston") for name, value in at.items()}
+            start = self.start | axes
+        else:
+            start = begin
+        session = core.start(start, rtol)
+        for name in self.shutters if shut else ():
+            session.set(f"{name}.opening", 0.0)
+        session.set("carriage.giving_way", float(released))
+        jerks, ends = [float(jerk) for jerk in jerks_m_s3], np.cumsum(durations_s).tolist()
+        session.set("carriage.jerk_m_s3", jerks[0])
+        session.schedule("carriage.jerk_m_s3", ends[:-1], jerks[1:])
+        result = session.record(ends[-1], times_s, look)
+        state, commanded = _at_rest(dict(zip((name for name, _ in core.states), session.state, strict=True)), released)
+        return MotionResult(self._columns(result["columns"]), result["statistics"], state, commanded)
+
+    def _columns(self, found: dict[str, Array]) -> dict[str, Array]:
+        """Return the columns of a circuit under the names that a rig has."""
+        columns = {own: found[name] for own, name in _OTHERS.items()}
+        columns |= {short_name(name, "piston"): column for name, column in found.items() if name.startswith("piston.")}
+        for side in "ab":
+            source = self.sources.get(side, f"piston.{side}")
+            around = np.full_like(found["time_s"], self.ambient["pressure_pa"])
+            columns[f"supply_pressure_{side}_pa"] = around if source == AMBIENT else found[f"{source}.pressure_pa"]
+        return columns
+
+
+def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:
+    """Return the state where the next motion begins, and the commanded position there.
+
+    The command ends at rest exactly where rounding has left less; after giving way it is where the carriage stands.
+    """
+    position, *rates = [name for name in state if name.startswith("carriage.")][:3]
+    if released:
+        state[position], state["carriage.velocity_m_s"] = state["carriage.position_m"], 0.0
+    if released or abs(state[rates[0]]) < AT_REST_M_S:
+        state |= dict.fromkeys(rates, 0.0)
+    return list(state.values()), state[position]
