@@ -392,7 +392,7 @@ impl Circuit<f64> {
         let each = usual.chain(others).chain(alone).map(|(place, stops, axis)| {
             let mut stops = stops.clone();
             stops.meet(0);
-            Impacts::new(stops, axis.mass, place.first)
+            Impacts::new(stops, axis.clone(), place.first)
         });
         each.collect()
     }

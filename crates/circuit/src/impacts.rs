@@ -1,7 +1,7 @@
 //! Impacts on the end stops, read off the accepted steps.
 
 use crate::circuit::AxisId;
-use crate::part::EndStops;
+use crate::part::{Axis, EndStops};
 use ode::Accepted;
 
 /// A contact with an end stop.
@@ -32,15 +32,15 @@ const HALVINGS: u32 = 20;
 /// Follows one mass; x and v are the states `first` and `first + 1`.
 pub(crate) struct Impacts {
     stops: EndStops<f64>,
-    mass: f64,
+    axis: Axis<f64>,
     first: usize,
     open: Option<Impact>,
     done: Vec<Impact>,
 }
 
 impl Impacts {
-    pub fn new(stops: EndStops<f64>, mass: f64, first: usize) -> Self {
-        Impacts { stops, mass, first, open: None, done: Vec::new() }
+    pub fn new(stops: EndStops<f64>, axis: Axis<f64>, first: usize) -> Self {
+        Impacts { stops, axis, first, open: None, done: Vec::new() }
     }
 
     fn touches(&self, x: f64) -> bool {
@@ -78,7 +78,7 @@ impl Impacts {
             let [x, v] = at(if low == 0.0 { 0.0 } else { high });
             let at_b = x > 0.5 * self.stops.stroke;
             let speed = if at_b { v } else { -v };
-            let energy = 0.5 * self.mass * v * v;
+            let energy = 0.5 * self.axis.mass_at(x) * v * v;
             self.open = Some(Impact {
                 axis: AxisId(self.stops.axis),
                 time: t + low * h,

@@ -291,3 +291,26 @@ fn points_that_do_not_rise_or_are_missing_are_refused() {
         assert!(message(points).contains(said), "{said}");
     }
 }
+
+#[test]
+fn an_impact_has_the_energy_of_what_moves_along() {
+    let table = json!([[0.0, 1.0], [0.2, 3.0]]);
+    let components = json!([
+        { "name": "own", "kind": "cylinder/rodless", "friction": { "law": "coulomb", "parameters": { "coulomb": 1e-3 } },
+          "numbers": { "bore": 0.025, "stroke": 0.2, "dead_volume_a": 1e-4, "dead_volume_b": 1e-4, "moving_mass": 2.0 } },
+        { "name": "along", "kind": "inertia/table", "points": table },
+    ]);
+    let joints = json!([["own.rod", "along.1"], ["own.a"], ["own.b"]]);
+    let network = network(&components, &joints).expect("assembles");
+    let value = |name: &str| match name.rsplit('.').next() {
+        Some("pressure_pa") => 101_300.0,
+        Some("temperature_k") => ROOM,
+        Some("position_m") => 0.19,
+        _ => 1.0,
+    };
+    let start = network.start_names().into_iter().map(|name| (name.to_string(), value(name))).collect();
+    let run = network.simulate(&[], (0.05, 1000.0), &start, ode::Options::default(), &mut |_| false);
+    let impact = run.expect("runs").impacts[0];
+    let mass = 2.0 * impact.energy / (impact.speed * impact.speed);
+    assert!(impact.speed > 0.9 && (mass - 5.0).abs() < 1e-9, "{mass} kg at {} m/s", impact.speed);
+}

@@ -173,6 +173,11 @@ impl<P: Real> Axis<P> {
         })
     }
 
+    /// The mass at a position, with what moves along there, kg.
+    pub(crate) fn mass_at(&self, x: P) -> P {
+        self.moves.iter().fold(self.mass, |mass, moves| mass + moves.at(x)[0])
+    }
+
     /// Friction of steady sliding (after any transient) at a node, N.
     pub(crate) fn steady_friction<S: Over<P>>(&self, node: &AxisNode<S>) -> S {
         self.friction.as_ref().map_or(S::zero(), |contact| contact.steady(&at(node)))
