@@ -187,9 +187,6 @@ def _check(reader: Reader, values: dict[str, dict[str, Any]]) -> None:
     for key in NEEDED[chambers["kind"]]:
         if chambers[key] is None:
             refuse(f"chambers.{key} is missing", f'chambers of kind "{chambers["kind"]}" need it')
-    ratio = chambers["critical_pressure_ratio"]
-    if ratio is not None and ratio >= 1.0:
-        refuse(f"chambers.critical_pressure_ratio = {ratio} is out of bounds", "between 0 and 1")
     reader.problems.tell()
 
 

@@ -1,4 +1,4 @@
-"""The keys of a rig file, each listed once: unit, meaning, bounds, default.
+"""The keys of a rig file, each listed once: unit, meaning, bounds, default. Parameters of components are the core's.
 
 The parameters of friction are those of the law, which the core knows; what acts on it is as in a drive file.
 """
@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.describe.geometry import KINDS
-from pneudrive.rig.reader import Key, not_negative, positive, word
+from pneudrive.rig.reader import Key, not_negative, of, positive, word
 from pneudrive.rig.sensors import CLOCKS
-
-CONDUCTANCE = "m^3/(s Pa)"
 
 #: table -> what it is about
 TABLES: dict[str, str] = {
@@ -33,11 +31,11 @@ TABLES: dict[str, str] = {
 KEYS: dict[str, dict[str, Key]] = {
     "cylinder": {
         "kind": word(*KINDS, default="rodless", meaning="where it has a rod; that of a single rod is in chamber b"),
-        "bore": positive("m", "bore"),
-        "rod_diameter": not_negative("m", "diameter of the rod", 0.0),
-        "stroke": positive("m", "stroke"),
-        "moving_mass": positive("kg", "mass beyond the force sensor, piston included"),
-        "incline": Key("rad", "positive: x points up"),
+        "bore": of("cylinder/rodless.bore"),
+        "rod_diameter": of("cylinder/single-rod.rod_diameter"),
+        "stroke": of("piston.stroke"),
+        "moving_mass": of("piston.moving_mass", "mass beyond the force sensor, piston included"),
+        "incline": of("piston.incline"),
     },
     "ambient": {
         "pressure": positive("abs", "pressure of the room"),
@@ -48,11 +46,15 @@ KEYS: dict[str, dict[str, Key]] = {
         "jerk": positive("m/s^3", "largest jerk"),
         "margin": not_negative("m", "distance of the reversals from the ends of the stroke"),
         "speed": positive("m/s", "largest speed; absent: what the stroke allows", None),
-        "bandwidth": positive("1/s", "natural frequency of the position loop; absent: a rigid axis", None),
-        "damping_ratio": positive("1", "damping ratio of the position loop, with `bandwidth`", None),
-        "ripple": not_negative("1", "relative velocity ripple, of screw or motor", 0.0),
-        "pitch": positive("m", "way after which the ripple repeats", None),
-        "release_time": positive("s", "time constant with which the axis gives way in a released hold", 0.02),
+        "bandwidth": of(
+            "carriage.servo_bandwidth", "natural frequency of the position loop; absent: a rigid axis", None
+        ),
+        "damping_ratio": of(
+            "carriage.servo_damping_ratio", "damping ratio of the position loop, with `bandwidth`", None
+        ),
+        "ripple": of("carriage.ripple_velocity", default=0.0),
+        "pitch": of("carriage.ripple_pitch", default=None),
+        "release_time": of("carriage.release_time", "time constant with which the axis gives way in a released hold"),
     },
     "chambers": {
         "kind": word(
@@ -64,15 +66,15 @@ KEYS: dict[str, dict[str, Key]] = {
             meaning="pressures that take no notice of the piston; ports to the room; one regulator and a manifold; "
             "a regulator and a hose for each",
         ),
-        "dead_volume": positive("m^3", "volume of each chamber at the end of the stroke", None),
-        "heat_transfer": not_negative("W/(m^2 K)", "heat transfer coefficient to all walls", None),
-        "line_conductance": positive(CONDUCTANCE, "sonic conductance of the line, or port, of each chamber", None),
-        "regulator_conductance": positive(CONDUCTANCE, "sonic conductance of a regulator; both ways", None),
-        "critical_pressure_ratio": positive("1", "of lines, ports and regulators", None),
-        "manifold_volume": positive("m^3", "volume between a regulator and the lines", None),
+        "dead_volume": of("tank.volume", "volume of each chamber at the end of the stroke", None),
+        "heat_transfer": of("tank.heat_transfer", "heat transfer coefficient to all walls", None),
+        "line_conductance": of("fitting.conductance", "sonic conductance of the line, or port, of each chamber", None),
+        "regulator_conductance": of("fitting.conductance", "sonic conductance of a regulator; both ways", None),
+        "critical_pressure_ratio": of("fitting.critical_pressure_ratio", "of lines, ports and regulators", None),
+        "manifold_volume": of("tank.volume", "volume between a regulator and the lines", None),
         "hose_diameter": positive("m", "gives the wall of that volume, as of a hose", None),
-        "leakage": not_negative(CONDUCTANCE, "leakage of each chamber to the room", 0.0),
-        "piston_leakage": not_negative(CONDUCTANCE, "leakage past the piston", 0.0),
+        "leakage": of("cylinder/rodless.leakage", "leakage of each chamber to the room"),
+        "piston_leakage": of("cylinder/rodless.leakage"),
     },
     "sampling": {
         "clock": word(*CLOCKS, meaning="even in time, or in position"),
@@ -84,8 +86,8 @@ KEYS: dict[str, dict[str, Key]] = {
         "hold_rate": positive("1/s", "rate while the axis stands", 20.0),
     },
     "force_sensor": {
-        "stiffness": positive("N/m", "stiffness between axis and piston"),
-        "damping": not_negative("N s/m", "damping between axis and piston"),
+        "stiffness": of("force-sensor.stiffness"),
+        "damping": of("force-sensor.damping"),
         "range": positive("N", "range, both ways"),
         "bits": positive("1", "resolution of the converter"),
         "noise": not_negative("N", "standard deviation of one sample"),

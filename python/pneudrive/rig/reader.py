@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe import toml
+from pneudrive.describe.base import Bounds
+from pneudrive.describe.components import component_kinds
+from pneudrive.describe.parameters import parameter_quantity
 from pneudrive.errors import DescriptionError, Problems, nearest
 from pneudrive.units import parse, parse_pressure
 
@@ -50,28 +52,35 @@ class Key:
     meaning : str
     default : float, str, None or ...
         Where the key is absent; ``...``: it must be there.
-    least : float
-        Smallest value; `above` says whether it is refused itself.
-    above : bool
+    bounds : Bounds
     choices : tuple of str
     """
 
     unit: str
     meaning: str
     default: Any = ...
-    least: float = -math.inf
-    above: bool = False
+    bounds: Bounds = field(default_factory=Bounds)
     choices: tuple[str, ...] = ()
+
+
+def of(path: str, meaning: str = "", default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key that is a parameter of a component, ``kind.key``, with its unit, bounds and default."""
+    kind, _, name = path.rpartition(".")
+    parameter = next(p for p in component_kinds()[kind]["parameters"] if p["key"] == name)
+    if default is ... and parameter["default"] is not None:
+        default = parameter["default"]
+    quantity, said = parameter_quantity(parameter), parameter["meaning"]
+    return Key(quantity.si_unit or "1", meaning or said[0].lower() + said[1:], default, quantity.bounds)
 
 
 def positive(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
     """Make a key whose value is above zero."""
-    return Key(unit, meaning, default, 0.0, above=True)
+    return Key(unit, meaning, default, Bounds(above=0.0))
 
 
 def not_negative(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
     """Make a key whose value is zero or above."""
-    return Key(unit, meaning, default, 0.0)
+    return Key(unit, meaning, default, Bounds(at_least=0.0))
 
 
 def word(*choices: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
@@ -199,10 +208,9 @@ class Reader:
         if kind.unit == "word":
             return self.word(name, text, kind.choices)
         value = self._number(name, text, kind.unit)
-        if not (math.isfinite(value) and value >= kind.least and not (kind.above and value == kind.least)):
-            rule = f"{'above' if kind.above else 'at least'} {kind.least:g}"
-            what = f"{name} must be positive" if kind.above and kind.least == 0.0 else f"{name} is out of bounds"
-            raise DescriptionError(what, where=self.where, value=text, rule=rule)
+        rule = kind.bounds.broken(value)
+        if rule:
+            raise DescriptionError(f"{name} is out of bounds", where=self.where, value=text, rule=rule)
         return value
 
     def word(self, name: str, text: str, choices: Collection[str]) -> str:
