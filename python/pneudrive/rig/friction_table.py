@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import FrictionLaw
 from pneudrive.errors import DescriptionError, Problems, together
+from pneudrive.rig.reader import bare
 
 if TYPE_CHECKING:
     from pneudrive.rig.reader import Reader
-
-_PURE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 
 
 def read_friction(reader: Reader, law: str | FrictionLaw, given: dict[str, Any]) -> dict[str, Any]:
@@ -67,15 +65,7 @@ def _plain(reader: Reader, name: str, entry: Any) -> Any:  # noqa: ANN401
     if isinstance(entry, dict) and "value" not in entry and "source" in entry:
         rest = {key: entry[key] for key in ("source", "reason") if key in entry}
         parts = {key: value for key, value in entry.items() if key not in rest}
-        return {key: _number(reader.text(f"{name}.{key}", {**rest, "value": value})) for key, value in parts.items()}
+        return {key: bare(reader.text(f"{name}.{key}", {**rest, "value": value})) for key, value in parts.items()}
     if isinstance(entry, dict) and "value" not in entry:
         return {key: _plain(reader, f"{name}.{key}", one) for key, one in entry.items()}
-    return _number(reader.text(name, entry))
-
-
-def _number(text: str) -> str | float:
-    """Take the quotes off pure numbers and percentages, which a drive file writes without."""
-    plain = text.removesuffix("%").rstrip()
-    if not _PURE.match(plain):
-        return text
-    return float(plain) if plain == text else float(plain) / 100.0
+    return bare(reader.text(name, entry))

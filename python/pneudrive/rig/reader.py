@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe import toml
-from pneudrive.describe.base import Bounds
+from pneudrive.describe.base import Bounds, WrongValueError, number, quantity
 from pneudrive.describe.components import component_kinds
 from pneudrive.describe.parameters import parameter_quantity
 from pneudrive.errors import DescriptionError, Problems, nearest
-from pneudrive.units import parse, parse_pressure
+from pneudrive.units import parse_pressure
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Mapping
 
 SCHEMA = 1
 #: Keys at the top of a rig file that are no tables.
 TOP = ("schema", "name", "kind", "extends")
+_PURE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 RULE = '{ value = "25 mm", source = "assumed", reason = "..." }'
 
 
@@ -62,6 +64,33 @@ class Key:
     bounds: Bounds = field(default_factory=Bounds)
     choices: tuple[str, ...] = ()
 
+    def read(self, text: str) -> float | str:
+        """Return the SI value, or the word, or raise `WrongValueError` or `DescriptionError`."""
+        if self.unit == "word":
+            if text not in self.choices:
+                raise WrongValueError(f"{text!r} is unknown", remedy=nearest(text, self.choices))
+            return text
+        if self.unit == "1":
+            plain = bare(text)
+            if isinstance(plain, str):
+                raise WrongValueError(f'"{text}" is no pure number')
+            return number(plain, self.bounds)
+        if self.unit == "abs" and parse_pressure(text).gauge:
+            raise WrongValueError(f'"{text}" is no absolute pressure')
+        if self.unit == "delta K" and not text.endswith(" K"):
+            raise WrongValueError(f'"{text}" is no difference of temperatures', rule='in K, e.g. "0.5 K"')
+        if self.unit == "abs":
+            return quantity(text.removesuffix("abs"), "Pa", self.bounds)
+        return quantity(text, self.unit.removeprefix("delta "), self.bounds)
+
+
+def bare(text: str) -> str | float:
+    """Take the quotes off pure numbers and percentages, which a drive file writes without."""
+    plain = text.strip().removesuffix("%").rstrip()
+    if not _PURE.match(plain):
+        return text
+    return float(plain) / 100.0 if "%" in text else float(plain)
+
 
 def of(path: str, meaning: str = "", default: Any = ...) -> Key:  # noqa: ANN401
     """Make a key that is a parameter of a component, ``kind.key``, with its unit, bounds and default."""
@@ -69,8 +98,8 @@ def of(path: str, meaning: str = "", default: Any = ...) -> Key:  # noqa: ANN401
     parameter = next(p for p in component_kinds()[kind]["parameters"] if p["key"] == name)
     if default is ... and parameter["default"] is not None:
         default = parameter["default"]
-    quantity, said = parameter_quantity(parameter), parameter["meaning"]
-    return Key(quantity.si_unit or "1", meaning or said[0].lower() + said[1:], default, quantity.bounds)
+    own, said = parameter_quantity(parameter), parameter["meaning"]
+    return Key(own.si_unit or "1", meaning or said[0].lower() + said[1:], default, own.bounds)
 
 
 def positive(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
@@ -181,16 +210,6 @@ class Reader:
                 out[key] = kind.default
         return out
 
-    def pair(self, name: str, entry: object, kind: Key) -> tuple[Any, Any]:
-        """Take one value for both chambers, or ``a`` and ``b`` with one source."""
-        if not (isinstance(entry, dict) and ("a" in entry or "b" in entry)):
-            return (self.value(name, entry, kind),) * 2
-        rest = {key: value for key, value in entry.items() if key not in ("a", "b")}
-        try:
-            return tuple(self.value(f"{name}.{side}", {**rest, "value": entry[side]}, kind) for side in "ab")  # type: ignore[return-value]
-        except KeyError as error:
-            raise DescriptionError(f"{name} lacks chamber {error}", where=self.where, value=entry) from None
-
     def text(self, name: str, entry: object) -> str:
         """Take a value as written, with its source."""
         if not isinstance(entry, dict) or not {"value", "source"} <= set(entry):
@@ -205,44 +224,11 @@ class Reader:
     def value(self, name: str, entry: object, kind: Key) -> Any:  # noqa: ANN401
         """Take one value: SI, or a word."""
         text = self.text(name, entry)
-        if kind.unit == "word":
-            return self.word(name, text, kind.choices)
-        value = self._number(name, text, kind.unit)
-        rule = kind.bounds.broken(value)
-        if rule:
-            raise DescriptionError(f"{name} is out of bounds", where=self.where, value=text, rule=rule)
-        return value
-
-    def word(self, name: str, text: str, choices: Collection[str]) -> str:
-        """Take a word that is one of some."""
-        if text not in choices:
-            remedy = nearest(text, choices)
-            raise DescriptionError(f"{name} = {text!r} is unknown", where=self.where, remedy=remedy)
-        return text
-
-    def _number(self, name: str, text: str, unit: str) -> float:
-        if unit == "1":
-            try:
-                return float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
-            except ValueError as error:
-                raise DescriptionError(f"{name} is a pure number", where=self.where, value=text) from error
-        if unit == "delta K":
-            if not text.endswith(" K"):
-                rule = 'a difference of temperatures is in K, e.g. "0.5 K"'
-                raise DescriptionError(
-                    f"{name} is no difference of temperatures", where=self.where, value=text, rule=rule
-                )
-            unit = "K"
         try:
-            if unit != "abs":
-                return parse(text, unit)
-            stated = parse_pressure(text)
-        except DescriptionError as error:
+            return kind.read(text)
+        except (WrongValueError, DescriptionError) as error:
             what = f"{name}: {error.what}"
             raise DescriptionError(what, where=self.where, rule=error.rule, remedy=error.remedy) from None
-        if stated.gauge:
-            raise DescriptionError(f"{name} is an absolute pressure", where=self.where, value=text)
-        return stated.value_pa
 
     def finish(self) -> None:
         """Refuse what was not read, and all that is wrong with what was.

@@ -7,6 +7,7 @@ import pytest
 from pneudrive.errors import DescriptionError
 from pneudrive.rig import SimulatedRig, shipped_rigs
 from pneudrive.rig.description import DEFAULT, read_description
+from pneudrive.rig.reader import bare
 
 ASSUMED = 'source = "assumed", reason = "for this test"'
 
@@ -51,6 +52,11 @@ def test_a_list_of_the_friction_table_gives_its_source_once(tmp_path):
     assert SimulatedRig(mine).true_friction(1e-4) == pytest.approx(28.0, abs=0.02)
 
 
+@pytest.mark.parametrize(("text", "value"), [("2", 2.0), (" 2e0 ", 2.0), ("50 %", 0.5), (" 50%", 0.5), ("2 N", "2 N")])
+def test_pure_numbers_stand_in_quotes(text, value):
+    assert bare(text) == value
+
+
 def extending(table, key, value):
     return f'extends = "default"\n[{table}]\n{key} = {{ value = "{value}", {ASSUMED} }}\n'
 
@@ -63,8 +69,8 @@ def extending(table, key, value):
         (extending("chambers", "kind", "common"), "chambers.dead_volume is missing"),
         (extending("servo", "bandwidth", "50 Hz"), "go together"),
         (extending("servo", "ripple", "1 %"), "needs servo.pitch"),
-        (extending("servo", "ripple", "-1 %"), "(?s)servo.ripple is out of bounds.*not less than 0"),
-        (extending("servo", "ripple", "100 %"), "(?s)servo.ripple is out of bounds.*less than 1"),
+        (extending("servo", "ripple", "-1 %"), "(?s)servo.ripple: -0.01 is out of bounds.*not less than 0"),
+        (extending("servo", "ripple", "100 %"), "(?s)servo.ripple: 1.0 is out of bounds.*less than 1"),
         (extending("thermal", "room_amplitude", "1 degC"), "(?s)no difference of temperatures.*in K"),
         (extending("cylinder", "rod_diameter", "25 mm"), "leaves no piston"),
         (extending("mounting.odd", "side_lode", "5 N"), "side_lode is unknown"),

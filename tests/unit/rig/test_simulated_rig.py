@@ -112,7 +112,7 @@ def test_every_value_of_the_default_rig_states_its_source():
         ("[encoder]", "[encoder]\ncolour = 1", "encoder.colour is unknown"),
         ("[encoder]", "[magnet]\nx = 1\n[encoder]", r"\[magnet\] is unknown"),
         ('value = "5 mm", source', 'value = "150 mm", source', "leaves no way to go"),
-        ('value = "time"', 'value = "tme"', "(?s)sampling.clock = 'tme' is unknown.*Did you mean 'time'"),
+        ('value = "time"', 'value = "tme"', "(?s)sampling.clock: 'tme' is unknown.*Did you mean 'time'"),
         ("schema = 1", "schema = 2", "another schema"),
         ("schema = 1", "schema = ", "the file is not TOML"),
         ('value = "1.013 bar abs"', 'value = "1.013 bar gauge"', "absolute pressure"),
