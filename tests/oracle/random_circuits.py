@@ -276,7 +276,10 @@ def draw_circuit(draw: Draw) -> Drawn:
     alone = [rod for rod in rods if names[rod.partition(".")[0]] == "slide"]
     plugged += [place for place in places[1:] + alone if not any(place in chain.split() for chain in connections)]
     tables = {"schema": 1, "components": components, "connections": connections, "plugged": plugged}
-    return Drawn(tables, duration=draw.linear(0.1, 0.6))
+    drawn = Drawn(tables, duration=draw.linear(0.1, 0.6))
+    if draw.chance(0.3):
+        tables["junctions"] = "series"
+    return drawn
 
 
 def case(seed: int, n: int) -> tuple[Drawn, Circuit, Counter[str]]:

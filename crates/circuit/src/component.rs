@@ -32,6 +32,7 @@ mod registry;
 mod regulator;
 mod reservoir;
 mod rod_lock;
+mod series;
 mod shock_absorber;
 mod silencer;
 mod slide;
@@ -59,6 +60,7 @@ pub use build::{Acts, Build, Piston};
 pub use extra::Extra;
 pub(crate) use extra::Given;
 pub use registry::{kinds, register};
+pub(crate) use series::{Chain, PortId};
 pub use symbol::{Stroke, Symbol};
 pub use table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX, count, join};
 
@@ -268,6 +270,11 @@ impl<P: Lane> Instance<P> {
         self.free[self.place(key)]
     }
 
+    /// Whether something is differentiated by a number, if it has that.
+    fn varies(&self, key: &str) -> bool {
+        self.kind().parameters.iter().any(|row| row.key == key) && self.is_free(key)
+    }
+
     /// A number that is there: checked before.
     pub fn number(&self, key: &str) -> P {
         self.given(key).expect("a number that was checked")
@@ -281,6 +288,13 @@ impl<P: Lane> Instance<P> {
     /// The same with a sonic conductance, m3/(s Pa).
     pub fn path_of(&self, conductance: P, build: &Build<P>) -> Iso6358<P> {
         self.law(conductance, self.number("critical_pressure_ratio"), build)
+    }
+
+    /// What a path with a sonic conductance brings to others in series, which are merged by a rule for the subsonic
+    /// index 0.5.
+    pub fn in_series(&self, conductance: P) -> Option<[P; 2]> {
+        let is_usual = self.number("subsonic_index").get(0) == 0.5;
+        is_usual.then(|| [conductance, self.number("critical_pressure_ratio")])
     }
 
     /// The law of a path to the exhaust, which is that of the supply where nothing is said.
@@ -364,6 +378,12 @@ pub trait Component: 'static {
         Brings::Nothing
     }
 
+    /// Sonic conductance, m3/(s Pa), and critical pressure ratio of a path between its first two ports, always open, that
+    /// can be merged with others in series. Its outputs are flows along it.
+    fn series<P: Lane>(_own: &Instance<P>) -> Option<[P; 2]> {
+        None
+    }
+
     /// A rule between its numbers.
     fn check(_own: &Instance<f64>) -> Result<(), Error> {
         Ok(())
@@ -386,6 +406,14 @@ macro_rules! components {
                 return <$component as Component>::bring(own, port, ambient_temperature);
             })*
             registry::at(own.kind).bring_as(own, port, ambient_temperature)
+        }
+
+        pub(crate) fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+            let mut kind = 0..;
+            $(if own.kind == kind.next().unwrap_or(0) {
+                return <$component as Component>::series(own);
+            })*
+            registry::at(own.kind).series_as(own)
         }
 
         pub(crate) fn check(own: &Instance<f64>) -> Result<(), Error> {

@@ -33,6 +33,7 @@ mod regulator;
 mod reservoir;
 mod restriction;
 mod second_order;
+mod series;
 mod shock_absorber;
 pub(crate) mod signal;
 mod spring;
@@ -79,6 +80,7 @@ pub use regulator::Regulator;
 pub use reservoir::Reservoir;
 pub use restriction::Restriction;
 pub use second_order::SecondOrder;
+pub use series::Series;
 pub use shock_absorber::ShockAbsorber;
 pub use signal::{Armature, Held, Spool};
 pub use spring::Spring;
@@ -446,6 +448,7 @@ parts! {
         table_forces: TableForce,
         walls: Wall,
         motors: Motor,
+        series: Series,
         formula_paths: FormulaPath,
         formula_forces: FormulaForce,
         foreign: Foreign,

@@ -215,4 +215,17 @@ pub struct Circuit {
     pub ambient: GasState,
     pub components: Vec<Component>,
     pub joints: Vec<Vec<String>>,
+    #[serde(default)]
+    pub junctions: Junctions,
+}
+
+/// What becomes of a joint of two restrictions and nothing else.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Junctions {
+    /// It has the volume of its ports.
+    #[default]
+    Volume,
+    /// It has none: the restrictions are merged.
+    Series,
 }

@@ -3,7 +3,7 @@
 mod support;
 
 use serde_json::{Value, json};
-use support::circuits::{network, run};
+use support::circuits::{joined, network, run};
 use support::{AMBIENT, K, R, ROOM};
 
 const RHO_0: f64 = 1.185;
@@ -315,4 +315,112 @@ fn pressures_that_contradict_each_other_are_refused() {
         let message = made.err().map(|error| error.to_string()).expect("refused");
         assert!(message.contains(expected), "{message}");
     }
+}
+
+/// Restrictions between gas at 7 bar and at another pressure: valve, tube, which may be turned round, and a hole at will.
+fn in_a_row(with_hole: bool, behind: f64, junctions: &str, turned: bool) -> impl Fn(&str) -> f64 {
+    let valve = one("valve", "fitting", json!({ "conductance": 2e-8, "critical_pressure_ratio": 0.3 }));
+    let tube = one("tube", "tube", json!({ "length": 1.0, "diameter": 4e-3 }));
+    let low = one("low", "reservoir", json!({ "pressure": behind }));
+    let mut components = vec![supply(7e5), low, valve, tube];
+    let [near, far] = if turned { ["tube.2", "tube.1"] } else { ["tube.1", "tube.2"] };
+    let mut joints = vec![json!(["supply.1", "valve.1"]), json!(["valve.2", near])];
+    if with_hole {
+        components.push(one("hole", "orifice", json!({ "diameter": 4e-3 })));
+        joints.extend([json!([far, "hole.1"]), json!(["hole.2", "low.1"])]);
+    } else {
+        joints.push(json!([far, "low.1"]));
+    }
+    // Something that has states.
+    components.push(tank(1e-3));
+    components.push(one("leak", "leak", json!({ "coefficient": 1e-20 })));
+    joints.extend([json!(["tank.1", "leak.1"]), json!(["leak.2", "ambient"])]);
+    let network = joined(&json!(components), &json!(joints), junctions).expect("assembles");
+    assert_eq!(network.joint_volumes().is_empty(), junctions == "series");
+    let names = network.start_names().into_iter().map(String::from).collect::<Vec<_>>();
+    let start = names.iter().map(|name| (&name[..], if name.ends_with("_k") { ROOM } else { 4e5 }));
+    let (columns, ledger) = run(&network, &[], (1.0, 10.0), &start.collect::<Vec<_>>());
+    closes(ledger);
+    move |of: &str| columns[&format!("{of}.mass_flow_kg_s")][10]
+}
+
+#[test]
+fn restrictions_in_a_row_are_merged_by_the_series_rule_on_request() {
+    for (with_hole, behind, within) in [
+        // Choked at the end, the rule is exact for two.
+        (false, 1e5, 1e-7),
+        (true, 1e5, 0.01),
+        (false, 6e5, 6e-3),
+        (true, 6e5, 0.01),
+        // Back, through the tube first.
+        (false, 8e5, 6e-3),
+        (false, 5e6, 1e-7),
+    ] {
+        let apart = in_a_row(with_hole, behind, "volume", false)("valve");
+        let merged = in_a_row(with_hole, behind, "series", false);
+        near(merged("valve"), apart, within);
+        let turned = in_a_row(with_hole, behind, "series", true);
+        assert_eq!(
+            [merged("tube"), turned("tube"), turned("valve")],
+            [1.0, -1.0, 1.0].map(|sign| sign * merged("valve"))
+        );
+    }
+    // The valve comes first from the left, the tube from the right.
+    near(in_a_row(false, 1e5, "series", false)("valve") / (7e5 * RHO_0), 1.067e-8, 5e-4);
+    near(in_a_row(false, 5e6, "series", false)("valve") / (5e6 * RHO_0), -1.131e-8, 5e-4);
+}
+
+#[test]
+fn what_merged_tubes_have_of_volume_between_them_goes_to_both_ends() {
+    let tube = |name: &str| one(name, "tube", json!({ "length": 1.0, "diameter": 4e-3 }));
+    let mut full = tank(1e-5);
+    full["name"] = json!("full");
+    let components = json!([full, tube("one"), tube("two"), tank(1e-5)]);
+    let joints = json!([["full.1", "one.1"], ["one.2", "two.1"], ["two.2", "tank.1"]]);
+    let settles = |junctions: &str| {
+        let network = joined(&components, &joints, junctions).expect("assembles");
+        let value = |name: &str| match name {
+            "full.pressure_pa" => 7e5,
+            name if name.ends_with("_k") => ROOM,
+            _ => 1e5,
+        };
+        let names = network.start_names().into_iter().map(String::from).collect::<Vec<_>>();
+        let start = names.iter().map(|name| (&name[..], value(name)));
+        let (columns, ledger) = run(&network, &[], (20.0, 1.0), &start.collect::<Vec<_>>());
+        closes(ledger);
+        columns["tank.pressure_pa"][20]
+    };
+    // Pressures settle to their mean by volume: energy is kept.
+    let half = 0.125 * std::f64::consts::PI * 4e-3 * 4e-3;
+    let mean = |full: f64, joint: f64| 1e5 + 6e5 * full / (2e-5 + 4.0 * half + joint);
+    near(settles("volume"), mean(1e-5 + half, 1e-7), 1e-6);
+    near(settles("series"), mean(1e-5 + 2.0 * half, 0.0), 1e-6);
+}
+
+#[test]
+fn what_the_series_rule_does_not_hold_for_is_left_apart() {
+    let hole = |name: &str, more: Value| {
+        let mut numbers = json!({ "conductance": 2e-8, "critical_pressure_ratio": 0.3 });
+        numbers.as_object_mut().expect("numbers").extend(more.as_object().expect("numbers").clone());
+        one(name, "fitting", numbers)
+    };
+    let volumes = |index: f64, piloted: bool| {
+        let mut components = vec![supply(7e5), hole("one", json!({})), tank(1e-3)];
+        components.push(hole("two", json!({ "subsonic_index": index })));
+        let mut between = vec!["one.2", "two.1"];
+        let mut joints = vec![json!(["supply.1", "one.1"]), json!(["two.2", "tank.1"])];
+        if piloted {
+            let numbers = json!({ "conductance": 1e-8, "critical_pressure_ratio": 0.3, "pilot_ratio": 3.0 });
+            components.push(one("held", "check-valve/piloted", numbers));
+            joints.extend([json!(["tank.1", "held.1"]), json!(["held.2", "ambient"])]);
+            joints.remove(1);
+            joints.insert(1, json!(["two.2", "tank.1", "held.1"]));
+            joints.remove(2);
+            between.push("held.12");
+        }
+        joints.push(json!(between));
+        let network = joined(&json!(components), &json!(joints), "series").expect("assembles");
+        network.joint_volumes().len()
+    };
+    assert_eq!([volumes(0.5, false), volumes(0.55, false), volumes(0.5, true)], [0, 1, 1]);
 }

@@ -187,6 +187,58 @@ fn a_run_is_differentiated_by_numbers_of_components() {
     assert!(refused("gas.gas_constant_j_kg_k").contains("the gas cannot be free"));
 }
 
+#[test]
+fn a_tank_behind_merged_restrictions_is_differentiated_by_their_numbers() {
+    let circuit = |conductance: f64, length: f64| {
+        json!({
+            "gas": { "heat_capacity_ratio": 1.4, "gas_constant_j_kg_k": 287.05 },
+            "ambient": { "pressure_pa": 101_300.0, "temperature_k": ROOM },
+            "components": [
+                { "name": "supply", "kind": "reservoir", "numbers": { "pressure": 7e5 } },
+                { "name": "hole", "kind": "fitting",
+                  "numbers": { "conductance": conductance, "critical_pressure_ratio": 0.3 } },
+                { "name": "hose", "kind": "tube", "numbers": { "length": length, "diameter": 4e-3 } },
+                { "name": "tank", "kind": "tank", "numbers": { "volume": 1e-3 } },
+            ],
+            "joints": [["supply.1", "hole.1"], ["hole.2", "hose.1"], ["hose.2", "tank.1"]],
+            "junctions": "series",
+        })
+    };
+    let names = ["hole.conductance", "hose.length"];
+    let shot = |circuit: &Value, parameters: &[&str]| {
+        let network = assemble(circuit);
+        let starts = network.assembly().start_names();
+        assert_eq!(starts, ["tank.pressure_pa", "tank.temperature_k"]);
+        let asked = Shooting {
+            times: vec![0.0],
+            commands: vec![7e5],
+            sample_times: vec![0.0, 0.2],
+            starts: vec![0],
+            initial: vec![101_300.0, ROOM],
+            parameters: parameters.iter().map(ToString::to_string).collect(),
+            with_initial: false.into(),
+            outputs: vec!["tank.pressure_pa".into()],
+            options: Options { rtol: 1e-11, ..Options::default() },
+            threads: 1,
+        };
+        network.shoot(&circuit.to_string(), "supply.pressure_pa", &asked, &mut |_| false)
+    };
+    let exact = shot(&circuit(2e-8, 1.0), &names).expect("runs").sensitivities;
+    let at = |one: f64, two: f64| shot(&circuit(2e-8 * one, two), &[]).expect("runs").values[1];
+    let h = 1e-5;
+    for (k, slope) in [at(1.0 + h, 1.0) - at(1.0 - h, 1.0), at(1.0, 1.0 + h) - at(1.0, 1.0 - h)]
+        .map(|difference| difference / (2.0 * h))
+        .into_iter()
+        .enumerate()
+    {
+        let own = exact[2 + k] * [2e-8, 1.0][k];
+        assert!((own / slope - 1.0).abs() < 1e-5 && own.abs() > 1e3, "{}: {own} {slope}", names[k]);
+    }
+    let refused =
+        shot(&circuit(2e-8, 1.0), &["hole.subsonic_index"]).err().expect("no derivative").to_string();
+    assert!(refused.contains("hole.subsonic_index: no derivative by it"), "{refused}");
+}
+
 /// A motor on a slide that rubs with Fc + Fv v: the mean force, its slope over velocity, and the work are known.
 #[test]
 fn a_motor_gives_the_mean_force_at_a_velocity_its_slope_and_the_work() {

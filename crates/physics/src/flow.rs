@@ -3,9 +3,11 @@
 mod formula;
 mod iso6358;
 mod laminar;
+mod series;
 pub use formula::{FlowFormula, MASS_FLOW};
 pub use iso6358::{Iso6358, LINEAR_ABOVE, choked_factor};
 pub use laminar::Laminar;
+pub use series::in_series;
 
 /// Critical pressure ratio of an ideal nozzle for a diatomic gas, (2/(k + 1))^(k/(k - 1)) at k = 1.4.
 pub const NOZZLE_RATIO: f64 = 0.528;

@@ -5,7 +5,7 @@
 use math::{Dual, Real};
 use physics::IdealGas;
 use physics::constants::{RHO_0, T_0};
-use physics::flow::Iso6358;
+use physics::flow::{Iso6358, in_series};
 
 fn air() -> IdealGas<f64> {
     IdealGas::new(1.4, 287.05)
@@ -160,4 +160,67 @@ fn another_gas_flows_as_through_a_nozzle() {
     let humid = flow(&restriction(2e-8, 0.3, 0.5, 0.999), (7e5, 350.0), (1e5, 300.0));
     let ratio = choked(&air()) / humid;
     assert!((ratio - 1e5 / (287.05 * T_0) / RHO_0).abs() < 1e-13 && (ratio - 1.0).abs() < 0.003);
+}
+
+/// C in dm3/(s bar) and b of a tube, by diameter, mm, and length, m, as the circuit's `tube` has them.
+fn tube(d: f64, length: f64) -> [f64; 2] {
+    let d = 1e-3 * d;
+    let c = 0.029 * d * d / (length / d.powf(1.25) + 510.0).sqrt();
+    [1e8 * c, 474.0 * c / (d * d)]
+}
+
+/// Flow through two paths as a share of p1, at p2/p1 = r, from the pressure between them: that at which both pass the same.
+fn through([c1, b1]: [f64; 2], [c2, b2]: [f64; 2], r: f64) -> f64 {
+    let phi = |b: f64, r: f64| (1.0 - ((r - b).max(0.0) / (1.0 - b)).powi(2)).sqrt();
+    let (mut low, mut high) = (r, 1.0);
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        let into = c1 * phi(b1, middle);
+        let out = c2 * middle * phi(b2, r / middle);
+        if into > out { low = middle } else { high = middle }
+    }
+    c1 * phi(b1, low)
+}
+
+#[test]
+fn paths_in_series_choke_as_the_pressure_between_them_says() {
+    let (mut first, mut second) = (0, 0);
+    for c2 in [0.1, 0.5, 1.0, 1.7, 20.0] {
+        for b1 in [0.02, 0.2, 0.35, 0.528, 0.9] {
+            for b2 in [0.02, 0.3, 0.528, 0.9] {
+                let [c, b] = in_series([1.0, b1], [c2, b2]);
+                let exact = through([1.0, b1], [c2, b2], 1e-3);
+                assert!((c / exact - 1.0).abs() < 1e-12, "{c2} {b1} {b2}: {c} {exact}");
+                assert!(b > 0.0 && b < 1.0, "{c2} {b1} {b2}: {b}");
+                let count = if c < 1.0 { &mut second } else { &mut first };
+                *count += 1;
+            }
+        }
+    }
+    assert!(first > 10 && second > 10);
+}
+
+#[test]
+fn a_valve_and_a_tube_pass_what_the_pressure_between_them_says() {
+    let valve = [2.0, 0.3];
+    for (length, at_6_of_7) in [(0.5, 4.5e-3), (1.0, 2.9e-3)] {
+        let tube = tube(4.0, length);
+        for [one, two] in [[valve, tube], [tube, valve]] {
+            let [c, b] = in_series(one, two);
+            let error = |r: f64| {
+                let q = (r - b).max(0.0) / (1.0 - b);
+                c * (1.0 - q * q).sqrt() / through(one, two, r) - 1.0
+            };
+            let worst = (0..99).map(|k| error(0.01 * f64::from(k)).abs()).fold(0.0, f64::max);
+            assert!(worst < 0.0105, "{length} m: {worst}");
+            assert!(error(6.0 / 7.0).abs() < 6e-3);
+            if one == valve {
+                assert!((error(6.0 / 7.0).abs() - at_6_of_7).abs() < 2e-4, "{}", error(6.0 / 7.0));
+            }
+        }
+    }
+    // Filling goes through the valve first, venting through the tube.
+    let one = tube(4.0, 1.0);
+    let (fill, vent) = (in_series(valve, one)[0], in_series(one, valve)[0]);
+    assert!((fill - 1.067).abs() < 5e-4 && (vent - 1.131).abs() < 5e-4, "{fill} {vent}");
 }

@@ -45,9 +45,9 @@ class Circuit(Described):
     """A pneumatic circuit: components by name, and connections between their ports.
 
     Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``; a port that
-    leads nowhere on purpose stands in `plugged`. `initial` is the start state where a run says nothing else. Tables of
-    a drive file (``supply``, ``valve``, ``cylinder``, ...) stand for the components of these names and their usual
-    joints.
+    leads nowhere on purpose stands in `plugged`; `junctions` says what becomes of joints of two restrictions.
+    `initial` is the start state where a run says nothing else. Tables of a drive file (``supply``, ``valve``,
+    ``cylinder``, ...) stand for the components of these names and their usual joints.
 
     Examples
     --------
@@ -71,6 +71,9 @@ class Circuit(Described):
     components: dict[str, Component]
     connections: tuple[str, ...] = ()
     plugged: tuple[str, ...] = ()
+    junctions: Literal["volume", "series"] = Field(
+        default="volume", description="Joints of two restrictions: a small volume, or none and the two merged"
+    )
     initial: dict[str, Any] = Field(default_factory=dict)
     labels: dict[str, str] = Field(default_factory=dict)
 
@@ -223,6 +226,8 @@ class Circuit(Described):
         components = [problems.take(self._core_of, name, one) for name, one in self.components.items()]
         problems.tell()
         form = {"gas": gas, "ambient": ambient, "components": components, "joints": self.wiring.core()}
+        if self.junctions != "volume":
+            form["junctions"] = self.junctions
         return json.dumps(form, sort_keys=True)
 
     def _core_of(self, name: str, one: Component) -> dict[str, Any]:

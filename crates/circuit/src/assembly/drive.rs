@@ -1,6 +1,6 @@
 use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
-use super::network::{self, Joint, wire};
+use super::network::{self, Joint, Joints, wire};
 use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
@@ -90,7 +90,7 @@ fn valve(spec: &Spec) -> &specification::ProportionalValve {
 const CYLINDER: usize = 2;
 
 /// A drive as components and joints.
-fn components<P: Lane>(lifted: &Lifted<Spec>) -> Result<(Vec<Instance<P>>, Vec<Joint>), Error> {
+fn components<P: Lane>(lifted: &Lifted<Spec>) -> Result<(Vec<Instance<P>>, Joints), Error> {
     let number = |f: fn(&Spec) -> f64| Some((lifted.number(f), lifted.is_free(f)));
     let stop = |f: fn(&specification::EndStop) -> Option<f64>| {
         f(&lifted.value.cylinder.end_stop)?;
@@ -148,7 +148,7 @@ fn components<P: Lane>(lifted: &Lifted<Spec>) -> Result<(Vec<Instance<P>>, Vec<J
     let ends = [vec![(0, 0), (1, 0)], vec![(1, 1), (CYLINDER, 0)], vec![(1, 2), (CYLINDER, 1)], rod];
     let mut joints: Vec<Joint> = ends.map(|ports| Joint { ports, ambient: false }).into();
     joints.push(Joint { ports: vec![(1, 3), (1, 4)], ambient: true });
-    Ok(([supply, valve, cylinder, load].into_iter().chain(spring).collect(), joints))
+    Ok(([supply, valve, cylinder, load].into_iter().chain(spring).collect(), joints.into()))
 }
 
 impl<P: Lane> Wired<P>

@@ -7,14 +7,14 @@ use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Given as Extra, Instance, Node, Piston, PortKind, Row, Terminals, Vessel, bring,
-    check, compose, joint_volume, kinds,
+    Acts, Brings, Build, Chain, Given as Extra, Instance, Node, Piston, PortId, PortKind, Row, Terminals,
+    Vessel, bring, check, compose, joint_volume, kinds,
 };
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
 use crate::part::{ChamberLaw, Given, InputId};
 use crate::run::{Error, Look, Recorder, Run, sample_times, with_unit};
-use crate::specification;
+use crate::specification::{self, Junctions};
 use math::{Deps, Lane, Over};
 use ode::Options;
 use physics::IdealGas;
@@ -25,14 +25,34 @@ use std::sync::Arc;
 /// What a joint calls the air around.
 const AMBIENT: &str = "ambient";
 
-/// A port of a circuit: which component, and which of its ports.
-type PortId = (usize, usize);
-
 /// Ports that are one point, and whether the air around is joined to them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Joint {
     pub ports: Vec<PortId>,
     pub ambient: bool,
+}
+
+/// The joints of a circuit, and what becomes of those of two restrictions.
+#[derive(Clone, Debug)]
+pub(super) struct Joints {
+    pub each: Vec<Joint>,
+    pub junctions: Junctions,
+}
+
+impl From<Vec<Joint>> for Joints {
+    fn from(each: Vec<Joint>) -> Self {
+        Joints { each, junctions: Junctions::Volume }
+    }
+}
+
+impl Joints {
+    /// Restrictions that are merged.
+    fn chains<P: Lane>(&self, each: &[Instance<P>]) -> Vec<Chain> {
+        if self.junctions == Junctions::Volume {
+            return Vec::new();
+        }
+        Chain::find(each, self.each.iter().filter(|joint| !joint.ambient).map(|joint| &joint.ports[..]))
+    }
 }
 
 /// A circuit of components.
@@ -43,7 +63,7 @@ pub struct Network {
     warnings: Vec<String>,
     citations: Vec<&'static str>,
     joint_volumes: Vec<(String, f64)>,
-    joints: Vec<Joint>,
+    joints: Joints,
     each: Vec<Instance<f64>>,
     is_air: bool,
 }
@@ -130,7 +150,7 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
 }
 
 /// The joints with their ports found; those of ports that nothing is joined to come last.
-fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Vec<Joint>, Error> {
+fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joints, Error> {
     let find = |name: &str| -> Result<PortId, Error> {
         let component = (0..each.len())
             .find(|&i| name.strip_prefix(&each[i].name).is_some_and(|rest| rest.starts_with('.')));
@@ -186,7 +206,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Vec<J
             joints.push(Joint { ports: vec![(component, place)], ambient: port.exhaust });
         }
     }
-    Ok(joints)
+    Ok(Joints { each: joints, junctions: spec.junctions })
 }
 
 /// The equations of components and joints, from numbers with or without derivatives.
@@ -197,6 +217,7 @@ struct Wiring<'a, P> {
     nodes: Vec<Vec<Node>>,
     around: Option<GasId>,
     joint_volumes: Vec<(String, P)>,
+    chains: Vec<Chain>,
 }
 
 impl<P: Lane> Wiring<'_, P>
@@ -266,6 +287,10 @@ where
                 }
                 Brings::Room { volume } => room = Some(room.map_or(volume, |room| room + volume)),
                 _ => {}
+            }
+            let chain = self.chains.iter().find(|chain| chain.ends().contains(&(component, port)));
+            if let Some(more) = chain.and_then(|chain| chain.room(self.each, self.build.ambient[1])) {
+                room = Some(room.map_or(more, |room| room + more));
             }
         }
         match (&held[..], volume) {
@@ -428,7 +453,7 @@ pub(super) fn wire<P: Lane>(
     gas: &IdealGas<P>,
     is_air: bool,
     ambient: [P; 2],
-    (each, joints): (&[Instance<P>], &[Joint]),
+    (each, joints): (&[Instance<P>], &Joints),
     ledger: bool,
     like: Option<&Circuit<f64>>,
 ) -> Result<Wired<P>, Error>
@@ -474,7 +499,7 @@ fn join<P: Lane>(
     gas: &IdealGas<P>,
     is_air: bool,
     ambient: [P; 2],
-    (each, joints): (&[Instance<P>], &[Joint]),
+    (each, joints): (&[Instance<P>], &Joints),
     is_like: bool,
 ) -> Result<Joined<P>, Error>
 where
@@ -500,16 +525,27 @@ where
         starts: Vec::new(),
     };
     let nodes = each.iter().map(|own| vec![Node::Shut; own.kind().ports.len()]).collect();
-    let mut wiring = Wiring { each, build, nodes, around: None, joint_volumes: Vec::new() };
-    for joint in joints {
-        wiring.join(joint)?;
+    let chains = joints.chains(each);
+    let mut wiring = Wiring { each, build, nodes, around: None, joint_volumes: Vec::new(), chains };
+    for joint in &joints.each {
+        let is_merged = |port| wiring.chains.iter().any(|chain| chain.is_inside(port));
+        if !joint.ports.first().copied().is_some_and(is_merged) {
+            wiring.join(joint)?;
+        }
     }
-    let Wiring { mut build, nodes, joint_volumes, .. } = wiring;
+    let Wiring { mut build, nodes, joint_volumes, chains, .. } = wiring;
     // The ends of a cylinder follow from what is joined to it.
     let mut order: Vec<usize> = (0..each.len()).collect();
     order.sort_by_key(|&i| each[i].kind().friction);
     for i in order {
-        compose(&each[i], &Terminals(&nodes[i]), &mut build);
+        match chains.iter().find(|chain| chain.has(i)) {
+            None => compose(&each[i], &Terminals(&nodes[i]), &mut build),
+            Some(chain) if chain.first() == i => {
+                let ends = chain.ends().map(|(own, port)| nodes[own][port]);
+                chain.compose(each, ends, &mut build)?;
+            }
+            Some(_) => {}
+        }
         build.circuit.shape_by(i);
         if !is_like {
             build.circuit.own(&each[i].name);
@@ -636,7 +672,7 @@ impl Network {
         &self.each
     }
 
-    pub(super) fn joints(&self) -> &[Joint] {
+    pub(super) fn joints(&self) -> &Joints {
         &self.joints
     }
 

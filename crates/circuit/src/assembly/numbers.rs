@@ -1,7 +1,7 @@
 //! Numbers of a circuit by name: derivatives by them, and circuits of one topology that differ in them.
 
 use super::friction::contact;
-use super::network::{Joint, Network, wire};
+use super::network::{Joints, Network, wire};
 use super::shoot::{Sensitive, Shooting, Shot, shoot};
 use super::variables::{Assembly, Variables};
 use crate::component::{Instance, check};
@@ -174,7 +174,7 @@ pub struct Members {
     template: Assembly,
     gas: IdealGas<f64>,
     ambient: [f64; 2],
-    joints: Vec<Joint>,
+    joints: Joints,
     each: Vec<Instance<f64>>,
     numbers: Vec<Number>,
     /// The friction of each component as it is described.
@@ -204,7 +204,7 @@ impl Network {
             template: self.assembly().clone(),
             gas: IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k),
             ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
-            joints: self.joints().to_vec(),
+            joints: self.joints().clone(),
             each: self.each().to_vec(),
             numbers: names.iter().map(number).collect::<Result<_, Error>>()?,
             friction,

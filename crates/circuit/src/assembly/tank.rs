@@ -1,4 +1,4 @@
-use super::network::{self, Joint};
+use super::network::{self, Joint, Joints};
 use super::shoot::{Shooting, Shot, shoot};
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use crate::component::{Acts, Instance, Node};
@@ -25,7 +25,7 @@ const VOLUME: usize = 0;
 const LINE: usize = 1;
 
 /// A tank as components and joints.
-fn components<P: Lane>(lifted: &Lifted<Spec>) -> (Vec<Instance<P>>, Vec<Joint>) {
+fn components<P: Lane>(lifted: &Lifted<Spec>) -> (Vec<Instance<P>>, Joints) {
     let number = |f: fn(&Spec) -> f64| Some((lifted.number(f), lifted.is_free(f)));
     // The whole wall's conductance: a coefficient, W/(m2 K), on a wall of 1 m2.
     let volume = Instance::new("volume", "tank", |key| match key {
@@ -76,7 +76,8 @@ fn components<P: Lane>(lifted: &Lifted<Spec>) -> (Vec<Instance<P>>, Vec<Joint>) 
     }
     joints.push(at_volume);
     let joints = joints.into_iter().map(|ports| Joint { ports, ambient: false });
-    (each, joints.chain([Joint { ports: open, ambient: true }]).collect())
+    let joints: Vec<Joint> = joints.chain([Joint { ports: open, ambient: true }]).collect();
+    (each, joints.into())
 }
 
 /// The equations, from numbers with or without derivatives.

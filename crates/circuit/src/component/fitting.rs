@@ -30,6 +30,10 @@ impl Component for Fitting {
         ..Kind::PLAIN
     };
 
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        own.in_series(own.number("conductance"))
+    }
+
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let law = own.path("conductance", build);

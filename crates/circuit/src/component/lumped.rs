@@ -128,6 +128,10 @@ impl Component for Auto {
         if is_short(own) { Tube::bring(own, port, ambient_temperature) } else { Brings::Nothing }
     }
 
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        is_short(own).then(|| steady(own))
+    }
+
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         line::Line::check(own)
     }

@@ -37,15 +37,23 @@ impl Component for Orifice {
         ..Kind::PLAIN
     };
 
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        own.in_series(conductance(own))
+    }
+
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
-        let (air, diameter) = (IdealGas::air(), own.number("diameter"));
-        let area = P::c(0.25 * PI) * diameter * diameter * own.number("discharge_coefficient");
-        let choked = choked_factor(air.heat_capacity_ratio) / (RHO_0 * (air.gas_constant * T_0).sqrt());
-        let law = own.path_of(area * P::c(choked), build);
+        let law = own.path_of(conductance(own), build);
         let edge = build.passage(law, from, to);
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
+}
+
+fn conductance<P: Lane>(own: &Instance<P>) -> P {
+    let (air, diameter) = (IdealGas::air(), own.number("diameter"));
+    let area = P::c(0.25 * PI) * diameter * diameter * own.number("discharge_coefficient");
+    let choked = choked_factor(air.heat_capacity_ratio) / (RHO_0 * (air.gas_constant * T_0).sqrt());
+    area * P::c(choked)
 }
 
 const SYMBOL: Symbol = Symbol {

@@ -53,6 +53,8 @@ pub(super) trait Registered: Send + Sync {
     fn check(&self, own: &Instance<f64>) -> Result<(), Error>;
     /// What it brings, as numbers of the type of `own`.
     fn bring(&self, own: &dyn Any, port: usize, ambient_temperature: &dyn Any) -> Box<dyn Any>;
+    /// What it brings to others in series, as numbers of the type of `own`.
+    fn series(&self, own: &dyn Any) -> Box<dyn Any>;
     fn compose(&self, own: &dyn Any, at: &Terminals, build: &mut dyn Any);
 }
 
@@ -60,12 +62,20 @@ impl dyn Registered {
     pub fn bring_as<P: Lane>(&self, own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
         *self.bring(own, port, &ambient_temperature).downcast().expect("the same numbers")
     }
+
+    pub fn series_as<P: Lane>(&self, own: &Instance<P>) -> Option<[P; 2]> {
+        *self.series(own).downcast().expect("the same numbers")
+    }
 }
 
 struct OfType<C>(PhantomData<fn() -> C>);
 
 fn bring_of<C: Component, P: Lane>(own: &dyn Any, port: usize, ambient: &dyn Any) -> Option<Box<dyn Any>> {
     Some(Box::new(C::bring(own.downcast_ref::<Instance<P>>()?, port, *ambient.downcast_ref::<P>()?)))
+}
+
+fn series_of<C: Component, P: Lane>(own: &dyn Any) -> Option<Box<dyn Any>> {
+    Some(Box::new(C::series(own.downcast_ref::<Instance<P>>()?)))
 }
 
 fn compose_of<C: Component, P: Lane>(own: &dyn Any, at: &Terminals, build: &mut dyn Any) -> Option<()>
@@ -95,6 +105,10 @@ impl<C: Component> Registered for OfType<C> {
     fn bring(&self, own: &dyn Any, port: usize, ambient: &dyn Any) -> Box<dyn Any> {
         let plain = bring_of::<C, f64>(own, port, ambient);
         plain.or_else(|| bring_of::<C, Sensitive>(own, port, ambient)).expect("numbers of a circuit")
+    }
+
+    fn series(&self, own: &dyn Any) -> Box<dyn Any> {
+        series_of::<C, f64>(own).or_else(|| series_of::<C, Sensitive>(own)).expect("numbers of a circuit")
     }
 
     fn compose(&self, own: &dyn Any, at: &Terminals, build: &mut dyn Any) {

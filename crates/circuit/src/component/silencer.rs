@@ -29,13 +29,21 @@ impl Component for Silencer {
         ..Kind::PLAIN
     };
 
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        own.in_series(clogged(own))
+    }
+
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
-        let left = own.number("conductance") * (P::one() - own.number("clogging"));
-        let law = own.path_of(left, build);
+        let law = own.path_of(clogged(own), build);
         let edge = build.passage(law, from, to);
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
+}
+
+/// What dirt has left of the conductance.
+fn clogged<P: Lane>(own: &Instance<P>) -> P {
+    own.number("conductance") * (P::one() - own.number("clogging"))
 }
 
 const SYMBOL: Symbol = Symbol {

@@ -39,6 +39,10 @@ impl Component for Tube {
         Brings::Room { volume: P::c(0.125 * PI) * diameter * diameter * length }
     }
 
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        Some(steady(own))
+    }
+
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let edge = build.passage(law(own, steady(own), build), from, to);

@@ -7,11 +7,17 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 pub fn network(components: &Value, joints: &Value) -> Result<Network, circuit::Error> {
+    joined(components, joints, "volume")
+}
+
+/// What becomes of joints of two restrictions is "volume" or "series".
+pub fn joined(components: &Value, joints: &Value, junctions: &str) -> Result<Network, circuit::Error> {
     let spec = json!({
         "gas": { "heat_capacity_ratio": 1.4, "gas_constant_j_kg_k": 287.05 },
         "ambient": { "pressure_pa": 101_300.0, "temperature_k": ROOM },
         "components": components,
         "joints": joints,
+        "junctions": junctions,
     });
     Network::assemble(&serde_json::from_value(spec).expect("a circuit"), true)
 }

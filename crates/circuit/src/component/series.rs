@@ -1,0 +1,113 @@
+//! Restrictions in a row that are merged into one flow path.
+
+use super::{Brings, Build, Instance, Node, bring, series};
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::part::Series;
+use crate::run::Error;
+use math::{Deps, Lane, Over};
+use physics::flow::{Iso6358, in_series};
+use std::collections::BTreeMap;
+
+/// A component of a circuit, and one of its ports.
+pub(crate) type PortId = (usize, usize);
+
+/// Restrictions in a row with nothing but a joint between each two: each with the port at which the row enters it.
+#[derive(Clone, Debug)]
+pub(crate) struct Chain(Vec<PortId>);
+
+impl Chain {
+    /// Those of a circuit, from the ports of its joints. A row without an end is none.
+    pub fn find<'a, P: Lane>(each: &[Instance<P>], joints: impl Iterator<Item = &'a [PortId]>) -> Vec<Self> {
+        let mut across = BTreeMap::new();
+        for ports in joints {
+            if let &[one, other] = ports
+                && one.0 != other.0
+                && [one, other].iter().all(|&(own, port)| port < 2 && series(&each[own]).is_some())
+            {
+                across.extend([(one, other), (other, one)]);
+            }
+        }
+        let mut chains: Vec<Chain> = Vec::new();
+        for start in 0..each.len() {
+            let [one, two] = [0, 1].map(|port| across.contains_key(&(start, port)));
+            if one == two || chains.iter().any(|chain| chain.has(start)) {
+                continue;
+            }
+            let mut links = vec![(start, usize::from(one))];
+            while let Some(&next) = links.last().and_then(|(own, entered)| across.get(&(*own, 1 - entered))) {
+                links.push(next);
+            }
+            chains.push(Chain(links));
+        }
+        chains
+    }
+
+    pub fn has(&self, component: usize) -> bool {
+        self.0.iter().any(|(own, _)| *own == component)
+    }
+
+    /// The component that its flow path is composed with.
+    pub fn first(&self) -> usize {
+        self.0[0].0
+    }
+
+    pub fn ends(&self) -> [PortId; 2] {
+        let (last, entered) = self.0[self.0.len() - 1];
+        [self.0[0], (last, 1 - entered)]
+    }
+
+    /// Whether a port is between two of its restrictions.
+    pub fn is_inside(&self, port: PortId) -> bool {
+        port.1 < 2 && self.has(port.0) && !self.ends().contains(&port)
+    }
+
+    /// What comes to the joint at each of its ends: half of the volume that its restrictions have between them, m3.
+    pub fn room<P: Lane>(&self, each: &[Instance<P>], ambient_temperature: P) -> Option<P> {
+        let ports = self.0.iter().flat_map(|&(own, _)| [(own, 0), (own, 1)]);
+        let inside = ports.filter(|port| self.is_inside(*port));
+        let rooms = inside.filter_map(|(own, port)| match bring(&each[own], port, ambient_temperature) {
+            Brings::Room { volume } => Some(volume),
+            _ => None,
+        });
+        rooms.reduce(|sum, room| sum + room).map(|sum| P::c(0.5) * sum)
+    }
+
+    /// Adds the flow path between the nodes at its ends, and what its components show: all of them pass the same.
+    pub fn compose<P: Lane>(
+        &self,
+        each: &[Instance<P>],
+        ends: [Node; 2],
+        build: &mut Build<P>,
+    ) -> Result<(), Error>
+    where
+        Deps: Over<P>,
+    {
+        let [Node::Gas(from), Node::Gas(to)] = ends else { return Ok(()) };
+        let members = || self.0.iter().map(|(own, _)| &each[*own]);
+        if let Some(own) = members().find(|own| own.varies("subsonic_index")) {
+            let what =
+                "no derivative by it, nor another value: restrictions in series are merged by a rule for 0.5";
+            return Err(Error::Specification(format!("{}.subsonic_index: {what}", own.name)));
+        }
+        let laws: Vec<[P; 2]> = members().filter_map(series).collect();
+        let merged = |laws: &mut dyn Iterator<Item = [P; 2]>| laws.reduce(in_series).expect("two or more");
+        let numbers = [merged(&mut laws.iter().copied()), merged(&mut laws.iter().rev().copied())];
+        let above = members().map(|own| own.number("linear_above")).reduce(|one, other| one.min(other));
+        let [forward, backward] = numbers.map(|[conductance, ratio]| {
+            let above = above.expect("two or more");
+            Iso6358::for_gas(conductance, ratio, P::c(0.5), above, true, &build.gas, build.is_air)
+        });
+        let path = build.between(from, to);
+        let most = forward.conductance.max(backward.conductance);
+        let part = build.flow_part(Series { forward, backward, path }, &[most]);
+        for &(own, entered) in &self.0 {
+            let path = Path::along(part, 0);
+            let path = if entered == 0 { path } else { path.backward() };
+            for output in 0..each[own].kind().outputs.len() {
+                build.column(&each[own], output, Quantity::Flow([Some(path), None]));
+            }
+        }
+        Ok(())
+    }
+}
