@@ -333,6 +333,8 @@ pub enum Brings<P> {
     Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
     /// A motion that nothing bends.
     Motion,
+    /// What moves along with a mass by a ratio that depends on its position.
+    Along,
 }
 
 /// A volume, m3, with a wall: m2, W/(m2 K), K.
@@ -523,7 +525,9 @@ mod tests {
                     Brings::Volume(_) => Holds::Volume,
                     Brings::Reservoir { .. } => Holds::Pressure,
                     Brings::Motion => Holds::Motion,
-                    Brings::Mass { .. } | Brings::Room { .. } | Brings::Nothing => Holds::Nothing,
+                    Brings::Mass { .. } | Brings::Along | Brings::Room { .. } | Brings::Nothing => {
+                        Holds::Nothing
+                    }
                 };
                 let own = if port.holds == Holds::Set { Holds::Nothing } else { port.holds };
                 assert_eq!(holds, own, "{} {}", table.key, port.name);

@@ -293,6 +293,15 @@ fn points_that_do_not_rise_or_are_missing_are_refused() {
 }
 
 #[test]
+fn what_moves_as_commanded_takes_no_mass_along() {
+    let lever = json!({ "name": "lever", "kind": "inertia/lever",
+                        "numbers": { "moment_of_inertia": 0.02, "distance": 0.1, "centre": 0.05 } });
+    let components = json!([{ "name": "axis", "kind": "carriage" }, lever]);
+    let refused = network(&components, &json!([["axis.1", "lever.1"]])).err().expect("refused").to_string();
+    assert!(refused.contains("axis moves as commanded and cannot have the mass of lever"), "{refused}");
+}
+
+#[test]
 fn an_impact_has_the_energy_of_what_moves_along() {
     let table = json!([[0.0, 1.0], [0.2, 3.0]]);
     let components = json!([

@@ -334,7 +334,7 @@ where
     fn axis(&mut self, joint: &Joint) -> Result<AxisId, Error> {
         let (mut sum, mut force, mut incline, mut friction) = (None::<P>, P::zero(), None, None);
         // What moves it, by its own line or as commanded; and what else has a mass.
-        let (mut name, mut load, mut driven) = (String::new(), String::new(), false);
+        let (mut name, mut load, mut driven, mut has_more) = (String::new(), String::new(), false, false);
         for &(component, port) in &joint.ports {
             let one = &self.each[component].name;
             let mut moves = false;
@@ -348,6 +348,7 @@ where
                     }
                 }
                 Brings::Motion => (driven, moves) = (true, true),
+                Brings::Along => (has_more, load) = (true, one.clone()),
                 _ => {}
             }
             if moves && !name.is_empty() {
@@ -359,7 +360,7 @@ where
                 name.clone_from(one);
             }
         }
-        if driven && sum.is_some() {
+        if driven && (sum.is_some() || has_more) {
             return refuse(format!(
                 "{name} moves as commanded and cannot have the mass of {load}: put a force-sensor between them"
             ));

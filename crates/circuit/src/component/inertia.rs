@@ -1,5 +1,7 @@
 use super::table_force::{CURVE, POSITION, curve};
-use super::{Build, Choice, Component, Extra, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use super::{
+    Brings, Build, Choice, Component, Extra, Instance, Kind, Stroke, Symbol, Terminals, axis, table,
+};
 use math::Lane;
 use physics::Parameter;
 use physics::mechanics::Inertia;
@@ -42,6 +44,10 @@ impl Component for Table {
         ..KIND
     };
 
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Along
+    }
+
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         moves(Inertia::Table(curve(own, own.choices[0] == 0)), at, build);
     }
@@ -74,6 +80,10 @@ impl Component for Lever {
         },
         ..KIND
     };
+
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Along
+    }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let [inertia, distance, centre] =
@@ -111,6 +121,10 @@ impl Component for Toggle {
         },
         ..KIND
     };
+
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Along
+    }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let [mass, link, centre] = ["mass", "link_length", "centre"].map(|key| own.number(key));
