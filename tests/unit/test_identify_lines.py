@@ -49,3 +49,12 @@ def test_what_a_line_has_no_derivative_by_is_refused(recorded):
         FitError, match=r"tubing\.a\.lengths is no number of this drive\.\s+Hint: Did you mean 'tubing\.a\.length'"
     ):
         pn.identify(drive, recorded, free=["tubing.a.lengths"])
+
+
+def test_a_model_with_another_tube_is_off_where_its_flows_are_and_closes_in_force(recorded):
+    right, wrong = (pn.validate(with_tubes(length), recorded, window_s=0.1) for length in (2.0, 6.0))
+    pressures = [found.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse for found in (right, wrong)]
+    assert pressures[0] < 0.005
+    assert pressures[1] > 0.1
+    assert wrong.diagnosis().is_clean
+    assert "tubes" in str(wrong)

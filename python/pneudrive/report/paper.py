@@ -72,7 +72,7 @@ def count_verdicts(claims: Sequence[Claim]) -> str:
     holds = "holds" if whole == 1 else "hold"
     return (
         f"{whole} of {plural(len(claims), 'sentence')} that can be checked {holds}, {part} hold in part, "
-        f"{none} do not hold"
+        f"{none} {'does' if none == 1 else 'do'} not hold"
     )
 
 

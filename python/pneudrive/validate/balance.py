@@ -53,6 +53,11 @@ class Terms:
     mass_flow_b_kg_s: Array
 
 
+def _without_lines(drive: Drive) -> Drive:
+    """Leave out what lies between valve and cylinder: forces are the same, flows and rates of pressures are not."""
+    return drive.model_copy(update={"tubing": {}, "flow_control": {}}) if drive.has_lines else drive
+
+
 def evaluate(
     drive: Drive,
     signals: Signals,
@@ -66,7 +71,7 @@ def evaluate(
     p_a, p_b = (signals.pressure_a_pa, signals.pressure_b_pa) if pressures is None else pressures
     shares = openings(signals.command) if opened is None else opened
     try:
-        out = compiled(drive.core_json()).along(
+        out = compiled(_without_lines(drive).core_json()).along(
             np.ascontiguousarray(signals.time_s),
             np.ascontiguousarray(x),
             np.ascontiguousarray(signals.velocity_m_s),

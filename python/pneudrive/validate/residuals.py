@@ -137,6 +137,8 @@ def residuals(drive: Drive, signals: Signals) -> Residuals:
     sliding = _whole(_sliding(drive, signals) & off_the_stops, half)
     # At rest in a stop the pressures tell as much as in motion; what happens at an impact is too short.
     free = _whole(off_the_stops | ~_widened(signals.moving, signals.half), half)
+    if drive.has_lines:  # what flows through tubes and flow controls is not measured
+        free = np.zeros_like(free)
     return Residuals(values, (sliding, free, free), _scales(drive, signals, terms), signals.time_s[inside], terms)
 
 

@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.describe.circuit import compiled as compiled_circuit
+from pneudrive.identify.dynamic.lines import Lines, at_rest
 from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive._core import Shooting
     from pneudrive.describe import Drive
     from pneudrive.validate.signals import Signals
 
     Array = NDArray[np.float64]
 
 RTOL = 1e-6
+#: What runs of drives with tubes or flow controls give.
+LINES_COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "friction_force_n"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,8 @@ def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None
     """
     at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
     states = np.array([_inside(drive, signals.state(int(i))) for i in at])
+    if drive.has_lines:
+        return _run_with_lines(drive, signals, at, states)
     times, commands = command_steps(signals)
     columns, failures = compiled(drive.core_json()).restarted(
         times,
@@ -65,6 +72,37 @@ def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None
     if next(iter(even.values())).size < n:  # rounding of duration times rate
         even = {name: np.interp(signals.time_s, columns["time_s"], values) for name, values in even.items()}
     return ModelRun(even, at, tuple(failures))
+
+
+def _run_with_lines(drive: Drive, signals: Signals, at: NDArray[np.int64], states: Array) -> ModelRun:
+    """Simulate the segments one after the other: the gas of tubes and joints goes on from each to the next."""
+    core = Lines(compiled_circuit(drive.circuit.core_json()))
+    t_a, t_b = start_temperatures(drive, signals)
+    _, x, v, p_a, p_b = states[0]
+    inner = [at_rest(name, (p_a, p_b), drive.ambient.temperature_k) for name in core.start_names[6:]]
+    state = np.array([[x, v, p_a, t_a, p_b, t_b, *inner]])
+    times, commands = command_steps(signals)
+    columns = {name: np.full(signals.time_s.size, np.nan) for name in LINES_COLUMNS}
+    ends = [*at[1:].tolist(), signals.time_s.size - 1]
+    for k, (begin, end) in enumerate(zip(at.tolist(), ends, strict=True)):
+        if k:
+            state[0, [0, 1, 2, 4]] = states[k][1:]
+        asked: Shooting = {
+            "times": times,
+            "commands": commands,
+            "sample_times": signals.time_s[begin : end + 1],
+            "starts": [0],
+            "initial": state,
+            "outputs": LINES_COLUMNS,
+            "rtol": RTOL,
+        }
+        shot = core.shoot(asked)
+        for name, values in zip(LINES_COLUMNS, shot["values"].T, strict=True):
+            columns[name][begin : end + 1] = values
+        if shot["failures"][0] is not None:
+            return ModelRun(columns, at, (shot["failures"][0],))
+        state = shot["ends"].copy()
+    return ModelRun(columns, at, ())
 
 
 def _inside(drive: Drive, state: tuple[float, ...]) -> tuple[float, ...]:

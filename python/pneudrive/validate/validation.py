@@ -232,10 +232,13 @@ class Validation(Shown):
         """Return what the residuals point to, in sentences."""
         said = str(self.diagnosis()).splitlines()
         missed = any(v.met is False for v in self.verdicts)
+        if self.drive.has_lines:
+            said.append("only forces are balanced: what flows through tubes and flow controls is not measured")
         if missed and self.diagnosis().is_clean and not self.diagnosis().culprits:
+            left = "tubes, flow controls, valve and supply, " if self.drive.has_lines else ""
             said.append(
-                "so what is missed lies in what the balances leave out (presliding, stops, impacts, the first state), "
-                "or in small errors that the free run adds up"
+                f"so what is missed lies in what the balances leave out ({left}presliding, stops, impacts, the first "
+                "state), or in small errors that the free run adds up"
             )
         return said
 

@@ -121,7 +121,7 @@ class Lines:
         """Run segments, as `_core.Drive.shoot` does."""
         initial = np.empty_like(asked["initial"])
         initial[:, self._order] = asked["initial"]
-        by_start = asked["with_initial"]
+        by_start = asked.get("with_initial", False)
         by_start = range(self._order.size) if by_start is True else by_start or ()
         own: Shooting = {
             **asked,
@@ -134,6 +134,19 @@ class Lines:
         found["end_sensitivities"] = found["end_sensitivities"][:, self._order]
         found["start_names"] = self.start_names
         return found
+
+
+def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], temperature_k: float) -> Array | float:
+    """Return how an inner state of friction or the gas of a tube starts beside chambers of such pressures, Pa.
+
+    Examples
+    --------
+    >>> at_rest("tube_b.pressure_pa", (3e5, 2e5), 293.15), at_rest("presliding_deflection_m", (3e5, 2e5), 293.15)
+    (200000.0, 0.0)
+    """
+    if name.endswith(".pressure_pa"):
+        return pressures["ab".index(beside(name))]
+    return temperature_k if name.endswith(".temperature_k") else 0.0
 
 
 def beside(name: str) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.dynamic.lines import beside
+from pneudrive.identify.dynamic.lines import at_rest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -103,7 +103,7 @@ def measured_starts(
     ambient = drive.ambient
     usual = [0.5 * drive.cylinder.stroke_m, 0.0]
     usual += [ambient.pressure_pa, ambient.temperature_k] * 2
-    usual += [ambient.temperature_k if name.endswith(_TEMPERATURE) else 0.0 for name in inner]
+    usual += [0.0] * len(inner)
     state = np.tile(np.array(usual), (starts.size, 1))
     spread = np.full(state.shape[1], np.nan)
     for channel, white in zip(channels, noise, strict=True):
@@ -118,10 +118,8 @@ def measured_starts(
             spread[VELOCITY] = np.hypot(white * sloping, SLOPE_ERROR_M_S)
     for column in (PRESSURE_A, PRESSURE_B):
         state[:, column] = np.maximum(state[:, column], 0.1 * ambient.pressure_pa)
-    # The gas of a tube starts with the pressure of its chamber.
     for column, name in enumerate(inner, start=BELIEF.size):
-        if name.endswith(_PRESSURE):
-            state[:, column] = state[:, PRESSURE_A if beside(name) == "a" else PRESSURE_B]
+        state[:, column] = at_rest(name, (state[:, PRESSURE_A], state[:, PRESSURE_B]), ambient.temperature_k)
     return state, spread
 
 
