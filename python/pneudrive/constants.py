@@ -21,3 +21,6 @@ AIR_GAS_CONSTANT_J_KG_K = 287.05
 
 #: Critical pressure ratio of a leak past a seal: a narrow gap, far from an ideal nozzle (assumed).
 LEAK_CRITICAL_RATIO = 0.2
+
+#: Molar gas constant, exact by definition [bipm2019].
+MOLAR_GAS_CONSTANT_J_MOL_K = 8.31446261815324

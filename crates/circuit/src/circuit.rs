@@ -9,7 +9,7 @@ use crate::part::cylinder::{CHAMBERS, INNER};
 use crate::part::*;
 use math::{Lane, Over, Real};
 use ode::{Accepted, Structure, System};
-use physics::IdealGas;
+use physics::Gas;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -168,7 +168,7 @@ impl<R: Lane> Circuit<R> {
             topology: each[0].topology.clone(),
             parts: Parts::gather(&each.iter().map(|circuit| &circuit.parts).collect::<Vec<_>>()),
             common: Common {
-                gas: IdealGas::gather(&each.iter().map(|circuit| &circuit.common.gas).collect::<Vec<_>>()),
+                gas: Gas::gather(&each.iter().map(|circuit| &circuit.common.gas).collect::<Vec<_>>()),
                 ambient_pressure: number(&|c| c.ambient_pressure),
                 ambient_temperature: number(&|c| c.ambient_temperature),
             },
@@ -432,6 +432,15 @@ impl<P: Real> Circuit<P> {
         tanks.chain(chambers)
     }
 
+    /// Seldom: apart from what happens at each step.
+    #[inline(never)]
+    fn fill_reservoirs<S: Over<P>>(&self, net: &mut Net<S>) {
+        for (_, reservoir) in &self.parts.reservoirs {
+            reservoir.fill(net, &self.common);
+        }
+        net.filled = self.filled;
+    }
+
     #[inline(always)]
     fn evaluate<S: Over<P>>(&self, y: &[S], net: &mut Net<S>) {
         self.parts.place(y, net, &self.common);
@@ -469,16 +478,17 @@ impl<R: Lane> System<R> for Circuit<R> {
 
     fn work<S: Over<R>>(&self) -> Net<S> {
         let mut net = Net::new(self.gas_nodes, self.axis_nodes, self.signals, S::from(self.common.gas.cp));
+        if self.common.gas.virial.is_some() {
+            net.enthalpy = vec![S::zero(); self.gas_nodes];
+        }
         self.renew(&mut net);
         net
     }
 
+    #[inline(always)]
     fn renew<S: Over<R>>(&self, net: &mut Net<S>) {
         if net.filled != self.filled {
-            for (_, reservoir) in &self.parts.reservoirs {
-                reservoir.fill(net);
-            }
-            net.filled = self.filled;
+            self.fill_reservoirs(net);
         }
     }
 

@@ -56,6 +56,8 @@ pub struct Net<S> {
     pub signal: Vec<S>,
     /// Specific heat capacity at constant pressure, J/(kg K).
     pub cp: S,
+    /// Specific enthalpy of each gas node, J/kg, of a gas that is not ideal. One that is has cp T, and this is empty.
+    pub enthalpy: Vec<S>,
     /// Room for rates that nobody reads, when only the nodes are observed.
     pub(crate) rates: Vec<S>,
     /// Which values of the reservoirs it holds: see `Circuit::filled`.
@@ -69,6 +71,7 @@ impl<S: Real> Net<S> {
             axis: vec![AxisNode::at_rest(); axes],
             signal: vec![S::zero(); signals],
             cp,
+            enthalpy: Vec::new(),
             rates: Vec::new(),
             filled: 0,
         }

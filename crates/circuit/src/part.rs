@@ -47,7 +47,7 @@ use crate::net::Net;
 pub(crate) use kinds::Called;
 use kinds::Names;
 use math::{Lane, Over, Real};
-use physics::{Bounds, IdealGas};
+use physics::{Bounds, Gas};
 
 pub use axis::Axis;
 pub use bumper::Bumper;
@@ -78,7 +78,7 @@ pub use poppet::Poppet;
 pub use pulsation::Pulsation;
 pub use regulator::Regulator;
 pub use reservoir::Reservoir;
-pub use restriction::Restriction;
+pub use restriction::{OtherRestriction, Restriction};
 pub use second_order::SecondOrder;
 pub use series::Series;
 pub use shock_absorber::ShockAbsorber;
@@ -190,7 +190,7 @@ impl<R: Copy> Given<'_, R> {
 /// What every part shares with the circuit.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<P> {
-    pub gas: IdealGas<P>,
+    pub gas: Gas<P>,
     pub ambient_pressure: P,
     pub ambient_temperature: P,
 }
@@ -415,6 +415,8 @@ parts! {
         reservoirs: Reservoir,
         restrictions: Restriction;
     others:
+        // First: as the usual ones, whose sums come before all others.
+        other_restrictions: OtherRestriction,
         other_cylinders: OtherCylinder,
         axes: Axis,
         carriages: Carriage,

@@ -11,6 +11,18 @@ use std::collections::BTreeMap;
 pub struct Gas {
     pub heat_capacity_ratio: f64,
     pub gas_constant_j_kg_k: f64,
+    /// An ideal gas has none.
+    #[serde(default)]
+    pub virial: Option<Virial>,
+}
+
+/// The second virial coefficient a - b exp(c/T).
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Virial {
+    pub a_m3_kg: f64,
+    pub b_m3_kg: f64,
+    pub c_k: f64,
 }
 
 /// Pressure and temperature of ambient or supply.

@@ -38,7 +38,7 @@ fn friction(drive: &mut spec::Drive, law: &str, parameters: &[(&str, f64)]) {
 const STRIBECK: [(&str, f64); 4] =
     [("coulomb", 20.0), ("breakaway", 33.0), ("stribeck_velocity", 0.01), ("viscous", 60.0)];
 
-fn cases() -> [Case; 16] {
+fn cases() -> [Case; 17] {
     let slam = [1.0, -1.0, 1.0, -1.0];
     [
         case("reference, not passive", [0.6, 0.6, -0.6, -0.6], |drive, _| {
@@ -94,8 +94,17 @@ fn cases() -> [Case; 16] {
             drive.cylinder.wall_temperature_k = 330.0;
         }),
         case("helium", [0.2, -0.2, 0.4, -0.1], |drive, _| {
-            drive.gas = spec::Gas { heat_capacity_ratio: 1.667, gas_constant_j_kg_k: 2077.1 };
+            drive.gas = spec::Gas { heat_capacity_ratio: 1.667, gas_constant_j_kg_k: 2077.1, virial: None };
             friction(drive, "stribeck", &STRIBECK);
+        }),
+        case("carbon dioxide, not ideal", slam, |drive, _| {
+            // 137.6 - 87.7 exp(325.7 K/T) cm3/mol.
+            let per_kg = 1e-6 * 188.92 / 8.314_462_618;
+            let virial = spec::Virial { a_m3_kg: 137.6 * per_kg, b_m3_kg: 87.7 * per_kg, c_k: 325.7 };
+            drive.gas =
+                spec::Gas { heat_capacity_ratio: 1.289, gas_constant_j_kg_k: 188.92, virial: Some(virial) };
+            drive.supply.pressure_pa = 1e6;
+            drive.cylinder.leakage_m3_s_pa = 1e-11;
         }),
         case("other index of flow, wide linear part", slam, |drive, _| {
             drive.valve = valve(2e-8, 0.45, 0.6, 0.98);

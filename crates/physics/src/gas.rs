@@ -1,4 +1,56 @@
 //! Gas properties.
 
 mod ideal;
+mod virial;
 pub use ideal::IdealGas;
+pub use virial::Virial;
+
+use math::{Lane, Real};
+use std::ops::Deref;
+
+/// The gas of a circuit: ideal, or with a second virial coefficient.
+#[derive(Clone, Copy, Debug)]
+pub struct Gas<P> {
+    ideal: IdealGas<P>,
+    pub virial: Option<Virial<P>>,
+}
+
+impl<P: Real> Gas<P> {
+    /// With the numbers of a virial coefficient.
+    #[must_use]
+    pub fn with(self, virial: Option<Virial<P>>) -> Self {
+        Gas { virial, ..self }
+    }
+}
+
+impl<R: Lane> Gas<R> {
+    /// Lane `i` takes `each[i]`; all are ideal, or none.
+    pub fn gather(each: &[&Gas<f64>]) -> Self {
+        let virial = each.iter().map(|gas| gas.virial.as_ref()).collect::<Option<Vec<_>>>();
+        Gas {
+            ideal: IdealGas::gather(&each.iter().map(|gas| &gas.ideal).collect::<Vec<_>>()),
+            virial: virial.map(|each| Virial::gather(&each)),
+        }
+    }
+}
+
+impl<P> Deref for Gas<P> {
+    type Target = IdealGas<P>;
+
+    #[inline(always)]
+    fn deref(&self) -> &IdealGas<P> {
+        &self.ideal
+    }
+}
+
+impl<P: Copy> From<&IdealGas<P>> for Gas<P> {
+    fn from(ideal: &IdealGas<P>) -> Self {
+        Gas { ideal: *ideal, virial: None }
+    }
+}
+
+impl<P: Copy> From<&Gas<P>> for Gas<P> {
+    fn from(gas: &Gas<P>) -> Self {
+        *gas
+    }
+}

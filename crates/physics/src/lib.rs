@@ -15,5 +15,5 @@ pub mod heat;
 pub mod mechanics;
 pub mod written;
 
-pub use gas::IdealGas;
+pub use gas::{Gas, IdealGas, Virial};
 pub use parameter::{Bounds, Parameter, above, any, at_least, between, within};

@@ -218,14 +218,10 @@ class Circuit(Described):
     def si_form(self) -> str:
         """What `core_json` returns, made once."""
         ambient = {"pressure_pa": self.ambient.pressure_pa, "temperature_k": self.ambient.temperature_k}
-        gas = {
-            "heat_capacity_ratio": self.gas.heat_capacity_ratio,
-            "gas_constant_j_kg_k": self.gas.gas_constant_j_kg_k,
-        }
         problems = Problems()
         components = [problems.take(self._core_of, name, one) for name, one in self.components.items()]
         problems.tell()
-        form = {"gas": gas, "ambient": ambient, "components": components, "joints": self.wiring.core()}
+        form = {"gas": self.gas.core(), "ambient": ambient, "components": components, "joints": self.wiring.core()}
         if self.junctions != "volume":
             form["junctions"] = self.junctions
         return json.dumps(form, sort_keys=True)

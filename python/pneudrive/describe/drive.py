@@ -237,10 +237,7 @@ class Drive(Described):
         c, v = self.cylinder, self.valve
         spring = self.carried.spring
         return {
-            "gas": {
-                "heat_capacity_ratio": self.gas.heat_capacity_ratio,
-                "gas_constant_j_kg_k": self.gas.gas_constant_j_kg_k,
-            },
+            "gas": self.gas.core(),
             "ambient": {"pressure_pa": self.ambient.pressure_pa, "temperature_k": self.ambient.temperature_k},
             "supply": {
                 "pressure_pa": self.supply_pressure_pa,

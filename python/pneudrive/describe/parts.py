@@ -11,6 +11,7 @@ from pneudrive.constants import (
     AIR_GAS_CONSTANT_J_KG_K,
     AIR_HEAT_CAPACITY_RATIO,
     ANR_TEMPERATURE_K,
+    MOLAR_GAS_CONSTANT_J_MOL_K,
     STANDARD_ATMOSPHERE_PA,
 )
 from pneudrive.describe import valve_flow
@@ -52,9 +53,18 @@ GASES: dict[str, tuple[float, float]] = {
     "carbon-dioxide": (1.289, 188.92),
 }
 
+#: Of B = a - b exp(c/T): a and b, cm3/mol, and c, K. Source: libretexts-virial in references.bib.
+VIRIAL: dict[str, tuple[float, float, float]] = {
+    "nitrogen": (185.4, 141.8, 88.7),
+    "argon": (154.2, 119.3, 105.1),
+    "carbon-dioxide": (137.6, 87.7, 325.7),
+}
+
 
 class Gas(Described):
-    """The ideal gas in the drive: by its name or by its numbers; dry air where nothing is said.
+    """The gas in the drive: by its name or by its numbers; dry air where nothing is said.
+
+    `model` says whether it is ideal, or departs from that by its second virial coefficient.
 
     `dew_point` is the pressure dew point of what is supplied, below 0 degC its frost point, at `dew_point_pressure`:
     that of the supply where nothing is said. It moves nothing; a run then tells where water may condense or freeze.
@@ -66,6 +76,7 @@ class Gas(Described):
     gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = Field(
         default=AIR_GAS_CONSTANT_J_KG_K, alias="gas_constant"
     )
+    model: Literal["ideal", "virial"] = "ideal"
     dew_point_k: Annotated[float | None, Quantity("K", "degC", DEW_POINTS)] = Field(default=None, alias="dew_point")
     dew_point_pressure: Annotated[units.Pressure | None, StatedPressure()] = None
 
@@ -80,6 +91,9 @@ class Gas(Described):
 
     @model_validator(mode="after")
     def _one_gas(self) -> Gas:
+        if self.model == "virial" and self.name not in VIRIAL:
+            what = f'gas.model = "virial" has no coefficient for {self.name or "a gas given by numbers"}'
+            raise wrong("gas.model", what, rule=f"known for {', '.join(VIRIAL)}", remedy='Leave it at "ideal".')
         if self.name is None:
             return self
         numbers = {"heat_capacity_ratio": self.heat_capacity_ratio, "gas_constant": self.gas_constant_j_kg_k}
@@ -87,12 +101,21 @@ class Gas(Described):
             if value != known:
                 what = f'gas.{key} = {value:g} is not that of gas.name = "{self.name}", {known:g}'
                 raise wrong(f"gas.{key}", what, rule="a gas is given by name or by numbers", remedy="Keep one of them.")
-        if self.name == "carbon-dioxide":
+        if self.name == "carbon-dioxide" and self.model == "ideal":
             warn(
                 "carbon dioxide as an ideal gas: its pressure comes out 3.7 % too high at 7 bar and 20 degC, "
-                "5.3 % at 10 bar"
+                '5.3 % at 10 bar; gas.model = "virial" has that in it'
             )
         return self
+
+    def core(self) -> dict[str, Any]:
+        """Return the SI form of the gas that the core takes."""
+        out = {"heat_capacity_ratio": self.heat_capacity_ratio, "gas_constant_j_kg_k": self.gas_constant_j_kg_k}
+        if self.model == "ideal" or self.name is None:
+            return out
+        a, b, c = VIRIAL[self.name]
+        per_kg = 1e-6 * self.gas_constant_j_kg_k / MOLAR_GAS_CONSTANT_J_MOL_K
+        return out | {"virial": {"a_m3_kg": a * per_kg, "b_m3_kg": b * per_kg, "c_k": c}}
 
     def dew_point_pressure_pa(self, ambient_pa: float, supply_pa: float | None) -> float | None:
         """Return the absolute pressure, Pa, at which its dew point is given; None where it has none.

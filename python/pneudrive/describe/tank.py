@@ -148,10 +148,7 @@ class Tank(Described):
         volume, line = self.volume, self.line
         wall = volume.wall_temperature_k
         return {
-            "gas": {
-                "heat_capacity_ratio": self.gas.heat_capacity_ratio,
-                "gas_constant_j_kg_k": self.gas.gas_constant_j_kg_k,
-            },
+            "gas": self.gas.core(),
             "ambient": ambient,
             "volume": {
                 "volume_m3": volume.volume_m3,

@@ -12,7 +12,6 @@ use crate::run::{Error, Look, Recorder, Run, States, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over};
 use ode::{Options, Statistics, System};
-use physics::IdealGas;
 use physics::mechanics::EndStop;
 use std::f64::consts::PI;
 
@@ -44,6 +43,9 @@ impl Drive {
                 "chamber law \"as-printed\" has no ledger: it does not conserve energy".into(),
             ));
         }
+        if printed && spec.gas.virial.is_some() {
+            return Err(Error::Specification("chamber law \"as-printed\" takes an ideal gas".into()));
+        }
         if spec.cylinder.leakage_m3_s_pa < 0.0 {
             return Err(Error::Specification(format!(
                 "cylinder.leakage = {} m3/(s Pa) must not be negative",
@@ -63,6 +65,8 @@ impl Drive {
             gauge,
             named,
         ));
+        let gas = network::gas(&Lifted::plain(&spec.gas));
+        warnings.extend(network::virial_warning(&gas, spec.supply.pressure_pa, spec.supply.temperature_k));
         let mut citations = friction.sources();
         citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if printed {
@@ -72,6 +76,7 @@ impl Drive {
             );
             citations.push("bracha");
         }
+        citations.extend(spec.gas.virial.map(|_| network::VIRIAL_SOURCE));
         if spec.cylinder.incline_rad != 0.0 {
             citations.push("bipm2019");
         }
@@ -159,9 +164,8 @@ where
     /// Where a drive of the same parts is given, nothing is analysed again.
     pub fn lifted(lifted: &Lifted<Spec>, ledger: bool, like: Option<&Circuit<f64>>) -> Result<Self, Error> {
         let number = |f: fn(&Spec) -> f64| -> P { lifted.number(f) };
-        let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
-        let plain = &lifted.value.gas;
-        let is_air = IdealGas::new(plain.heat_capacity_ratio, plain.gas_constant_j_kg_k).is_air();
+        let gas = network::gas(&lifted.table(|spec| &spec.gas));
+        let is_air = network::gas::<f64>(&Lifted::plain(&lifted.value.gas)).is_air();
         let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
         let (each, joints) = components(lifted)?;
         let network::Wired { mut circuit, nodes, mut pistons, inputs, is_like, .. } =

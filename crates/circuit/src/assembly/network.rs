@@ -17,8 +17,8 @@ use crate::run::{Error, Look, Recorder, Run, sample_times, with_unit};
 use crate::specification::{self, Junctions};
 use math::{Deps, Lane, Over};
 use ode::Options;
-use physics::IdealGas;
 use physics::mechanics::EndStop;
+use physics::{Gas, IdealGas, Virial};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -448,10 +448,44 @@ fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
     Ok(())
 }
 
+/// Where the numbers of virial coefficients come from.
+pub(super) const VIRIAL_SOURCE: &str = "libretexts-virial";
+
+/// The gas of a description.
+pub(super) fn gas<P: Lane>(lifted: &Lifted<specification::Gas>) -> Gas<P> {
+    let ideal = IdealGas::new(
+        lifted.number(|gas| gas.heat_capacity_ratio),
+        lifted.number(|gas| gas.gas_constant_j_kg_k),
+    );
+    let virial = lifted.optional(|gas| gas.virial.as_ref()).map(|virial| Virial {
+        a: virial.number(|own| own.a_m3_kg),
+        b: virial.number(|own| own.b_m3_kg),
+        c: virial.number(|own| own.c_k),
+    });
+    Gas::from(&ideal).with(virial)
+}
+
+/// Share of the pressure from which on what a third virial coefficient would add is told (assumed).
+const MUCH_OFF: f64 = 0.1;
+
+/// What to say of a gas whose second virial coefficient alone does not do.
+pub(super) fn virial_warning(gas: &Gas<f64>, pressure: f64, temperature: f64) -> Option<String> {
+    let off = gas.virial?.off(gas, pressure, temperature);
+    (off.abs() > MUCH_OFF).then(|| {
+        format!(
+            "at {:.3} bar abs and {temperature:.1} K the gas is {:.0} % off the ideal one: above {:.0} % the third virial \
+             coefficient counts, which is left out",
+            pressure / 1e5,
+            100.0 * off.abs(),
+            100.0 * MUCH_OFF
+        )
+    })
+}
+
 /// Joins components, from numbers with or without derivatives. Where they make the parts of a circuit that there is,
 /// nothing is analysed or named again.
 pub(super) fn wire<P: Lane>(
-    gas: &IdealGas<P>,
+    gas: &Gas<P>,
     is_air: bool,
     ambient: [P; 2],
     (each, joints): (&[Instance<P>], &Joints),
@@ -497,7 +531,7 @@ struct Joined<P> {
 }
 
 fn join<P: Lane>(
-    gas: &IdealGas<P>,
+    gas: &Gas<P>,
     is_air: bool,
     ambient: [P; 2],
     (each, joints): (&[Instance<P>], &Joints),
@@ -616,16 +650,22 @@ impl Network {
             }
         }
         let joints = joints(spec, &each)?;
-        let gas = IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k);
+        let gas = gas(&Lifted::plain(&spec.gas));
         let ambient = [spec.ambient.pressure_pa, spec.ambient.temperature_k];
-        if ledger && let Some(own) = each.iter().find(|own| own.chosen("chamber_law") == Some("as-printed")) {
-            return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
+        if let Some(own) = each.iter().find(|own| own.chosen("chamber_law") == Some("as-printed")) {
+            if ledger {
+                return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
+            }
+            if gas.virial.is_some() {
+                return refuse(format!("{}: chamber law \"as-printed\" takes an ideal gas", own.name));
+            }
         }
         let mut wired = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger, None)?;
         let joint_volumes = std::mem::take(&mut wired.joint_volumes);
         let (assembly, pistons) = wired.named();
         let gauge = assembly.highest_pressure() - ambient[0];
-        let (mut warnings, mut citations) = (Vec::new(), Vec::new());
+        let mut citations = Vec::new();
+        let mut warnings = Vec::from_iter(virial_warning(&gas, assembly.highest_pressure(), ambient[1]));
         for (own, spec) in each.iter().zip(&spec.components) {
             citations.extend(own.kind().sources);
             let Some(friction) = &spec.friction else { continue };
@@ -645,6 +685,7 @@ impl Network {
             }));
             warnings.extend(own_warnings.into_iter().map(|text| format!("{}: {text}", own.name)));
         }
+        citations.extend(gas.virial.map(|_| VIRIAL_SOURCE));
         citations.extend(["steinebach2023", "hairer1996"]);
         let mut seen = Vec::new();
         citations.retain(|key| {

@@ -1,7 +1,7 @@
 //! Numbers of a circuit by name: derivatives by them, and circuits of one topology that differ in them.
 
 use super::friction::contact;
-use super::network::{Joints, Network, wire};
+use super::network::{Joints, Network, gas, wire};
 use super::shoot::{Sensitive, Shooting, Shot, shoot};
 use super::variables::{Assembly, Variables};
 use crate::component::{Instance, check};
@@ -9,7 +9,7 @@ use crate::lifted::{Lifted, seeds};
 use crate::run::{Error, with_unit};
 use crate::specification;
 use math::{Deps, Lane, Over};
-use physics::IdealGas;
+use physics::Gas;
 use serde_json::Value;
 use std::sync::Arc;
 
@@ -87,7 +87,7 @@ where
     Deps: Over<P>,
 {
     let number = |f: fn(&specification::Circuit) -> f64| -> P { lifted.number(f) };
-    let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
+    let gas = gas(&lifted.table(|spec| &spec.gas));
     let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
     let each =
         of.each().iter().enumerate().map(|(i, own)| lift(own, &lifted.table(|spec| &spec.components[i])));
@@ -172,7 +172,7 @@ enum Number {
 #[derive(Clone, Debug)]
 pub struct Members {
     template: Assembly,
-    gas: IdealGas<f64>,
+    gas: Gas<f64>,
     ambient: [f64; 2],
     joints: Joints,
     each: Vec<Instance<f64>>,
@@ -202,7 +202,7 @@ impl Network {
         };
         Ok(Members {
             template: self.assembly().clone(),
-            gas: IdealGas::new(spec.gas.heat_capacity_ratio, spec.gas.gas_constant_j_kg_k),
+            gas: gas(&Lifted::plain(&spec.gas)),
             ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
             joints: self.joints().clone(),
             each: self.each().to_vec(),

@@ -6,7 +6,6 @@ use crate::lifted::{Lifted, seeds};
 use crate::run::Error;
 use crate::specification;
 use math::{Deps, Lane, Over};
-use physics::IdealGas;
 use physics::flow::LEAK_RATIO;
 use std::collections::BTreeMap;
 use std::iter;
@@ -86,9 +85,8 @@ where
     Deps: Over<P>,
 {
     let number = |f: fn(&Spec) -> f64| -> P { lifted.number(f) };
-    let gas = IdealGas::new(number(|s| s.gas.heat_capacity_ratio), number(|s| s.gas.gas_constant_j_kg_k));
-    let is_air =
-        IdealGas::new(lifted.value.gas.heat_capacity_ratio, lifted.value.gas.gas_constant_j_kg_k).is_air();
+    let gas = network::gas(&lifted.table(|spec| &spec.gas));
+    let is_air = network::gas::<f64>(&Lifted::plain(&lifted.value.gas)).is_air();
     let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
     let (each, joints) = components(lifted);
     let network::Wired { circuit, nodes, inputs, starts, .. } =

@@ -4,7 +4,7 @@ use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, Topology, next_filli
 use crate::part::*;
 use math::{Deps, Lane, Over};
 use ode::{Structure, System};
-use physics::IdealGas;
+use physics::Gas;
 use physics::constants::STANDARD_GRAVITY;
 use physics::friction::Contact;
 use physics::mechanics::Inertia;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 impl<R: Lane> Circuit<R> {
     /// An empty circuit; the ambient pressure Pa acts on the outside of every piston.
-    pub fn new(gas: &IdealGas<R>, ambient_pressure: R, ambient_temperature: R) -> Self {
+    pub fn new(gas: impl Into<Gas<R>>, ambient_pressure: R, ambient_temperature: R) -> Self {
         Circuit {
             topology: Arc::new(Topology {
                 names: Vec::new(),
@@ -22,7 +22,7 @@ impl<R: Lane> Circuit<R> {
                 events: Vec::new(),
             }),
             parts: Parts::default(),
-            common: Common { gas: *gas, ambient_pressure, ambient_temperature },
+            common: Common { gas: gas.into(), ambient_pressure, ambient_temperature },
             scale: Vec::new(),
             open: Vec::new(),
             gas_nodes: 0,
@@ -140,7 +140,11 @@ impl<R: Lane> Circuit<R> {
     /// A restriction between two gas nodes, closed at first: its opening, 0 closed, 1 full.
     pub fn restriction(&mut self, law: physics::flow::Iso6358<R>, from: GasId, to: GasId) -> InputId {
         let path = self.between(from, to);
-        self.add(Restriction { law, opening: R::zero(), closed: false, path }).input(0)
+        let part = Restriction { law, opening: R::zero(), closed: false, path };
+        if self.common.gas.virial.is_some() {
+            return self.add(OtherRestriction(part)).input(0);
+        }
+        self.add(part).input(0)
     }
 
     /// An axis that a carriage moves.
@@ -248,7 +252,7 @@ impl<R: Lane> Circuit<R> {
             let (a, b) = (volumes[0].node, volumes[1].node);
             parts.volumes.retain(|(_, volume)| volume.node != a && volume.node != b);
             parts.faces.retain(|(_, face)| face.gas != a && face.gas != b);
-            if axis.is_usual() {
+            if axis.is_usual() && self.common.gas.virial.is_none() {
                 parts.cylinders.push((place, Cylinder::new(axis, volumes, faces, stops)));
             } else {
                 parts.other_cylinders.push((place, OtherCylinder::new(axis, volumes, faces, stops)));

@@ -7,7 +7,7 @@ use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::part::{Between, CheckValve, Edge, Family, Foreign, InputId, Kept, Member, Part, PartId, Wall};
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
-use physics::{Bounds, IdealGas};
+use physics::{Bounds, Gas};
 
 /// What an input acts on, known once the circuit is built.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +41,7 @@ pub struct Piston<P> {
 /// A circuit that is being made of components.
 pub struct Build<P> {
     pub circuit: Circuit<P>,
-    pub gas: IdealGas<P>,
+    pub gas: Gas<P>,
     pub is_air: bool,
     /// Pressure, Pa, and temperature, K, of the ambient air.
     pub ambient: [P; 2],

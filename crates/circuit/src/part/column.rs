@@ -69,6 +69,10 @@ impl<P: Real> Column<P> {
     #[inline(always)]
     fn specific_volume<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>) -> S {
         let [one, two] = self.ends(net);
+        if let Some(virial) = &common.gas.virial {
+            let each = [one, two].map(|node| virial.density(&common.gas, node.p, node.t));
+            return S::c(2.0) / (each[0] + each[1]);
+        }
         let double = S::from(common.gas.gas_constant + common.gas.gas_constant);
         double * (one.t * two.t) / one.p.fma(two.t, two.p * one.t)
     }

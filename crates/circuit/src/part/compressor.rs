@@ -35,9 +35,13 @@ impl<P: Real> Part<P> for Compressor<P> {
     }
 
     #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
         let (m_dot, _) = self.flow(0, net);
-        let h_dot = m_dot * net.cp * S::from(self.temperature);
+        let t = S::from(self.temperature);
+        let h_dot = match &common.gas.virial {
+            None => m_dot * net.cp * t,
+            Some(virial) => m_dot * virial.enthalpy(&common.gas, net[self.node].p, t),
+        };
         let node = &mut net.gas[self.node.0];
         node.m_dot += m_dot;
         node.h_dot += h_dot;
@@ -56,10 +60,16 @@ impl<P: Real> Part<P> for Compressor<P> {
         let ((m_dot, _), t, node) = (self.flow(0, net), S::from(self.temperature), &net[self.node]);
         let m_dot = if self.boundary { S::zero() } else { m_dot };
         let (cp, ratio) = (S::from(common.gas.cp), t / node.t);
+        let s = |t: S| specific_entropy(t, node.p, common);
         out[0] = m_dot;
         out[1] = m_dot * cp * t;
-        out[2] = m_dot * specific_entropy(t, node.p, common);
+        out[2] = m_dot * s(t);
         out[3] = m_dot * cp * (ratio - S::one() - super::volume::log(ratio));
+        if let Some(virial) = &common.gas.virial {
+            let h = |t: S| virial.enthalpy(&common.gas, node.p, t);
+            out[1] = m_dot * h(t);
+            out[3] = m_dot * (s(node.t) - s(t) + (h(t) - h(node.t)) / node.t);
+        }
     }
 
     fn n_events(&self) -> usize {

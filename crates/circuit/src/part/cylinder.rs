@@ -12,8 +12,8 @@ use physics::constants::P_0;
 /// parts joined by hand, but what passes between them stays in registers: half the work.
 ///
 /// States: x, v, m_a, U_a, m_b, U_b, then the inner states of the friction law. `USUAL` says that its
-/// friction is, see [`physics::friction::Contact::is_usual`]: other friction is a kind of its own, so that
-/// an ordinary drive does not pay for it with registers.
+/// friction is, see [`physics::friction::Contact::is_usual`], and its gas ideal: others are a kind of their own, so that
+/// an ordinary drive does not pay for them with registers.
 #[derive(Clone, Debug)]
 pub struct Cylinder<P, const USUAL: bool = true> {
     pub axis: Axis<P>,
@@ -34,7 +34,7 @@ pub struct Cylinder<P, const USUAL: bool = true> {
 pub(crate) const CHAMBERS: [usize; 2] = [2, 4];
 pub(crate) const INNER: usize = 6;
 
-/// A cylinder with friction that is not usual.
+/// A cylinder with friction that is not usual, or a gas that is not ideal.
 pub type OtherCylinder<P> = Cylinder<P, false>;
 
 impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
@@ -176,6 +176,9 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
                 node.wall = node.wall.max(S::from(self.least_wall));
             }
             volume.fill(states, node, common);
+            if !USUAL {
+                volume.fill_real(states, node, &mut net.enthalpy, common);
+            }
             face.push(node, axis, common);
         }
         self.stops.push(axis);

@@ -8,6 +8,7 @@ use crate::circuit::GasId;
 use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Over, Real};
+use physics::Virial;
 
 /// The ends of a flow path. Gas passes it without a change of enthalpy, and arrives with the temperature of where it
 /// comes from.
@@ -21,10 +22,26 @@ pub struct Between {
 
 /// Takes mass, kg/s, with the enthalpy of where it comes from, and gives it to the other end; a boundary keeps no account.
 #[inline(always)]
-pub(crate) fn post<S: Real>(net: &mut Net<S>, path: Between, (m_dot, backward): (S, S::Mask)) {
+pub(crate) fn post<S: Real>(net: &mut Net<S>, path: Between, flow: (S, S::Mask)) {
+    let Between { from, to, .. } = path;
+    if net.enthalpy.is_empty() {
+        post_ideal(net, path, flow);
+    } else {
+        let h = S::select(flow.1, net.enthalpy[to.0], net.enthalpy[from.0]);
+        exchange(net, path, flow.0, flow.0 * h);
+    }
+}
+
+/// The same of an ideal gas.
+#[inline(always)]
+pub(crate) fn post_ideal<S: Real>(net: &mut Net<S>, path: Between, (m_dot, backward): (S, S::Mask)) {
+    let (one, two) = (&net.gas[path.from.0], &net.gas[path.to.0]);
+    exchange(net, path, m_dot, m_dot * (net.cp * S::select(backward, two.t, one.t)));
+}
+
+#[inline(always)]
+fn exchange<S: Real>(net: &mut Net<S>, path: Between, m_dot: S, h_dot: S) {
     let Between { from, to, boundary } = path;
-    let (one, two) = (&net.gas[from.0], &net.gas[to.0]);
-    let h_dot = m_dot * (net.cp * S::select(backward, two.t, one.t));
     if !boundary[0] {
         let one = &mut net.gas[from.0];
         one.m_dot -= m_dot;
@@ -54,6 +71,9 @@ pub(super) fn throttling<P: Real, S: Over<P>>(
     common: &Common<P>,
     out: &mut [S],
 ) {
+    if let Some(virial) = &common.gas.virial {
+        return throttling_of(virial, net, path, (m_dot, backward), common, out);
+    }
     let Between { from, to, boundary: [from_boundary, to_boundary] } = path;
     let (one, two) = (&net[from], &net[to]);
     let t_up = S::select(backward, two.t, one.t);
@@ -74,6 +94,34 @@ pub(super) fn throttling<P: Real, S: Over<P>>(
     let into_forward = if to_boundary { zero } else { mixing };
     let into_backward = if from_boundary { zero } else { mixing };
     out[4] = S::select(backward, into_backward, into_forward);
+}
+
+/// The same of a gas that is not ideal: a throttle keeps its enthalpy, mixing its energy.
+fn throttling_of<P: Real, S: Over<P>>(
+    virial: &Virial<P>,
+    net: &Net<S>,
+    path: Between,
+    (m_dot, backward): (S, S::Mask),
+    common: &Common<P>,
+    out: &mut [S],
+) {
+    let Between { from, to, boundary: [from_boundary, to_boundary] } = path;
+    let (one, two, zero) = (&net[from], &net[to], S::zero());
+    let up = [S::select(backward, two.p, one.p), S::select(backward, two.t, one.t)];
+    let down = [S::select(backward, one.p, two.p), S::select(backward, one.t, two.t)];
+    let h = |[p, t]: [S; 2]| virial.enthalpy(&common.gas, p, t);
+    let s = |[p, t]: [S; 2]| specific_entropy(t, p, common);
+    let throttled = [down[0], virial.throttled(&common.gas, h(up), up[1], down[0])];
+    let (before, after) = (s(up), s(throttled));
+    let sign = |boundary: bool, s: S| if boundary { s } else { zero };
+    let one_in = |flow: S| sign(from_boundary, flow) - sign(to_boundary, flow);
+    out[0] = one_in(m_dot);
+    out[1] = one_in(m_dot * h(up));
+    out[2] = sign(from_boundary, m_dot * S::select(backward, after, before))
+        - sign(to_boundary, m_dot * S::select(backward, before, after));
+    out[3] = m_dot.abs() * (after - before);
+    let mixing = m_dot.abs() * (s(down) - after + (h(up) - h(down)) / down[1]);
+    out[4] = S::select(backward, sign(!from_boundary, mixing), sign(!to_boundary, mixing));
 }
 
 /// A part of circuits: numbers, one in each lane; laws with numbers of their own; and what is the same in all lanes.

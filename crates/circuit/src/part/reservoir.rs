@@ -1,4 +1,4 @@
-use super::{Input, Part};
+use super::{Common, Input, Part};
 use crate::net::Net;
 use math::{Over, Real};
 
@@ -14,7 +14,10 @@ physics::parameters! {
 }
 
 impl<P: Real> Reservoir<P> {
-    pub(crate) fn fill<S: Over<P>>(&self, net: &mut Net<S>) {
+    pub(crate) fn fill<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
+        if let Some(virial) = &common.gas.virial {
+            net.enthalpy[self.node] = S::from(virial.enthalpy(&common.gas, self.pressure, self.temperature));
+        }
         let node = &mut net.gas[self.node];
         node.p = S::from(self.pressure);
         node.t = S::from(self.temperature);

@@ -1,4 +1,4 @@
-use super::path::{Between, post};
+use super::path::{Between, post_ideal};
 use super::{Common, Input, Part};
 use crate::net::Net;
 use math::{Lane, Over, Real};
@@ -30,7 +30,7 @@ impl<R: Lane> Restriction<R> {
 impl<P: Real> Restriction<P> {
     #[inline(always)]
     pub(crate) fn pass<S: Over<P>>(&self, net: &mut Net<S>) {
-        post(net, self.path, self.flow(0, net));
+        post_ideal(net, self.path, self.flow(0, net));
     }
 }
 
@@ -63,5 +63,37 @@ impl<P: Real> Part<P> for Restriction<P> {
 
     fn rests(&self) -> bool {
         self.closed
+    }
+}
+
+/// A restriction that gas passes which is not ideal. The circuit leaves it to the exchange of others.
+#[derive(Clone, Debug)]
+pub struct OtherRestriction<P>(pub(crate) Restriction<P>);
+
+impl<R: Lane> OtherRestriction<R> {
+    pub(crate) fn gather(each: &[&OtherRestriction<f64>]) -> Self {
+        OtherRestriction(Restriction::gather(&each.iter().map(|part| &part.0).collect::<Vec<_>>()))
+    }
+}
+
+impl<P: Real> Part<P> for OtherRestriction<P> {
+    fn inputs(&self) -> &'static [Input] {
+        self.0.inputs()
+    }
+
+    fn input(&self, input: usize) -> P {
+        self.0.input(input)
+    }
+
+    fn input_mut(&mut self, input: usize) -> &mut P {
+        self.0.input_mut(input)
+    }
+
+    fn paths(&self) -> &[Between] {
+        self.0.paths()
+    }
+
+    fn flow<S: Over<P>>(&self, path: usize, net: &Net<S>) -> (S, S::Mask) {
+        self.0.flow(path, net)
     }
 }

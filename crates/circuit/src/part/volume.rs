@@ -63,7 +63,14 @@ pub(super) fn log<S: Real>(x: S) -> S {
 /// Entropy per mass relative to the reference state, J/(kg K).
 pub(super) fn specific_entropy<P: Real, S: Over<P>>(t: S, p: S, common: &Common<P>) -> S {
     let (cp, r) = (S::from(common.gas.cp), S::from(common.gas.gas_constant));
-    cp * log(t / S::c(T_0)) - r * log(p / S::c(P_0))
+    let ideal = |p: S| cp * log(t / S::c(T_0)) - r * log(p / S::c(P_0));
+    common.gas.virial.as_ref().map_or_else(
+        || ideal(p),
+        |virial| {
+            let density = virial.density(&common.gas, p, t);
+            ideal(density * r * t) + virial.residual_entropy(&common.gas, density, t)
+        },
+    )
 }
 
 impl<P: Real> Volume<P> {
@@ -87,8 +94,26 @@ impl<P: Real> Volume<P> {
         node.inverse_sqrt_t = S::one() / node.t.sqrt();
     }
 
+    /// The same of a gas that is not ideal, with its enthalpy, after `fill`.
+    #[inline(always)]
+    pub(super) fn fill_real<S: Over<P>>(
+        &self,
+        y: [S; 2],
+        node: &mut GasNode<S>,
+        enthalpy: &mut [S],
+        common: &Common<P>,
+    ) {
+        let Some(virial) = &common.gas.virial else { return };
+        let (p, t, h) = virial.p_t_h(&common.gas, y, node.volume);
+        (node.p, node.t, enthalpy[self.node]) = (p, t, h);
+        node.inverse_sqrt_t = S::one() / t.sqrt();
+    }
+
     /// The states at a pressure and temperature.
     pub(super) fn start(&self, [p, t]: [P; 2], node: &GasNode<P>, common: &Common<P>) -> [P; 2] {
+        if let Some(virial) = &common.gas.virial {
+            return virial.initial(&common.gas, p, t, node.volume);
+        }
         match self.law {
             ChamberLaw::EnergyBalance => EnergyBalance::initial(&common.gas, p, t, node.volume),
             ChamberLaw::AsPrinted => [p, t],
@@ -159,7 +184,9 @@ impl<P: Real> Part<P> for Volume<P> {
 
     #[inline(always)]
     fn potential<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, common: &Common<P>) {
-        self.fill(y.first(), &mut net.gas[self.node], common);
+        let node = &mut net.gas[self.node];
+        self.fill(y.first(), node, common);
+        self.fill_real(y.first(), node, &mut net.enthalpy, common);
     }
 
     #[inline(always)]
@@ -175,6 +202,10 @@ impl<P: Real> Part<P> for Volume<P> {
 
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, common: &Common<P>) -> [S; 3] {
         let node = &net.gas[self.node];
+        if let Some(virial) = &common.gas.virial {
+            let [m, u] = virial.initial(&common.gas, node.p, node.t, node.volume);
+            return [m, u, m * specific_entropy(node.t, node.p, common)];
+        }
         let m = node.p * node.volume / (S::from(common.gas.gas_constant) * node.t);
         [m, m * S::from(common.gas.cv) * node.t, m * specific_entropy(node.t, node.p, common)]
     }

@@ -1,0 +1,110 @@
+use super::IdealGas;
+use crate::chamber::EnergyBalance;
+use math::{Over, Real};
+
+/// Below this temperature, K, the coefficient no longer grows: far below where the gases of a circuit are, so that
+/// trial states have finite pressures.
+const LEAST_T: f64 = 60.0;
+/// Least value under the root of the density: pressures at which two densities meet are far above those of the law.
+const LEAST_ROOT: f64 = 1e-6;
+/// Newton steps from the temperature of the ideal gas: the first leaves some hundredths of a kelvin, the second less than
+/// a microkelvin for carbon dioxide at 10 bar.
+const STEPS: usize = 2;
+
+crate::parameters! {
+    /// Gas of constant heat capacity at low density, with its second virial coefficient B:
+    ///
+    ///   p = rho R T (1 + B rho),   B = a - b exp(c/T),   T^2 B' = b c exp(c/T)
+    ///   u = cv T - R T^2 B' rho,   h = u + p/rho = cp T + R rho (T B - T^2 B')
+    ///   s = cv ln(T/T0) - R ln(rho/rho0) - R (B + T B') rho
+    ///
+    /// rho density kg/m3, u, h and s per kg. All follow from one free energy, so that balances of energy and entropy close.
+    /// Good while |B| rho is small against one: the third coefficient is left out. Source of the form of B and of the
+    /// numbers of gases: [libretexts-virial].
+    #[derive(Copy)]
+    pub struct Virial {
+        /// Number a
+        a: "m3/kg", crate::any();
+        /// Number b
+        b: "m3/kg", crate::any();
+        /// Number c
+        c: "K", crate::at_least(0.0);
+    }
+}
+
+impl<P: Real> Virial<P> {
+    /// B and T^2 B' at a temperature.
+    #[inline(always)]
+    fn coefficient<S: Over<P>>(&self, t: S) -> [S; 2] {
+        let grown = S::from(self.b) * (S::from(self.c) / t.max(S::c(LEAST_T))).exp();
+        [S::from(self.a) - grown, S::from(self.c) * grown]
+    }
+
+    /// (p, T, h) from (m, U) in a volume; those of the ideal gas to the bit where a and b are zero.
+    #[inline(always)]
+    pub fn p_t_h<S: Over<P>>(&self, gas: &IdealGas<P>, state: [S; 2], volume: S) -> (S, S, S) {
+        let (p, ideal) = EnergyBalance::p_t(gas, state, volume);
+        let density = state[0] / volume;
+        let (r_rho, cv) = (S::from(gas.gas_constant) * density, S::from(gas.cv));
+        let mut warmer = S::zero();
+        for _ in 0..STEPS {
+            let t = ideal + warmer;
+            let [_, rise] = self.coefficient(t);
+            let at = t.max(S::c(LEAST_T));
+            let slope = cv + r_rho * rise * S::from(self.c) / (at * at);
+            warmer -= (cv * warmer - r_rho * rise) / slope;
+        }
+        let t = ideal + warmer;
+        let [second, rise] = self.coefficient(t);
+        let h = S::from(gas.cp) * t + r_rho * (t * second - rise);
+        (p * (S::one() + warmer / ideal) * (S::one() + second * density), t, h)
+    }
+
+    /// How much of the pressure of the ideal gas the coefficient takes off, about: its law is good while that is little.
+    pub fn off(&self, gas: &IdealGas<P>, p: P, t: P) -> P {
+        P::one() - P::one() / self.denser(gas, p, t)
+    }
+
+    /// Density over that of the ideal gas at a pressure and temperature.
+    #[inline(always)]
+    fn denser<S: Over<P>>(&self, gas: &IdealGas<P>, p: S, t: S) -> S {
+        let [second, _] = self.coefficient(t);
+        let under = S::one() + S::c(4.0) * second * p / (S::from(gas.gas_constant) * t);
+        S::c(2.0) / (S::one() + under.max(S::c(LEAST_ROOT)).sqrt())
+    }
+
+    /// Density at a pressure and temperature, kg/m3.
+    #[inline(always)]
+    pub fn density<S: Over<P>>(&self, gas: &IdealGas<P>, p: S, t: S) -> S {
+        p / (S::from(gas.gas_constant) * t) * self.denser(gas, p, t)
+    }
+
+    /// (m, U) of gas at `p`, `t` in a volume.
+    pub fn initial<S: Over<P>>(&self, gas: &IdealGas<P>, p: S, t: S, volume: S) -> [S; 2] {
+        let (r, k) = (S::from(gas.gas_constant), S::from(gas.heat_capacity_ratio));
+        let denser = self.denser(gas, p, t);
+        let m = p * volume / (r * t) * denser;
+        let [_, rise] = self.coefficient(t);
+        [m, p * volume / (k - S::one()) * denser - m * (m / volume) * r * rise]
+    }
+
+    /// Specific enthalpy at a pressure and temperature, J/kg.
+    #[inline(always)]
+    pub fn enthalpy<S: Over<P>>(&self, gas: &IdealGas<P>, p: S, t: S) -> S {
+        let [second, rise] = self.coefficient(t);
+        let r_rho = S::from(gas.gas_constant) * self.density(gas, p, t);
+        S::from(gas.cp) * t + r_rho * (t * second - rise)
+    }
+
+    /// Specific entropy less that of the ideal gas at the same temperature and density, J/(kg K).
+    pub fn residual_entropy<S: Over<P>>(&self, gas: &IdealGas<P>, density: S, t: S) -> S {
+        let [second, rise] = self.coefficient(t);
+        -S::from(gas.gas_constant) * density * (second + rise / t)
+    }
+
+    /// Temperature after a throttle, at the same enthalpy: Newton steps with the heat capacity of the ideal gas. For
+    /// accounts, which split a production by it and close whatever it is.
+    pub fn throttled<S: Over<P>>(&self, gas: &IdealGas<P>, h: S, t: S, p: S) -> S {
+        (0..3).fold(t, |at, _| at + (h - self.enthalpy(gas, p, at)) / S::from(gas.cp))
+    }
+}
