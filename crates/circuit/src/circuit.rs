@@ -204,7 +204,8 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
-    fn set_opening(&mut self, index: usize, lane: usize, value: R) {
+    #[inline(always)]
+    pub(crate) fn set_opening(&mut self, index: usize, lane: usize, value: R) {
         let Restriction { opening, closed, .. } = &mut self.parts.restrictions[index].1;
         opening.take(lane, &value);
         let is_open = (0..R::L).any(|lane| opening.get(lane) != 0.0)

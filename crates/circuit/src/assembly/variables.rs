@@ -161,14 +161,14 @@ impl<P: Lane> Assembly<P> {
 
     /// Sets an input of one lane; what takes time has passed.
     pub fn set<R: Lane>(&self, circuit: &mut Circuit<R>, input: usize, lane: usize, value: R) {
-        match self.variables.inputs[input].target {
-            Target::Input(id) => circuit.set_input(id, lane, value),
+        match &self.variables.inputs[input].target {
+            Target::Input(id) => circuit.set_input(*id, lane, value),
             Target::Edges(edges) => {
-                for (edge, opening) in edges.into_iter().zip(openings(value)) {
-                    circuit.set_input(edge, lane, opening);
+                for (edge, opening) in edges.iter().zip(openings(value)) {
+                    circuit.set_opening(edge.index, lane, opening);
                 }
             }
-            Target::Timed(timing) => self.timings[timing].settled(circuit, lane, value),
+            Target::Timed(timing) => self.timings[*timing].settled(circuit, lane, value),
         }
     }
 
