@@ -63,6 +63,7 @@ class Shooting(TypedDict):
     rtol: float
     threads: NotRequired[int]
 
+@type_check_only
 class Shot(TypedDict):
     values: NDArray[float64]
     sensitivities: NDArray[float64]

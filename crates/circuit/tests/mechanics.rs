@@ -297,7 +297,7 @@ fn what_moves_as_commanded_takes_no_mass_along() {
     let lever = json!({ "name": "lever", "kind": "inertia/lever",
                         "numbers": { "moment_of_inertia": 0.02, "distance": 0.1, "centre": 0.05 } });
     let components = json!([{ "name": "axis", "kind": "carriage" }, lever]);
-    let refused = network(&components, &json!([["axis.1", "lever.1"]])).err().expect("refused").to_string();
+    let refused = network(&components, &json!([["axis.1", "lever.1"]])).expect_err("refused").to_string();
     assert!(refused.contains("axis moves as commanded and cannot have the mass of lever"), "{refused}");
 }
 
