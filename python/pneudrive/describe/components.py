@@ -508,7 +508,8 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
     if entry["points"]:
         columns = tuple((column["key"], parameter_quantity(column)) for column in entry["points"]["columns"])
         mark = _Points("", columns=columns, most=entry["points"]["most"])
-        meaning = f"{mark.columns[1][0]} over the {mark.columns[0][0]}".capitalize()
+        x, y = (column[0] for column in mark.columns)
+        meaning = f"{y[0].upper()}{y[1:]} over the {x}"
         fields["points"] = (Annotated[tuple[tuple[float, ...], ...], mark], Field(description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):
         meaning = "Range of the electrical input where commands are given in V or mA"

@@ -119,7 +119,7 @@ pub(super) const CLOSED: &[Stroke] = &[
 ];
 pub(super) const EXHAUSTS: &[Stroke] =
     &[Stroke::at(DOWN, -1.0), Stroke::at(DOWN, 1.0), Stroke::at(SHUT, 0.0)];
-pub(super) const PRESSURIZES: &[Stroke] =
+pub(super) const PRESSURISES: &[Stroke] =
     &[Stroke::mirrored(SLANTS, 0.0), Stroke::at(SLANTS, 0.0), Stroke::at(SHUT, -1.0), Stroke::at(SHUT, 1.0)];
 pub(super) const FIVE_THREE_PORTS: &[[f64; 2]] =
     &[[0.0, -1.0], [-1.0, 5.0], [1.0, 5.0], [-1.0, -1.0], [1.0, -1.0]];

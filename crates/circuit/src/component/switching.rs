@@ -1,6 +1,6 @@
 use super::boxes::{
     ABOVE, BELOW, CLOSED, EXHAUSTS, FEEDS, FIVE_THREE, FIVE_THREE_PORTS, FIVE_TWO, FIVE_TWO_PORTS,
-    PRESSURIZES, SHUT, SHUT_ABOVE, SOLENOID, SPRING, TWO_BOXES, UP, VENTS,
+    PRESSURISES, SHUT, SHUT_ABOVE, SOLENOID, SPRING, TWO_BOXES, UP, VENTS,
 };
 use super::{
     Acts, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Row, SUBSONIC_INDEX, Stroke, Symbol,
@@ -358,6 +358,6 @@ const THREE_TWO: Symbol = Symbol {
 
 const THREE_POSITIONS: Symbol = Symbol {
     strokes: &[FIVE_THREE, Stroke::mirrored(SPRING, -8.0), Stroke::at(SPRING, 8.0)],
-    when: &[("closed", CLOSED), ("exhaust", EXHAUSTS), ("pressure", PRESSURIZES)],
+    when: &[("closed", CLOSED), ("exhaust", EXHAUSTS), ("pressure", PRESSURISES)],
     ports: FIVE_THREE_PORTS,
 };
