@@ -179,6 +179,7 @@ class Session:
         self,
         until: float,
         times: Sequence[float] | NDArray[float64],
+        columns: Sequence[str],
         look: Callable[[float], object] | None = None,
     ) -> Result: ...
     def read(self, name: str) -> float: ...

@@ -170,19 +170,19 @@ class Dragged:
         jerks, ends = [float(jerk) for jerk in jerks_m_s3], np.cumsum(durations_s).tolist()
         session.set("carriage.jerk_m_s3", jerks[0])
         session.schedule("carriage.jerk_m_s3", ends[:-1], jerks[1:])
-        result = session.record(ends[-1], times_s, look)
+        names, around = self._columns(core.columns), f"{AMBIENT}.pressure_pa"
+        result = session.record(ends[-1], times_s, [name for name in names.values() if name != around], look)
+        found = result["columns"] | {around: np.full(len(times_s), self.ambient["pressure_pa"])}
         state, commanded = _at_rest(dict(zip((name for name, _ in core.states), session.state, strict=True)), released)
-        return MotionResult(self._columns(result["columns"]), result["statistics"], state, commanded)
+        columns = {own: found[name] for own, name in names.items()}
+        return MotionResult(columns, result["statistics"], state, commanded)
 
-    def _columns(self, found: dict[str, Array]) -> dict[str, Array]:
-        """Return the columns of a circuit under the names that a rig has."""
-        columns = {own: found[name] for own, name in _OTHERS.items()}
-        columns |= {short_name(name, "piston"): column for name, column in found.items() if name.startswith("piston.")}
-        for side in "ab":
-            source = self.sources.get(side, f"piston.{side}")
-            around = np.full_like(found["time_s"], self.ambient["pressure_pa"])
-            columns[f"supply_pressure_{side}_pa"] = around if source == AMBIENT else found[f"{source}.pressure_pa"]
-        return columns
+    def _columns(self, known: Sequence[str]) -> dict[str, str]:
+        """Return the columns that a rig has, and what the circuit calls each."""
+        of_piston = {short_name(name, "piston"): name for name in known if name.startswith("piston.")}
+        sources = {side: self.sources.get(side, f"piston.{side}") for side in "ab"}
+        fed = {f"supply_pressure_{side}_pa": f"{source}.pressure_pa" for side, source in sources.items()}
+        return _OTHERS | of_piston | fed
 
 
 def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:

@@ -196,8 +196,9 @@ fn run(
         session.schedule(input("carriage.jerk_m_s3"), &[duration], &[*jerk]).expect("a jerk");
         duration += own;
     }
+    let all: Vec<usize> = (0..assembly.columns().len()).collect();
     let times = (0..=2000).map(|k| duration * f64::from(k) / 2000.0).collect();
-    let run = session.record(duration, times, &mut Look::new(&mut |_| false)).expect("runs");
+    let run = session.record(duration, times, &all, &mut Look::new(&mut |_| false)).expect("runs");
     let names = session.state_names();
     let mut state = session.state()[..names.len()].to_vec();
     let place = |begin| names.iter().position(|(name, _)| name.starts_with(begin)).expect("a carriage");

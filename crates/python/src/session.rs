@@ -22,6 +22,10 @@ impl PySession {
         let place = self.session.inputs().iter().position(|input| input.name == name);
         place.ok_or_else(|| PyValueError::new_err(format!("there is no input \"{name}\"")))
     }
+
+    fn column(&self, name: &str) -> Option<usize> {
+        self.session.columns().iter().position(|column| column == name)
+    }
 }
 
 #[pymethods]
@@ -79,18 +83,24 @@ impl PySession {
         watched(py, look, |interrupted| session.go_on(until, &mut Look::new(interrupted)))
     }
 
-    /// The same, with the columns at times on the way.
-    #[pyo3(signature = (until, times, look=None))]
+    /// The same, with some columns at times on the way.
+    #[pyo3(signature = (until, times, columns, look=None))]
     fn record<'py>(
         &mut self,
         py: Python<'py>,
         until: f64,
         times: Numbers<'py>,
+        columns: Vec<String>,
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let unknown = |name: &String| PyValueError::new_err(format!("there is no column \"{name}\""));
+        let places = columns.iter().map(|name| self.column(name).ok_or_else(|| unknown(name)));
+        let places = places.collect::<PyResult<Vec<_>>>()?;
         let (session, times) = (&mut self.session, times.into());
-        let run = watched(py, look, |interrupted| session.record(until, times, &mut Look::new(interrupted)))?;
-        run_to_dict(py, self.session.columns(), run)
+        let run = watched(py, look, |interrupted| {
+            session.record(until, times, &places, &mut Look::new(interrupted))
+        })?;
+        run_to_dict(py, &columns, run)
     }
 
     /// The present values of the states.
@@ -101,7 +111,7 @@ impl PySession {
 
     /// A column, or an input, at the present state.
     fn read(&mut self, name: &str) -> PyResult<f64> {
-        match self.session.columns().iter().position(|column| column == name) {
+        match self.column(name) {
             Some(column) => Ok(self.session.read(column)),
             None => Ok(self.session.input(self.input(name)?)),
         }

@@ -2,13 +2,14 @@
 //! and linearised. Everything else that runs a circuit calls it.
 
 use super::timing::{Due, Timing, What};
-use super::variables::{Assembly, Quantity, Settable, Target};
+use super::variables::{Assembly, Quantity, Settable, Target, Variables};
 use crate::circuit::Circuit;
 use crate::net::Net;
 use crate::part::InputId;
 use crate::run::{Error, Look, Recorder, Run, advance, budget, settled, with_unit};
 use math::{Dual, Lane, Real};
 use ode::{NoOutput, Options, Output, Statistics, Stepper, System};
+use std::sync::Arc;
 
 /// Bytes of a session begin with this, and the version of their form.
 const MAGIC: &[u8; 8] = b"pnd-ses\x04";
@@ -300,15 +301,28 @@ impl Session {
         self.advance(until, &mut NoOutput, look)
     }
 
-    /// The same, with the columns at `times` s on the way, which ascend from the present on.
-    pub fn record(&mut self, until: f64, times: Vec<f64>, look: &mut Look<'_>) -> Result<Run, Error> {
+    /// The same, with some columns at `times` s on the way, which ascend from the present on.
+    pub fn record(
+        &mut self,
+        until: f64,
+        times: Vec<f64>,
+        columns: &[usize],
+        look: &mut Look<'_>,
+    ) -> Result<Run, Error> {
         if !times.is_sorted() || times.first().is_some_and(|first| *first < self.time()) {
             return refuse("the times of samples must ascend, and none may have passed");
         }
         if until.is_finite() {
             self.allow_until(until);
         }
-        let mut recorder = Recorder::new(&self.assembly, times);
+        let all = &self.assembly.variables;
+        let shown = Variables {
+            columns: columns.iter().map(|&column| all.columns[column].clone()).collect(),
+            quantities: columns.iter().map(|&column| all.quantities[column]).collect(),
+            ..Variables::default()
+        };
+        let assembly = Assembly { variables: Arc::new(shown), ..self.assembly.clone() };
+        let mut recorder = Recorder::new(&assembly, times);
         self.advance(until, &mut recorder, look)?;
         Ok(recorder.finish(self))
     }
