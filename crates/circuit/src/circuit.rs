@@ -204,8 +204,21 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
+    /// Opens edges of one valve, which are of one kind.
     #[inline(always)]
-    pub(crate) fn set_opening(&mut self, index: usize, lane: usize, value: R) {
+    pub(crate) fn set_openings(&mut self, edges: &[InputId; 4], lane: usize, values: [R; 4]) {
+        let is_usual = edges[0].kind == PartKind::Restriction;
+        for (edge, value) in edges.iter().zip(values) {
+            if is_usual {
+                self.set_opening(edge.index, lane, value);
+            } else {
+                self.set_input(*edge, lane, value);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn set_opening(&mut self, index: usize, lane: usize, value: R) {
         let Restriction { opening, closed, .. } = &mut self.parts.restrictions[index].1;
         opening.take(lane, &value);
         let is_open = (0..R::L).any(|lane| opening.get(lane) != 0.0)

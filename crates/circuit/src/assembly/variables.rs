@@ -163,11 +163,7 @@ impl<P: Lane> Assembly<P> {
     pub fn set<R: Lane>(&self, circuit: &mut Circuit<R>, input: usize, lane: usize, value: R) {
         match &self.variables.inputs[input].target {
             Target::Input(id) => circuit.set_input(*id, lane, value),
-            Target::Edges(edges) => {
-                for (edge, opening) in edges.iter().zip(openings(value)) {
-                    circuit.set_opening(edge.index, lane, opening);
-                }
-            }
+            Target::Edges(edges) => circuit.set_openings(edges, lane, openings(value)),
             Target::Timed(timing) => self.timings[*timing].settled(circuit, lane, value),
         }
     }
