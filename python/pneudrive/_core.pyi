@@ -227,6 +227,8 @@ class ComponentColumn(TypedDict):
 
 @type_check_only
 class ComponentPoints(TypedDict):
+    key: str
+    optional: bool
     columns: list[ComponentColumn]
     most: int
 

@@ -203,7 +203,7 @@ def component(draw: Draw, kind: str, entry: dict[str, Any]) -> dict[str, Any]:
         optional = not (parameter["unless"] or (table and table not in tables) or key.startswith(LEFT_OUT))
         if needed or (optional and draw.chance(0.25)):
             out[key] = number(draw, parameter)
-    if entry["points"]:
+    if entry["points"] and not entry["points"]["optional"]:
         out["points"] = points(draw, entry["points"]["columns"])
     if "coefficient" in out:  # of a leak: in place of its gap
         for parameter in entry["parameters"]:

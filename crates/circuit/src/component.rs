@@ -57,8 +57,8 @@ use table::WALL;
 pub use formula::formula_kind;
 
 pub use build::{Acts, Build, Piston};
-pub use extra::Extra;
 pub(crate) use extra::Given;
+pub use extra::{Extra, Points};
 pub use registry::{kinds, register};
 pub(crate) use series::{Chain, PortId};
 pub use symbol::{Stroke, Symbol};

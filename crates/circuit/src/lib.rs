@@ -26,8 +26,8 @@ pub use assembly::{
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
 pub use component::{
-    Choice, Extra, Holds, KINDS, Kind as ComponentKind, Port, PortKind, Stroke, Symbol, formula_kind, kinds,
-    register,
+    Choice, Extra, Holds, KINDS, Kind as ComponentKind, Points, Port, PortKind, Stroke, Symbol, formula_kind,
+    kinds, register,
 };
 pub use impacts::Impact;
 pub use ledger::{Balance, Channel, Kind, balance};

@@ -37,6 +37,7 @@ mod series;
 mod shock_absorber;
 pub(crate) mod signal;
 mod spring;
+mod table_edge;
 mod table_force;
 pub(crate) mod volume;
 mod wall;
@@ -84,6 +85,7 @@ pub use series::Series;
 pub use shock_absorber::ShockAbsorber;
 pub use signal::{Armature, Held, Spool};
 pub use spring::Spring;
+pub use table_edge::TableEdge;
 pub use table_force::{Along, TableForce};
 pub use volume::{ChamberLaw, Volume};
 pub use wall::Wall;
@@ -441,6 +443,7 @@ parts! {
         spools: Spool,
         armatures: Armature,
         edges: Edge,
+        table_edges: TableEdge,
         cushions: Cushion,
         bumpers: Bumper,
         shock_absorbers: ShockAbsorber,

@@ -452,7 +452,8 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         Value::Null
     };
     // From the origin to something usual.
-    let points = if let circuit::Extra::Points(columns) = kind.extra {
+    let points = if let circuit::Extra::Points(circuit::Points { columns, optional: false, .. }) = kind.extra
+    {
         json!(
             [0.0, 1.0]
                 .map(|share| columns.iter().map(|own| share * value(own.key, own.unit)).collect::<Vec<_>>())

@@ -291,3 +291,173 @@ fn a_session_saved_within_a_dead_time_and_a_pulse_goes_on_with_its_bits() {
     assert!(whole.set(input, 1.2).is_err());
     assert!(whole.linearise(&[input]).is_err_and(|error| error.to_string().contains("switches")));
 }
+
+/// A valve between the supply and a tank at `p` Pa, with its exhaust.
+fn proportional(valve: &Value, p: f64) -> impl Fn(f64) -> f64 + use<> {
+    let mut valve = valve.clone();
+    (valve["name"], valve["kind"]) = (json!("valve"), json!("valve/proportional-3/2"));
+    let components = json!([supply(), valve, tank("tank", 1.0)]);
+    let joints = json!([["supply.1", "valve.1"], ["valve.2", "tank.1"], ["valve.3", "ambient"]]);
+    let network = network(&components, &joints).expect("assembles");
+    move |command| {
+        let start = [("tank.pressure_pa", p), ("tank.temperature_k", ROOM)];
+        run(&network, &[(VALVE, 0.0, command)], (1e-4, 1e4), &start).0["valve.mass_flow_2_kg_s"][0]
+    }
+}
+
+fn points(shape: &str, points: Value) -> Value {
+    json!({ "choices": { "flow_shape": shape }, "points": points,
+            "numbers": { "critical_pressure_ratio": 0.3 } })
+}
+
+/// -1: out by 2.4, 0: shut, 1: in by 2.7 dm3/(s bar).
+fn two_ways(shape: &str) -> Value {
+    points(
+        shape,
+        json!([[-1.0, 0.0, 0.0, 2.4e-8, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 2.7e-8, 0.0, 0.0, 0.0]]),
+    )
+}
+
+fn same(found: f64, expected: f64, share: f64) {
+    assert!((found - expected).abs() <= share * expected.abs(), "{found:e}, not {expected:e}");
+}
+
+#[test]
+fn a_flow_table_gives_the_flow_of_each_edge_over_the_opening() {
+    // Choked: C rho_0 p_1 at the reference temperature, 7 bar before the edge.
+    let choked = |conductance: f64| conductance * 1.185 * 7e5;
+    let into = proportional(&two_ways("smooth"), 101_300.0);
+    let out = proportional(&two_ways("smooth"), 7e5);
+    same(into(1.0), choked(2.7e-8), 1e-12);
+    same(into(0.5), choked(1.35e-8), 1e-12);
+    // 3 t^2 - 2 t^3 of the way between shut and open.
+    same(into(0.25), choked(0.156_25 * 2.7e-8), 1e-12);
+    same(out(-1.0), -choked(2.4e-8), 1e-12);
+    same(out(-0.25), -choked(0.156_25 * 2.4e-8), 1e-12);
+    assert_eq!(into(0.0), 0.0);
+    assert!(into(-1.0).abs() < 1e-12, "the tank is at ambient pressure: {:e}", into(-1.0));
+    let straight = proportional(&two_ways("straight"), 101_300.0);
+    same(straight(0.25), choked(0.25 * 2.7e-8), 1e-12);
+}
+
+#[test]
+fn a_flow_table_on_the_lines_of_an_edge_is_that_edge() {
+    let numbers = json!({ "conductance": 2.7e-8, "exhaust_conductance": 2.4e-8, "critical_pressure_ratio": 0.3,
+                          "exhaust_critical_pressure_ratio": 0.3 });
+    for p in [3e5, 6.5e5] {
+        let linear = proportional(&json!({ "numbers": numbers }), p);
+        let table = proportional(&two_ways("straight"), p);
+        for i in -10..=10 {
+            let u = f64::from(i) / 10.0;
+            same(table(u), linear(u), 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_flow_table_passes_its_points_smoothly_without_overshoot() {
+    let measured = [[-1.0, 0.0], [-0.2, 0.0], [0.1, 2e-9], [0.3, 1.7e-8], [0.6, 2e-8], [1.0, 2.2e-8]];
+    let rows: Vec<[f64; 5]> = measured.iter().map(|[x, c]| [*x, *c, 0.0, 0.0, 0.0]).collect();
+    let flow = proportional(&points("smooth", json!(rows)), 101_300.0);
+    for [x, c] in measured {
+        same(flow(x), c * 1.185 * 7e5, 1e-12);
+    }
+    let samples: Vec<f64> = (0..=200).map(|i| flow(-1.0 + 0.01 * f64::from(i))).collect();
+    assert!(samples.windows(2).all(|pair| pair[1] >= pair[0]));
+    for [x, _] in &measured[1..5] {
+        let h = 1e-5;
+        let (before, after) = ((flow(*x) - flow(x - h)) / h, (flow(x + h) - flow(*x)) / h);
+        let largest = 2.2e-8 * 1.185 * 7e5 / 0.2;
+        assert!((after - before).abs() < 1e-3 * largest, "{x}: {before} {after}");
+    }
+}
+
+#[test]
+fn a_flow_table_may_give_the_critical_pressure_ratio_of_an_edge() {
+    let with =
+        |ratio: f64| points("smooth", json!([[0.0, 0.0, ratio, 0.0, 0.0], [1.0, 2e-8, ratio, 0.0, 0.0]]));
+    let edge = |ratio: f64| json!({ "numbers": { "conductance": 2e-8, "critical_pressure_ratio": ratio } });
+    // Subsonic: the ratio counts.
+    let of = |valve: &Value| proportional(valve, 6e5)(1.0);
+    same(of(&with(0.15)), of(&edge(0.15)), 1e-12);
+    same(of(&with(0.0)), of(&edge(0.3)), 1e-12);
+    assert!(of(&edge(0.3)) > 1.01 * of(&edge(0.15)));
+    let over = points("straight", json!([[0.0, 2e-8, 0.1, 0.0, 0.0], [1.0, 2e-8, 0.5, 0.0, 0.0]]));
+    same(proportional(&over, 6e5)(0.5), of(&edge(0.3)), 1e-12);
+}
+
+#[test]
+fn a_flow_table_of_a_5_3_valve_names_its_paths() {
+    // Columns: opening, then conductance and ratio of 1-4, 4-5, 1-2 and 2-3.
+    let row = |x: f64, [to_4, from_4, to_2, from_2]: [f64; 4]| {
+        json!([x, to_4, 0.0, from_4, 0.0, to_2, 0.0, from_2, 0.0])
+    };
+    let table = json!([
+        row(-1.0, [0.0, 1e-8, 2e-8, 0.0]),
+        row(0.0, [0.0, 0.0, 0.0, 0.0]),
+        row(1.0, [3e-8, 0.0, 0.0, 4e-8])
+    ]);
+    let valve = json!({ "name": "valve", "kind": "valve/proportional-5/3", "points": table,
+                        "numbers": { "critical_pressure_ratio": 0.3 } });
+    let components = json!([supply(), valve, tank("four", 1.0), tank("two", 1.0)]);
+    let joints = json!([
+        ["supply.1", "valve.1"],
+        ["valve.4", "four.1"],
+        ["valve.2", "two.1"],
+        ["valve.5", "ambient"],
+        ["valve.3", "ambient"]
+    ]);
+    let network = network(&components, &joints).expect("assembles");
+    let start: Vec<(&str, f64)> = vec![
+        ("four.pressure_pa", 3e5),
+        ("four.temperature_k", ROOM),
+        ("two.pressure_pa", 3e5),
+        ("two.temperature_k", ROOM),
+    ];
+    let flows = |command: f64| {
+        let columns = run(&network, &[(VALVE, 0.0, command)], (1e-4, 1e4), &start).0;
+        ["valve.mass_flow_4_kg_s", "valve.mass_flow_2_kg_s"].map(|name| columns[name][0])
+    };
+    // Into the tanks choked by 7 bar, out of them by 3 bar: 1.013 bar is less than 0.3 of neither; so phi counts.
+    let phi = (1.0 - ((101_300.0 / 3e5 - 0.3) / 0.7_f64).powi(2)).sqrt();
+    let into = (1.0 - ((3.0 / 7.0 - 0.3) / 0.7_f64).powi(2)).sqrt();
+    let expected = |to: f64, from: f64| [to * 1.185 * 7e5 * into, -from * 1.185 * 3e5 * phi];
+    let ([in_4, out_2], [in_2, out_4]) = (expected(3e-8, 4e-8), expected(2e-8, 1e-8));
+    for (found, wanted) in [(flows(1.0), [in_4, out_2]), (flows(-1.0), [out_4, in_2])] {
+        same(found[0], wanted[0], 1e-12);
+        same(found[1], wanted[1], 1e-12);
+    }
+}
+
+#[test]
+fn a_flow_table_is_the_only_word_on_the_edges() {
+    let message = |more: Value, table: Value| {
+        let mut numbers = json!({ "critical_pressure_ratio": 0.3 });
+        for (key, value) in more.as_object().expect("numbers") {
+            numbers[key] = value.clone();
+        }
+        let valve =
+            json!({ "name": "v", "kind": "valve/proportional-3/2", "numbers": numbers, "points": table });
+        let joints = json!([["v.1", "ambient"], ["v.2", "tank.1"], ["v.3", "ambient"]]);
+        let found = network(&json!([valve, tank("tank", 1e-3)]), &joints);
+        found.err().expect("refused").to_string()
+    };
+    let good = json!([[0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 1e-8, 0.0, 0.0, 0.0]]);
+    let shut = json!([[0.0, 0.0, 0.2, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.3]]);
+    for (found, said) in [
+        (
+            message(json!({ "conductance": 1e-8 }), good.clone()),
+            "v.conductance is given, and v.flow_table says it",
+        ),
+        (message(json!({ "overlap": 0.1 }), good.clone()), "v.overlap is given"),
+        (message(json!({}), shut), "v.flow_table opens no edge"),
+        (
+            message(json!({}), json!([[0.0, 0.0, 0.0, 0.0, 0.0], [2.0, 1e-8, 0.0, 0.0, 0.0]])),
+            "v.flow_table: opening = 2",
+        ),
+        (message(json!({}), json!([[0.0, 0.0, 1.0, 0.0, 0.0], [1.0, 1e-8, 0.0, 0.0, 0.0]])), "out of bounds"),
+        (message(json!({}), Value::Null), "v.conductance is missing"),
+    ] {
+        assert!(found.contains(said), "{found}");
+    }
+}

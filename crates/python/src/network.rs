@@ -340,9 +340,11 @@ fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Bound<'py,
         let formula = table(&[("output", any(role.output.0)?), ("unit", any(role.output.1)?)])?;
         formula.set_item("names", names.collect::<PyResult<Vec<_>>>()?)?;
         out.set_item("formula", formula)?;
-    } else if let Extra::Points(columns) = kind.extra {
+    } else if let Extra::Points(own) = kind.extra {
         let points = PyDict::new(py);
-        points.set_item("columns", columns.iter().map(number).collect::<PyResult<Vec<_>>>()?)?;
+        points.set_item("key", own.key)?;
+        points.set_item("optional", own.optional)?;
+        points.set_item("columns", own.columns.iter().map(number).collect::<PyResult<Vec<_>>>()?)?;
         points.set_item("most", Extra::MOST_POINTS)?;
         out.set_item("points", points)?;
     }

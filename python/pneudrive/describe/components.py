@@ -108,6 +108,25 @@ class _OnPaper(Quantity):
 
 
 @dataclass(frozen=True)
+class _Number(Quantity):
+    """Annotation of a field that takes a pure number, or a share in per cent, "0.4 %"."""
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        if isinstance(given, str) and given.endswith("%"):
+            try:
+                given = float(given.removesuffix("%")) / 100.0
+            except ValueError:
+                raise WrongValueError(f'"{given}" is not a number') from None
+        return super().read(given)
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe both forms."""
+        number = super().__get_pydantic_json_schema__(schema, handler)
+        return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
+
+
+@dataclass(frozen=True)
 class _Points(Quantity):
     """Annotation of a field that takes points, a list of tables, and stores them as rows in SI.
 
@@ -115,12 +134,20 @@ class _Points(Quantity):
     ----------
     columns : tuple
         Key of each column and how its values are written; those of the first rise.
+    defaults : tuple
+        What a point has that leaves a column out; None where it has to have it.
     most : int
         The most points that there may be.
     """
 
     columns: tuple[tuple[str, Quantity], ...] = ()
+    defaults: tuple[float | None, ...] = ()
     most: int = 0
+
+    @property
+    def needed(self) -> list[str]:
+        """Columns that a point has to have."""
+        return [key for (key, _), default in zip(self.columns, self.defaults, strict=True) if default is None]
 
     def read(self, given: object) -> tuple[tuple[float, ...], ...]:  # type: ignore[override]
         """Convert and check all of them."""
@@ -138,19 +165,26 @@ class _Points(Quantity):
         return rows
 
     def _row(self, table: dict[str, Any], number: int, example: str) -> tuple[float, ...]:
-        keys = [key for key, _ in self.columns]
-        if set(table) != set(keys):
-            raise WrongValueError(f"point {number} = {table!r}", rule=f"a point is {example}")
-        return tuple(_read(mark, table[key], f"{key} of point {number}") for key, mark in self.columns)
+        if not set(self.needed) <= set(table) <= {key for key, _ in self.columns}:
+            rest = f"; only {' and '.join(self.needed)} needed" if len(self.needed) < len(self.columns) else ""
+            raise WrongValueError(f"point {number} = {table!r}", rule=f"a point is {example}{rest}")
+        return tuple(
+            default if default is not None and key not in table else _read(mark, table[key], f"{key} of point {number}")
+            for (key, mark), default in zip(self.columns, self.defaults, strict=True)
+        )
 
     def show(self, value: Sequence[Sequence[float]]) -> list[dict[str, str | float]]:  # type: ignore[override]
         """Write them as users would."""
-        return [{key: mark.show(one) for (key, mark), one in zip(self.columns, row, strict=True)} for row in value]
+        columns = list(zip(self.columns, self.defaults, strict=True))
+        return [
+            {key: mark.show(one) for ((key, mark), default), one in zip(columns, row, strict=True) if one != default}
+            for row in value
+        ]
 
     def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
         """Describe the list."""
         columns = {key: mark.__get_pydantic_json_schema__(schema, handler) for key, mark in self.columns}
-        point = {"type": "object", "properties": columns, "required": list(columns), "additionalProperties": False}
+        point = {"type": "object", "properties": columns, "required": self.needed, "additionalProperties": False}
         return {"type": "array", "items": point, "minItems": 2, "maxItems": self.most}
 
 
@@ -240,11 +274,11 @@ class Component(Described):
     @model_validator(mode="after")
     def _one_size(self) -> Component:
         numbers = {k: getattr(self, field) for k, field in self.fields.items() if field in self.model_fields_set}
-        choices = self._choices()
+        beside = self._choices() | self._points()
         for parameter in self.entry["parameters"]:
             keys = flow_keys(self.entry, parameter["key"])
             given = [numbers.get(key) for key in keys]
-            needed, is_given = is_needed(parameter, numbers | choices), any(one is not None for one in given)
+            needed, is_given = is_needed(parameter, numbers | beside), any(one is not None for one in given)
             if len(keys) > 1 and (needed or is_given):
                 valve_flow.size_given(given, keys, "")
             elif needed and not is_given:
@@ -268,6 +302,10 @@ class Component(Described):
 
     def _choices(self) -> dict[str, str]:
         return {choice["name"]: getattr(self, choice["name"]) for choice in self.entry["choices"]}
+
+    def _points(self) -> dict[str, Any]:
+        key = self.entry["points"]["key"] if self.entry["points"] else None
+        return {} if key is None else {key: getattr(self, key)}
 
     def _acting(self) -> Iterator[tuple[Mapping[str, Any], bool]]:
         """Give each parameter of the tables that are there, and whether it has any effect."""
@@ -308,7 +346,7 @@ class Component(Described):
         """Return the SI form of the component that the core takes."""
         friction = getattr(self, "friction", None)
         formula = getattr(self, "formula", None)
-        points = getattr(self, "points", None) if self.entry["points"] else None
+        points = next(iter(self._points().values()), None)
         return {
             "kind": self.kind,
             "numbers": self.numbers(ambient_pa),
@@ -439,9 +477,11 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     if entry["points"]:
         columns = entry["points"]["columns"]
         point = ", ".join(f"{column['key']} = ..." for column in columns)
-        meaning = "; ".join(f"{column['meaning']}, {parameter_quantity(column).written}" for column in columns)
+        each = ((column, parameter_quantity(column).written) for column in columns)
+        meaning = "; ".join(f"{column['meaning']}{f', {unit}' if unit else ''}" for column, unit in each)
         meaning += f": 2 to {entry['points']['most']} points, {columns[0]['key']} rising"
-        out.append(("points", f"[{{ {point} }}, ...]", "needed", meaning))
+        needed = "" if entry["points"]["optional"] else "needed"
+        out.append((entry["points"]["key"], f"[{{ {point} }}, ...]", needed, meaning))
     if entry["friction"]:
         needed = "needed" if entry["friction"] == "needed" else "none"
         out.append(("friction", "a table", needed, "As [friction] of a drive file"))
@@ -458,7 +498,10 @@ def _unless(parameter: Mapping[str, Any]) -> str:
 
 def _mark(parameter: Mapping[str, Any]) -> Quantity | StatedPressure:
     """Return how a parameter is written."""
-    return StatedPressure() if parameter["unit"] == STATED else parameter_quantity(parameter)
+    if parameter["unit"] == STATED:
+        return StatedPressure()
+    mark = parameter_quantity(parameter)
+    return mark if mark.si_unit else _Number("", bounds=mark.bounds)
 
 
 def _last(key: str) -> str:
@@ -507,10 +550,15 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
         fields["formula"] = (ComponentFormula, ...)
     if entry["points"]:
         columns = tuple((column["key"], parameter_quantity(column)) for column in entry["points"]["columns"])
-        mark = _Points("", columns=columns, most=entry["points"]["most"])
-        x, y = (column[0] for column in mark.columns)
-        meaning = f"{y[0].upper()}{y[1:]} over the {x}"
-        fields["points"] = (Annotated[tuple[tuple[float, ...], ...], mark], Field(description=meaning))
+        defaults = tuple(column["default"] for column in entry["points"]["columns"])
+        mark = _Points("", columns=columns, defaults=defaults, most=entry["points"]["most"])
+        what = columns[1][0] if len(columns) == 2 else "flow"
+        meaning = f"{what[0].upper()}{what[1:]} over the {columns[0][0]}"
+        rows_of, key = tuple[tuple[float, ...], ...], entry["points"]["key"]
+        if entry["points"]["optional"]:
+            fields[key] = (Annotated[rows_of | None, mark], Field(default=None, description=meaning))
+        else:
+            fields[key] = (Annotated[rows_of, mark], Field(description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):
         meaning = "Range of the electrical input where commands are given in V or mA"
         fields[COMMAND] = (Annotated[Signal | None, SignalRange("")], Field(default=None, description=meaning))

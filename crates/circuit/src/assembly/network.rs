@@ -113,7 +113,10 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
             let mut each = table.choices.iter().zip(&choices);
             each.any(|(choice, place)| choice.name == of && choice.options[*place] == option)
         }
-        None => spec.numbers.contains_key(unless),
+        None => {
+            let is_given = spec.points.is_some() && table.extra.key() == Some(unless);
+            is_given || spec.numbers.contains_key(unless)
+        }
     };
     let number = |parameter: &Row| {
         if left_out(parameter.within) {

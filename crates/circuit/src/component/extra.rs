@@ -14,11 +14,30 @@ pub enum Extra {
     Nothing,
     /// A formula, which gives this and has parameters of its own.
     Formula(&'static Role),
-    /// Points: numbers in columns, of which those of the first rise.
-    Points(&'static [Parameter]),
+    /// A table of points.
+    Points(Points),
+}
+
+/// Points: numbers in columns, of which those of the first rise. What has a default may be left out of a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Points {
+    pub key: &'static str,
+    pub columns: &'static [Parameter],
+    /// A component does without where they are not given, else it has to have them.
+    pub optional: bool,
 }
 
 impl Extra {
+    /// Points that a component has to have.
+    pub const fn points(columns: &'static [Parameter]) -> Self {
+        Extra::Points(Points { key: "points", columns, optional: false })
+    }
+
+    /// The key of points.
+    pub fn key(&self) -> Option<&'static str> {
+        if let Extra::Points(points) = self { Some(points.key) } else { None }
+    }
+
     /// How many points there may be: each costs time at every evaluation.
     pub const MOST_POINTS: usize = 50;
 }
@@ -42,12 +61,13 @@ impl Given<f64> {
                 Ok(written) => Ok(Given::Formula(written)),
                 Err(refusal) => refuse(format!(".formula.{refusal}")),
             },
-            (Extra::Points(columns), None, Some(points)) => match examined(columns, points) {
+            (Extra::Points(own), None, Some(points)) => match examined(own.columns, points) {
                 Ok(()) => Ok(Given::Points(points.clone())),
-                Err(what) => refuse(format!(".points{what}")),
+                Err(what) => refuse(format!(".{}{what}", own.key)),
             },
+            (Extra::Points(own), None, None) if own.optional => Ok(Given::Nothing),
             (Extra::Formula(_), None, _) => refuse(".formula is missing".into()),
-            (Extra::Points(_), _, None) => refuse(".points is missing".into()),
+            (Extra::Points(own), _, None) => refuse(format!(".{} is missing", own.key)),
             (_, Some(_), None) => refuse(format!(": a {} takes no formula", base.key)),
             (_, _, Some(_)) => refuse(format!(": a {} takes no points", base.key)),
         }

@@ -26,7 +26,7 @@ impl Component for Table {
                it: give it as a force/position.",
         sources: &["fritsch1984"],
         symbol: CURVE,
-        extra: Extra::Points(&[
+        extra: Extra::points(&[
             POSITION,
             Parameter {
                 key: "mass",

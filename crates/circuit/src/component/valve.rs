@@ -3,15 +3,17 @@ use super::boxes::{
     THREE_BOXES, VENTS,
 };
 use super::{
-    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals,
-    exhaust, gas, table,
+    Acts, Build, Choice, Component, Extra, Instance, Kind, LINEAR_ABOVE, Points, Row, SUBSONIC_INDEX, Stroke,
+    Symbol, Terminals, exhaust, gas, table,
 };
 use crate::assembly::{Quantity, Timing};
 use crate::circuit::{GasId, Path};
-use crate::part::{Edge, Held, Spool};
+use crate::part::{Edge, Held, Spool, TableEdge};
+use crate::run::Error;
 use math::Lane;
-use physics::Bounds;
+use physics::curve::Curve;
 use physics::flow::Iso6358;
+use physics::{Bounds, Parameter};
 use std::f64::consts::PI;
 
 /// A 5/3 proportional valve.
@@ -92,6 +94,92 @@ fn edge<P: Lane>(
     })
 }
 
+/// The conductance of an edge at an opening, zero where a point does not say it.
+const fn flow(key: &'static str, meaning: &'static str) -> Parameter {
+    Parameter { key, unit: "m3/(s Pa)", bounds: physics::at_least(0.0), default: Some(0.0), meaning }
+}
+
+/// Its critical pressure ratio there.
+const fn ratio(key: &'static str, meaning: &'static str) -> Parameter {
+    let bounds = Bounds { open_above: true, ..physics::within(0.0, 1.0) };
+    Parameter { key, unit: "1", bounds, default: Some(0.0), meaning }
+}
+
+const OPENING: Parameter = Parameter {
+    key: "opening",
+    unit: "1",
+    bounds: physics::within(-1.0, 1.0),
+    default: None,
+    meaning: "Position of the spool",
+};
+
+const FLOW_TABLE: &str = "flow_table";
+
+const fn flow_table(columns: &'static [Parameter]) -> Extra {
+    Extra::Points(Points { key: FLOW_TABLE, columns, optional: true })
+}
+
+const FLOW_SHAPE: Choice = Choice {
+    name: "flow_shape",
+    options: &["smooth", "straight"],
+    meaning: "A smooth curve without overshoot through the points of the flow table, or straight lines between them",
+};
+
+/// An edge by its columns of the flow table; none where it never opens.
+fn table_edge<P: Lane>(
+    own: &Instance<P>,
+    (column, usual_ratio): (usize, P),
+    signal: usize,
+    (from, to): (GasId, GasId),
+    build: &mut Build<P>,
+) -> Option<Path> {
+    let points = own.points();
+    let largest = points.iter().fold(P::zero(), |most, point| most.max(point[column]));
+    if largest.get(0) == 0.0 {
+        return None;
+    }
+    let curve = |value: &dyn Fn(&[P]) -> P| {
+        let points: Vec<_> = points.iter().map(|point| [point[0], value(point)]).collect();
+        if own.chosen("flow_shape") == Some("smooth") {
+            Curve::smooth(&points)
+        } else {
+            Curve::straight(&points)
+        }
+    };
+    let ratio = |point: &[P]| {
+        let ratio = point[column + 1];
+        if ratio.get(0) == 0.0 { usual_ratio } else { ratio }
+    };
+    let part = TableEdge {
+        law: own.path_of(largest, build),
+        share: curve(&|point| point[column] / largest),
+        ratio: curve(&ratio),
+        signal,
+        path: build.circuit.between(from, to),
+    };
+    Some(Path::along(build.flow_part(part, &[largest]), 0))
+}
+
+/// What a flow table takes the place of, and what it has to have.
+fn check_table(own: &Instance<f64>) -> Result<(), Error> {
+    let (points, name) = (own.points(), &own.name);
+    if points.is_empty() {
+        return Ok(());
+    }
+    let refuse = |what: String| Err(Error::Specification(what));
+    let sized = ["conductance", "exhaust_conductance"]
+        .into_iter()
+        .filter(|key| own.kind().parameters.iter().any(|row| row.key == *key));
+    let shaped = ["overlap", "leakage"].into_iter().filter(|key| own.number(key) != 0.0);
+    if let Some(key) = sized.filter(|key| own.given(key).is_some()).chain(shaped).next() {
+        return refuse(format!("{name}.{key} is given, and {name}.{FLOW_TABLE} says it: keep one of them"));
+    }
+    if points.iter().all(|point| point[1..].iter().step_by(2).all(|size| *size == 0.0)) {
+        return refuse(format!("{name}.{FLOW_TABLE} opens no edge: give a conductance at an opening"));
+    }
+    Ok(())
+}
+
 const INPUTS: &[super::Variable] = &[("command", "1", "valve command")];
 
 impl Component for Proportional53 {
@@ -99,12 +187,25 @@ impl Component for Proportional53 {
         key: "valve/proportional-5/3",
         title: "5/3 proportional valve, closed centre",
         text: "Four edges that the spool opens by the share |x| of their conductance: x > 0 opens 1 to 4 and 2 to 3, x < 0 \
-               opens 1 to 2 and 4 to 5. The spool follows the command at once, or as a system of second order with bounded \
-               speed behind a dead time and a play.",
-        sources: &["iso6358-2013"],
+               opens 1 to 2 and 4 to 5. Or a flow table gives the conductance of each edge over the opening. The spool follows \
+               the command at once, or as a system of second order with bounded speed behind a dead time and a play.",
+        sources: &["iso6358-2013", "fritsch1984"],
+        extra: flow_table(&[
+            OPENING,
+            flow("supply_4", "Conductance from port 1 to port 4"),
+            ratio("supply_4_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
+            flow("exhaust_4", "Conductance from port 4 to port 5"),
+            ratio("exhaust_4_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
+            flow("supply_2", "Conductance from port 1 to port 2"),
+            ratio("supply_2_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
+            flow("exhaust_2", "Conductance from port 2 to port 3"),
+            ratio("exhaust_2_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
+        ]),
+        choices: &[FLOW_SHAPE],
         ports: &[gas("1"), gas("4"), gas("2"), exhaust("5"), exhaust("3")],
         parameters: table! {
-            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of each edge at full opening, for air";
+            conductance: "m3/(s Pa)", physics::above(0.0), unless "flow_table",
+                "Sonic conductance C of each edge at full opening, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;
@@ -122,25 +223,33 @@ impl Component for Proportional53 {
         ..Kind::PLAIN
     };
 
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        check_table(own)
+    }
+
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
-        let law = own.path("conductance", build);
         let each = [0, 1, 2, 3, 4].map(|port| at.gas(port));
         let [Some(supply), Some(a), Some(b), Some(out_a), Some(out_b)] = each else { return };
         let ends = [(supply, a), (a, out_a), (supply, b), (b, out_b)];
-        let paths = if is_dynamic(own) {
+        let paths = if !own.points().is_empty() {
+            let (signal, ratio) = (spool(own, build), own.number("critical_pressure_ratio"));
+            [0, 1, 2, 3].map(|i| table_edge(own, (1 + 2 * i, ratio), signal, ends[i], build))
+        } else if is_dynamic(own) {
+            let law = own.path("conductance", build);
             let signal = spool(own, build);
             let directions = [1.0, -1.0, -1.0, 1.0];
-            [0, 1, 2, 3].map(|i| edge(own, (&law, signal, directions[i]), ends[i], build))
+            [0, 1, 2, 3].map(|i| Some(edge(own, (&law, signal, directions[i]), ends[i], build)))
         } else {
+            let law = own.path("conductance", build);
             let edges = ends.map(|(from, to)| build.edge(law.clone(), from, to));
             build.input(own, 0, Acts::Command(edges));
             build.column(own, 0, Quantity::Command(edges));
             build.column(own, 1, Quantity::Command(edges));
-            edges.map(Path::of)
+            edges.map(|edge| Some(Path::of(edge)))
         };
         let [to_a, from_a, to_b, from_b] = paths;
-        build.column(own, 2, Quantity::Flow([Some(to_a), Some(from_a.backward())]));
-        build.column(own, 3, Quantity::Flow([Some(to_b), Some(from_b.backward())]));
+        build.column(own, 2, Quantity::Flow([to_a, from_a.map(Path::backward)]));
+        build.column(own, 3, Quantity::Flow([to_b, from_b.map(Path::backward)]));
     }
 }
 
@@ -152,13 +261,23 @@ impl Component for Proportional32 {
         key: "valve/proportional-3/2",
         title: "3/2 proportional valve, closed centre",
         text: "Two edges that the spool opens by the share |x| of their conductance: x > 0 opens 1 to 2, x < 0 opens 2 to 3. \
-               The spool follows the command at once, or as a system of second order with bounded speed behind a dead time \
-               and a play.",
-        sources: &["iso6358-2013"],
+               Or a flow table gives the conductance of both over the opening. The spool follows the command at once, or as a \
+               system of second order with bounded speed behind a dead time and a play.",
+        sources: &["iso6358-2013", "fritsch1984"],
+        extra: flow_table(&[
+            OPENING,
+            flow("supply", "Conductance from port 1 to port 2"),
+            ratio("supply_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
+            flow("exhaust", "Conductance from port 2 to port 3"),
+            ratio("exhaust_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
+        ]),
+        choices: &[FLOW_SHAPE],
         ports: &[gas("1"), gas("2"), exhaust("3")],
         parameters: table! {
-            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C from port 1 to port 2 at full opening, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b from port 1 to port 2";
+            conductance: "m3/(s Pa)", physics::above(0.0), unless "flow_table",
+                "Sonic conductance C from port 1 to port 2 at full opening, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a spool valve",
+                "Critical pressure ratio b from port 1 to port 2";
             exhaust_conductance: "m3/(s Pa)", physics::above(0.0), follows "the conductance from port 1 to port 2",
                 "Sonic conductance C from port 2 to port 3 at full opening, for air";
             exhaust_critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "the ratio from port 1 to port 2",
@@ -178,13 +297,24 @@ impl Component for Proportional32 {
         ..Kind::PLAIN
     };
 
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        check_table(own)
+    }
+
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(supply), Some(work), Some(out)) = (at.gas(0), at.gas(1), at.gas(2)) else { return };
-        let (law, vent) = (own.path("conductance", build), own.exhaust_path(build));
         let signal = spool(own, build);
-        let to = edge(own, (&law, signal, 1.0), (supply, work), build);
-        let from = edge(own, (&vent, signal, -1.0), (work, out), build);
-        build.column(own, 2, Quantity::Flow([Some(to), Some(from.backward())]));
+        let [to, from] = if own.points().is_empty() {
+            let (law, vent) = (own.path("conductance", build), own.exhaust_path(build));
+            let to = edge(own, (&law, signal, 1.0), (supply, work), build);
+            [to, edge(own, (&vent, signal, -1.0), (work, out), build)].map(Some)
+        } else {
+            let usual = own.number("critical_pressure_ratio");
+            let vent = own.given("exhaust_critical_pressure_ratio").unwrap_or(usual);
+            let to = table_edge(own, (1, usual), signal, (supply, work), build);
+            [to, table_edge(own, (3, vent), signal, (work, out), build)]
+        };
+        build.column(own, 2, Quantity::Flow([to, from.map(Path::backward)]));
     }
 }
 

@@ -57,6 +57,16 @@ pub fn choked_factor<P: Real>(k: P) -> P {
     k.sqrt() * (two / (k + one)).pow((k + one) / (two * (k - one)))
 }
 
+/// 1/(1 - b), the bracket of the subsonic law at `linear_above`, and the slope of the linear part.
+#[inline(always)]
+fn shape<S: Real>(b: S, m: S, linear_above: S, elliptic: bool) -> [S; 3] {
+    let inverse_span = S::one() / (S::one() - b);
+    let q = (linear_above - b) * inverse_span;
+    let bracket_at_linear = S::one() - q * q;
+    let phi = if elliptic { bracket_at_linear.sqrt() } else { bracket_at_linear.pow(m) };
+    [inverse_span, bracket_at_linear, phi / (S::one() - linear_above)]
+}
+
 impl<P: Real> Iso6358<P> {
     /// The law for a component of sonic conductance `c`, measured with air, through which `gas` flows.
     pub fn for_gas(
@@ -68,10 +78,7 @@ impl<P: Real> Iso6358<P> {
         gas: &IdealGas<P>,
         is_air: bool,
     ) -> Self {
-        let inverse_span = P::one() / (P::one() - b);
-        let q = (linear_above - b) * inverse_span;
-        let bracket_at_linear = P::one() - q * q;
-        let phi = if elliptic { bracket_at_linear.sqrt() } else { bracket_at_linear.pow(m) };
+        let [inverse_span, bracket_at_linear, linear_slope] = shape(b, m, linear_above, elliptic);
         let (density, c_gas) = if is_air {
             (P::c(RHO_0), c)
         } else {
@@ -89,8 +96,26 @@ impl<P: Real> Iso6358<P> {
             gain: c_gas * density * P::c(T_0).sqrt(),
             inverse_span,
             bracket_at_linear,
-            linear_slope: phi / (P::one() - linear_above),
+            linear_slope,
             elliptic,
+        }
+    }
+
+    /// The same law with another critical pressure ratio.
+    #[inline(always)]
+    pub fn with_ratio<S: Over<P>>(&self, b: S) -> Iso6358<S> {
+        let (m, linear_above) = (S::from(self.subsonic_index), S::from(self.linear_above));
+        let [inverse_span, bracket_at_linear, linear_slope] = shape(b, m, linear_above, self.elliptic);
+        Iso6358 {
+            conductance: S::from(self.conductance),
+            critical_pressure_ratio: b,
+            subsonic_index: m,
+            linear_above,
+            gain: S::from(self.gain),
+            inverse_span,
+            bracket_at_linear,
+            linear_slope,
+            elliptic: self.elliptic,
         }
     }
 

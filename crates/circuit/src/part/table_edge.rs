@@ -1,0 +1,35 @@
+use super::Part;
+use super::path::{Between, gathered};
+use crate::net::Net;
+use math::{Over, Real};
+use physics::curve::Curve;
+use physics::flow::Iso6358;
+use std::slice;
+
+gathered! {
+    /// An edge of a valve whose conductance and critical pressure ratio are given over the position x of the spool:
+    ///
+    ///   C = C_max s(x),   b = b(x)
+    ///
+    /// C_max  largest conductance that is given, that of the law   m3/(s Pa)
+    /// s      share of it, a curve through points                  -
+    /// b      critical pressure ratio, a curve through points      -
+    pub struct TableEdge {
+        numbers {}
+        laws { law: Iso6358, share: Curve, ratio: Curve }
+        same { signal: usize, path: Between }
+    }
+}
+
+impl<P: Real> Part<P> for TableEdge<P> {
+    fn paths(&self) -> &[Between] {
+        slice::from_ref(&self.path)
+    }
+
+    fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
+        let (one, two) = (&net[self.path.from], &net[self.path.to]);
+        let x = net.signal[self.signal];
+        let law = self.law.with_ratio(self.ratio.value(x));
+        law.mass_flow(self.share.value(x), one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+    }
+}
