@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import pickle
 import re
 from pathlib import Path
@@ -465,3 +466,22 @@ def test_default_end_stops_are_told_with_what_they_follow_from():
     assert k == pytest.approx((mass * speed**2 + 2.0 * force * 1e-3 * depth) / (1e-3 * depth) ** 2, rel=0.02)
     beyond = float(re.search(f"holds the piston {number} mm beyond", said)[1])
     assert beyond == pytest.approx(1e3 * force / k, rel=0.05)
+
+
+def test_what_is_assumed_of_end_stops_follows_from_the_start():
+    tables = {
+        "components": {
+            "left": {"kind": "cylinder/rodless", "bore": "32 mm", "stroke": "200 mm", "moving_mass": "1 kg"}
+            | {"dead_volume": {"a": "10 cm3", "b": "10 cm3"}, "friction": {"law": "coulomb", "coulomb": "20 N"}}
+        },
+        "plugged": ["left.a", "left.b"],
+    }
+
+    def force(pressure: str) -> float:
+        given = pn.Circuit.model_validate(tables | {"initial": {"left.a": pressure}})
+        (line,) = (line for line in given.assumed() if line.startswith("left.end_stop_stiffness"))
+        return float(line.partition("driven by ")[2].split(" N")[0])
+
+    area = 0.25 * math.pi * 0.032**2
+    assert force("8 bar abs") - force("1 bar abs") == pytest.approx((8e5 - 101325.0) * area, rel=0.01)
+    assert force("1 bar abs") == force("0.5 bar abs")

@@ -6,6 +6,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.describe.schema import circuit_schema
+from pneudrive.errors import DescriptionError
 
 FILE = """
 junctions = "series"
@@ -40,11 +41,11 @@ def test_restrictions_in_a_row_are_merged_on_request():
 
 
 def test_a_joint_that_is_merged_away_has_no_start():
-    with pytest.raises(pn.errors.DescriptionError, match=r"initial\.inlet\.2|inlet\.2 is no start value"):
+    with pytest.raises(DescriptionError, match=r"initial\.inlet\.2|inlet\.2 is no start value"):
         pn.Circuit.load(FILE.replace("[initial]", '[initial]\ninlet.2 = "2 bar abs"'))
 
 
 def test_other_words_are_refused():
-    with pytest.raises(pn.errors.DescriptionError, match="junctions"):
+    with pytest.raises(DescriptionError, match="junctions"):
         pn.Circuit.load(FILE.replace('"series"', '"merged"'))
     assert circuit_schema()["properties"]["junctions"]["enum"] == ["volume", "series"]

@@ -6,6 +6,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.describe.schema import circuit_schema
+from pneudrive.errors import DescriptionError
 
 TABLES = """
 connections = ["mass.1 -> press", "mass.1 -> flap", "mass.1 -> lock"]
@@ -63,7 +64,7 @@ def test_a_lock_starts_as_its_first_command_has_it():
 )
 def test_wrong_points_are_told(points, said):
     text = TABLES.replace('[{ position = "0 mm", force = "10 N" }, { position = "0.1 m", force = "30 N" }]', points)
-    with pytest.raises(pn.errors.DescriptionError, match=said):
+    with pytest.raises(DescriptionError, match=said):
         pn.Circuit.load(text)
 
 

@@ -249,6 +249,25 @@ impl<R: Lane> Circuit<R> {
         usual || self.parts.other_cylinders.iter().any(|(_, cylinder)| cylinder.met)
     }
 
+    fn end_stops_mut(&mut self) -> impl Iterator<Item = &mut EndStops<R>> {
+        let usual = self.parts.cylinders.iter_mut().map(|(_, cylinder)| &mut cylinder.stops);
+        let others = self.parts.other_cylinders.iter_mut().map(|(_, cylinder)| &mut cylinder.stops);
+        usual.chain(others).chain(self.parts.end_stops.iter_mut().map(|(_, stops)| stops))
+    }
+
+    /// Lays end stops that follow from the drive out for the highest pressure of a start, Pa absolute.
+    pub(crate) fn lay_out_stops(&mut self, start: R) {
+        self.end_stops_mut().for_each(|stops| stops.lay_out(start));
+    }
+
+    /// What they are laid out for, if there are any, Pa absolute.
+    pub(crate) fn stops_laid_out_for(&self) -> Option<R> {
+        let usual = self.parts.cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
+        let others = self.parts.other_cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
+        let mut each = usual.chain(others).chain(self.parts.end_stops.iter().map(|(_, stops)| stops));
+        each.find_map(|stops| stops.follows.as_ref()).map(|follows| follows.start)
+    }
+
     /// The modes of all events, each as `each` leaves it.
     pub fn change_modes(&mut self, mut each: impl FnMut(&mut R)) {
         for &id in &self.topology.events {

@@ -63,6 +63,7 @@ pub use cylinder::{Cylinder, OtherCylinder};
 pub use damper::Meets;
 pub use edge::Edge;
 pub use ejector::Ejector;
+pub(crate) use end_stops::Follows;
 pub use end_stops::{Covers, EndStops};
 pub use face::Face;
 pub use foreign::{Family, Foreign, Member};

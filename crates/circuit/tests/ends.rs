@@ -435,3 +435,72 @@ fn accounts_have_the_names_of_components() {
         assert_eq!(accounts.iter().filter(|(own, ..)| own == name).count(), 1, "{name} in {accounts:?}");
     }
 }
+
+#[test]
+fn an_end_stop_is_laid_out_for_the_pressure_of_the_start() {
+    // Shut, in the air: there is no supply.
+    let shut = |cushioned: bool| {
+        let mut numbers = json!({ "bore": 0.032, "rod_diameter": 0.006, "stroke": 0.2, "dead_volume_a": 3e-5,
+                                  "dead_volume_b": 3e-5, "moving_mass": 0.2 });
+        let cushion = json!({ "cushion_b_length": 0.012, "cushion_b_plunger_diameter": 8e-3,
+                              "cushion_b_needle_conductance": 5e-10, "cushion_b_port_volume": 1e-6 });
+        if cushioned {
+            let own = numbers.as_object_mut().expect("numbers");
+            own.extend(cushion.as_object().expect("numbers").clone());
+        }
+        let own = json!({ "name": "own", "kind": "cylinder/through-rod", "friction": friction(), "numbers": numbers });
+        network(&json!([own]), &json!([["own.a"], ["own.b"]])).expect("assembles")
+    };
+    let from = |network: &circuit::Network, a: f64, b: f64| -> std::collections::BTreeMap<String, f64> {
+        let value = |name: &str| match name {
+            "own.position_m" => 0.06,
+            "own.velocity_m_s" => 0.0,
+            "own.a.pressure_pa" => a,
+            name if name.ends_with("pressure_pa") => b,
+            _ => ROOM,
+        };
+        network.start_names().into_iter().map(|name| (name.to_string(), value(name))).collect()
+    };
+    let area = 0.25 * std::f64::consts::PI * (0.032 * 0.032 - 0.006 * 0.006);
+    for cushioned in [false, true] {
+        let network = shut(cushioned);
+        let stops = |start: f64| {
+            network.end_stops(start).map(|(_, stop, taken)| (stop, taken)).next().expect("stops")
+        };
+        let ((plain, taken), (stop, more)) = (stops(101_300.0), stops(8e5));
+        let (force, depth) = ((8e5 - 101_300.0) * area, taken.depth);
+        let rise = 2.0 * force * (0.2 + depth) / (depth * depth);
+        assert!(((stop.stiffness - plain.stiffness) / rise - 1.0).abs() < 1e-9, "{} {rise}", stop.stiffness);
+        // What it takes up is what it is said to: k d^2/2 = M v^2/2 + F d.
+        let taken_up = 0.5 * more.mass * more.speed * more.speed + more.force * depth;
+        assert!((0.5 * stop.stiffness * depth * depth / taken_up - 1.0).abs() < 1e-9);
+        let ratio = |stop: &physics::mechanics::EndStop<f64>| stop.damping * stop.damping / stop.stiffness;
+        assert!((ratio(&stop) / ratio(&plain) - 1.0).abs() < 1e-9);
+        // Below the pressure around nothing changes, bit for bit.
+        assert_eq!(stops(9e4).0.stiffness.to_bits(), plain.stiffness.to_bits());
+
+        for (a, b) in [(8e5, 3e4), (2e6, 1e5), (6.5e5, 3.5e4)] {
+            let start = from(&network, a, b);
+            let run = network.simulate(&[], (0.2, 1e4), &start, ode::Options::default(), &mut |_| false);
+            let impact = run.expect("holds").impacts[0];
+            assert!(
+                impact.at_b && impact.depth < depth && !impact.through,
+                "{cushioned}, {a}: {}",
+                impact.depth
+            );
+        }
+        // A session that is put back has the stops of its start, not of that of the session that takes it up.
+        let options = ode::Options::default;
+        let mut high = network.session(&from(&network, 8e5, 3e4), options()).expect("starts");
+        let mut low = network.session(&from(&network, 9e4, 9e4), options()).expect("starts");
+        let go = |session: &mut circuit::Session, until: f64| {
+            session.go_on(until, &mut circuit::Look::new(&mut |_| false)).expect("goes on");
+        };
+        go(&mut high, 5e-3);
+        low.restore(&high.save().expect("saved")).expect("restored");
+        for session in [&mut high, &mut low] {
+            go(session, 0.1);
+        }
+        assert_eq!(high.state(), low.state());
+    }
+}

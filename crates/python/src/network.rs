@@ -72,10 +72,10 @@ impl PyCircuit {
     }
 
     /// Of each cylinder stiffness N/m, damping N s/m and damping depth m of its end stops, as given or as they follow from
-    /// the circuit; and what the latter take up: mass kg, speed m/s and force N, within a depth m.
-    #[getter]
-    fn end_stops(&self) -> BTreeMap<&str, ([f64; 3], [f64; 4])> {
-        let each = self.network.end_stops();
+    /// the circuit and the highest pressure of a start, Pa absolute; and what the latter take up: mass kg, speed m/s and
+    /// force N, within a depth m.
+    fn end_stops(&self, start: f64) -> BTreeMap<&str, ([f64; 3], [f64; 4])> {
+        let each = self.network.end_stops(start);
         each.map(|(name, stop, taken)| {
             let stop = [stop.stiffness, stop.damping, stop.damping_depth];
             (name, (stop, [taken.mass, taken.speed, taken.force, taken.depth]))

@@ -20,7 +20,7 @@ from pneudrive.describe.formula import read_formula_file
 from pneudrive.describe.law import read_law_file
 from pneudrive.describe.parts import Ambient, Gas
 from pneudrive.describe.short import TABLES, Short, expanded
-from pneudrive.describe.starts import Starts
+from pneudrive.describe.starts import PRESSURE, Starts
 from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.references import entries as references
 from pneudrive.show import Card
@@ -344,7 +344,9 @@ class Circuit(Described):
     def assumptions(self) -> list[tuple[str, str]]:
         """Return what was assumed, with ``{}`` in place of the component or joint that it is of, and its name."""
         out: list[tuple[str, str]] = []
-        stops = compiled(self.core_json()).end_stops
+        starts, settled = self._starts()
+        highest = max((value for name, value in starts.items() if name.endswith(PRESSURE)), default=0.0)
+        stops = compiled(self.core_json()).end_stops(highest)
         for name, one in self.components.items():
             lines = list(one.assumed())
             if name in stops:
@@ -355,7 +357,7 @@ class Circuit(Described):
         for name, volume in self.joint_volumes:
             line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from what is joined there, and no heat exchange"
             out.append((line, name))
-        return out + [(escaped(line), "") for line in self._starts()[1]]
+        return out + [(escaped(line), "") for line in settled]
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:

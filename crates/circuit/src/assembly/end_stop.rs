@@ -3,7 +3,7 @@
 
 use crate::circuit::PistonSide;
 use crate::impacts::Impact;
-use crate::part::Covers;
+use crate::part::{Covers, Follows};
 use math::Lane;
 use physics::IdealGas;
 use physics::constants::{P_0, STANDARD_GRAVITY, T_0};
@@ -42,6 +42,19 @@ pub(crate) struct Ends<P> {
     /// Stiffness that keeps any piston of the drive off the covers, N/m.
     pub enough: P,
     pub taken: Taken<P>,
+    /// How a stop that the description leaves open grows with the pressure of a start.
+    pub follows: Option<Follows<P>>,
+}
+
+impl Ends<f64> {
+    /// The stop of a run that starts with a highest pressure, Pa absolute, and what it takes up on `area` m2 over `stroke` m.
+    pub fn from(&self, start: f64, area: f64, stroke: f64) -> (EndStop<f64>, Taken<f64>) {
+        let Some(follows) = &self.follows else { return (self.stop.clone(), self.taken) };
+        let Taken { mass, speed, force, depth } = self.taken;
+        let more = (start - follows.supply).max(0.0) * area;
+        let speed = (speed * speed + 2.0 * more * stroke / mass).sqrt();
+        (follows.law(start), Taken { mass, speed, force: force + more, depth })
+    }
 }
 
 /// What a stop that follows from the drive takes up.
@@ -89,6 +102,9 @@ pub(crate) struct Driven<'a, P> {
 /// exhaust lets the piston go, C p_0 sqrt(R T/(R_0 T_0))/A with p_0, R_0 and T_0 of air at standard conditions; but not
 /// less than 1 m/s.
 ///
+/// A start of more pressure than the supply has, by p Pa, makes it stiffer by 2 p A (L + d)/d^2, A the larger area: the
+/// work of the excess over stroke and depth. Its damping ratio stays.
+///
 /// A stop that is given softer than keeps such a piston within 0.8 of the dead length has the covers behind it: from
 /// there on a contact of the same form, with d a tenth of the dead length and v twice as large, but not less than
 /// 10 m/s.
@@ -124,7 +140,14 @@ pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
         let law = EndStop { stiffness, damping: damping(stiffness), damping_depth: c(DAMPING_SHARE) * depth };
         Covers::new(law, rooms.map(|room| c(COVER_BEGINS) * room), 1.0 - COVER_BEGINS)
     });
-    Ends { stop, covers, enough, taken: Taken { mass, speed, force, depth } }
+    let follows = driven.given[0].is_none().then(|| Follows {
+        law: stop.clone(),
+        damped: driven.given[1].is_none(),
+        supply: driven.supply_pressure,
+        rise: c(2.0) * large * (stroke + depth) / (depth * depth),
+        start: driven.supply_pressure,
+    });
+    Ends { stop, covers, enough, taken: Taken { mass, speed, force, depth }, follows }
 }
 
 /// A stop so soft that supply pressure pushes the piston through the dead volume before it.

@@ -735,9 +735,13 @@ impl Network {
         &self.joint_volumes
     }
 
-    /// Each cylinder's name, its end stops, as given or as they follow from the circuit, and what the latter take up.
-    pub fn end_stops(&self) -> impl Iterator<Item = (&str, &EndStop<f64>, &Taken<f64>)> {
-        self.pistons.iter().map(|piston| (&*piston.name, &piston.ends.stop, &piston.ends.taken))
+    /// Each cylinder's name, its end stops, as given or as they follow from the circuit and the highest pressure of a
+    /// start, Pa absolute, and what the latter take up.
+    pub fn end_stops(&self, start: f64) -> impl Iterator<Item = (&str, EndStop<f64>, Taken<f64>)> {
+        self.pistons.iter().map(move |Piston { name, ends, areas: [a, b], stroke, .. }| {
+            let (stop, taken) = ends.from(start, a.max(*b), *stroke);
+            (&**name, stop, taken)
+        })
     }
 
     /// Keys in references.bib of the laws and methods that this circuit uses.

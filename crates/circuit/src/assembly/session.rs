@@ -12,7 +12,7 @@ use ode::{NoOutput, Options, Output, Statistics, Stepper, System};
 use std::sync::Arc;
 
 /// Bytes of a session begin with this, and the version of their form.
-const MAGIC: &[u8; 8] = b"pnd-ses\x04";
+const MAGIC: &[u8; 8] = b"pnd-ses\x05";
 
 /// Directions of one pass of a linearisation.
 const DIRECTIONS: usize = 8;
@@ -333,6 +333,7 @@ impl Session {
         let Some(stepper) = self.stepper.save() else { return refuse("the session cannot go on") };
         let circuit = self.circuit();
         let mut words = vec![self.mark, self.schedule.len() as u64, u64::from(circuit.has_met())];
+        words.push(circuit.stops_laid_out_for().unwrap_or(0.0).to_bits());
         words.extend(circuit.inputs().iter().map(|(id, ..)| circuit.input(*id).to_bits()));
         circuit.clone().change_modes(|mode| words.push(mode.to_bits()));
         words.extend(stepper);
@@ -354,7 +355,7 @@ impl Session {
         let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
         let whole = rest.len().is_multiple_of(8)
             && words.last() == Some(&mark_of(bytes[..bytes.len() - 8].iter().copied()));
-        if !whole || words.len() < 4 {
+        if !whole || words.len() < 5 {
             return refuse("these bytes of a session are damaged");
         }
         if words[0] != self.mark {
@@ -365,7 +366,7 @@ impl Session {
         let mut n_modes = 0;
         self.circuit().clone().change_modes(|_| n_modes += 1);
         let ids = self.circuit().inputs();
-        let (values, rest) = words[3..words.len() - 1].split_at_checked(ids.len()).unwrap_or_default();
+        let (values, rest) = words[4..words.len() - 1].split_at_checked(ids.len()).unwrap_or_default();
         let (modes, rest) = rest.split_at_checked(n_modes).unwrap_or_default();
         let (stepper, entries) = rest.split_at_checked(self.stepper.words()).unwrap_or_default();
         let (entries, left) = entries.as_chunks::<3>();
@@ -384,6 +385,7 @@ impl Session {
         if words[2] != 0 {
             circuit.meet(0);
         }
+        circuit.lay_out_stops(number(&words[3]));
         for ((id, ..), value) in ids.into_iter().zip(values) {
             circuit.set_input(id, 0, number(value));
         }

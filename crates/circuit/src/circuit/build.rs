@@ -200,14 +200,23 @@ impl<R: Lane> Circuit<R> {
     }
 
     pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<R>, stroke: R) {
-        let part = EndStops { law, covers: None, stroke, axis: axis.0 };
+        let part = EndStops { law, covers: None, stroke, axis: axis.0, follows: None };
         self.parts.end_stops.push((Place::default(), part));
+    }
+
+    fn stops_of(&mut self, axis: AxisId) -> &mut EndStops<R> {
+        let stops = self.parts.end_stops.iter_mut().find(|(_, stops)| stops.axis == axis.0);
+        &mut stops.expect("an axis with end stops").1
+    }
+
+    /// What the end stops of a cylinder, which has them, follow from.
+    pub(crate) fn stops_follow(&mut self, axis: AxisId, follows: Follows<R>) {
+        self.stops_of(axis).follows = Some(Box::new(follows));
     }
 
     /// What lies behind the end stops of a cylinder, which has them.
     pub fn covers(&mut self, axis: AxisId, covers: Covers<R>) {
-        let stops = self.parts.end_stops.iter_mut().find(|(_, stops)| stops.axis == axis.0);
-        stops.expect("an axis with end stops").1.covers = Some(covers);
+        self.stops_of(axis).covers = Some(covers);
     }
 
     pub fn spring(&mut self, axis: AxisId, stiffness: R, rest_position: R) {
@@ -332,8 +341,13 @@ impl<R: Lane> Circuit<R> {
         self.begin(&Given { gas, axes, ages: &[], inner: &[], signals: &[] })
     }
 
-    /// The state as given; sets all modes to match.
+    /// The state as given; sets all modes to match, and lays end stops that follow from the drive out for it.
     pub fn begin(&mut self, given: &Given<R>) -> Vec<R> {
+        if let Some(start) =
+            given.gas.iter().map(|(_, pressure, _)| *pressure).reduce(|one, other| one.max(other))
+        {
+            self.lay_out_stops(start);
+        }
         let mut y = vec![R::zero(); self.scale.len()];
         let mut net = self.work::<R>();
         self.parts.begin(given, &mut y, &net, &self.common);

@@ -383,6 +383,9 @@ fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, wides
         given: ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"].map(|key| own.given(key)),
     });
     build.circuit.end_stops(axis, ends.stop.clone(), stroke);
+    if let Some(follows) = &ends.follows {
+        build.circuit.stops_follow(axis, follows.clone());
+    }
     if let Some(covers) = &ends.covers {
         build.circuit.covers(axis, covers.clone());
     }

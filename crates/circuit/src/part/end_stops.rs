@@ -13,6 +13,33 @@ pub struct EndStops<P> {
     /// Stroke, m.
     pub stroke: P,
     pub axis: usize,
+    /// What a stop follows from that the description leaves open.
+    pub(crate) follows: Option<Box<Follows<P>>>,
+}
+
+/// How a stop that follows from the drive grows with a start of more pressure than the supply has.
+#[derive(Clone, Debug)]
+pub(crate) struct Follows<P> {
+    /// The stop of a start without.
+    pub law: EndStop<P>,
+    /// Its damping follows from the drive, too.
+    pub damped: bool,
+    /// Highest pressure of the supplies, Pa absolute.
+    pub supply: P,
+    /// Stiffness for each Pa above it, N/(m Pa).
+    pub rise: P,
+    /// Highest pressure of the start, where it is more, Pa absolute.
+    pub start: P,
+}
+
+impl<P: Real> Follows<P> {
+    /// The stop of a start with a highest pressure, Pa absolute. Its damping ratio stays.
+    pub fn law(&self, start: P) -> EndStop<P> {
+        let EndStop { stiffness, damping, damping_depth } = self.law.clone();
+        let more = self.rise * (start - self.supply).max(P::zero());
+        let damping = if self.damped { damping * (P::one() + more / stiffness).sqrt() } else { damping };
+        EndStop { stiffness: stiffness + more, damping, damping_depth }
+    }
 }
 
 /// The covers of a cylinder: a second contact, beside that of the stop, of whatever comes so deep. It is left out of
@@ -43,6 +70,18 @@ impl<R: Lane> EndStops<R> {
             covers: covered.then(|| Covers::gather(each)),
             stroke: R::from_lanes(|lane| each[lane].stroke),
             axis: each[0].axis,
+            follows: each.iter().map(|part| part.follows.as_deref()).collect::<Option<Vec<_>>>().map(
+                |each| {
+                    let number = |of: fn(&Follows<f64>) -> f64| R::from_lanes(|lane| of(each[lane]));
+                    Box::new(Follows {
+                        law: EndStop::gather(&each.iter().map(|own| &own.law).collect::<Vec<_>>()),
+                        damped: each[0].damped,
+                        supply: number(|own| own.supply),
+                        rise: number(|own| own.rise),
+                        start: number(|own| own.start),
+                    })
+                },
+            ),
         }
     }
 }
@@ -66,6 +105,14 @@ impl<R: Lane> Covers<R> {
 }
 
 impl<R: Lane> EndStops<R> {
+    /// Lays a stop that follows from the drive out for the highest pressure of a start, Pa absolute.
+    pub(crate) fn lay_out(&mut self, start: R) {
+        if let Some(follows) = &mut self.follows {
+            follows.start = follows.supply.max(start);
+            self.law = follows.law(start);
+        }
+    }
+
     /// Brings the covers into the equations of a lane.
     pub(crate) fn meet(&mut self, lane: usize) {
         if let Some(covers) = &mut self.covers {
