@@ -4,6 +4,7 @@ mod along;
 mod drive;
 pub(crate) mod end_stop;
 mod friction;
+mod gas;
 pub(crate) mod leak;
 mod network;
 mod numbers;
@@ -13,6 +14,7 @@ mod shoot;
 mod tank;
 mod timing;
 mod variables;
+mod wiring;
 
 pub use along::{ALONG, Record, Restart};
 pub use drive::{Drive, Servo};

@@ -1,8 +1,9 @@
 use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
-use super::network::{self, Joint, Joints, wire};
+use super::gas;
 use super::session::Session;
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
+use super::wiring::{self, Joint, Joints, wire};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{Acts, Instance, Node, Piston};
 use crate::impacts::Impact;
@@ -65,8 +66,8 @@ impl Drive {
             gauge,
             named,
         ));
-        let gas = network::gas(&Lifted::plain(&spec.gas));
-        warnings.extend(network::virial_warning(&gas, spec.supply.pressure_pa, spec.supply.temperature_k));
+        let gas = gas::gas(&Lifted::plain(&spec.gas));
+        warnings.extend(gas::virial_warning(&gas, spec.supply.pressure_pa, spec.supply.temperature_k));
         let mut citations = friction.sources();
         citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if printed {
@@ -76,7 +77,7 @@ impl Drive {
             );
             citations.push("bracha");
         }
-        citations.extend(spec.gas.virial.map(|_| network::VIRIAL_SOURCE));
+        citations.extend(spec.gas.virial.map(|_| gas::VIRIAL_SOURCE));
         if spec.cylinder.incline_rad != 0.0 {
             citations.push("bipm2019");
         }
@@ -164,11 +165,11 @@ where
     /// Where a drive of the same parts is given, nothing is analysed again.
     pub fn lifted(lifted: &Lifted<Spec>, ledger: bool, like: Option<&Circuit<f64>>) -> Result<Self, Error> {
         let number = |f: fn(&Spec) -> f64| -> P { lifted.number(f) };
-        let gas = network::gas(&lifted.table(|spec| &spec.gas));
-        let is_air = network::gas::<f64>(&Lifted::plain(&lifted.value.gas)).is_air();
+        let gas = gas::gas(&lifted.table(|spec| &spec.gas));
+        let is_air = gas::gas::<f64>(&Lifted::plain(&lifted.value.gas)).is_air();
         let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
         let (each, joints) = components(lifted)?;
-        let network::Wired { mut circuit, nodes, mut pistons, inputs, is_like, .. } =
+        let wiring::Wired { mut circuit, nodes, mut pistons, inputs, is_like, .. } =
             wire(&gas, is_air, ambient, (&each, &joints), ledger, like)?;
         if !is_like {
             circuit.call_states(short);

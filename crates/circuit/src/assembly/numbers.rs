@@ -1,9 +1,11 @@
 //! Numbers of a circuit by name: derivatives by them, and circuits of one topology that differ in them.
 
 use super::friction::contact;
-use super::network::{Joints, Network, gas, wire};
+use super::gas::gas;
+use super::network::Network;
 use super::shoot::{Sensitive, Shooting, Shot, shoot};
 use super::variables::{Assembly, Variables};
+use super::wiring::{Joints, wire};
 use crate::component::{Instance, check};
 use crate::lifted::{Lifted, seeds};
 use crate::run::{Error, with_unit};

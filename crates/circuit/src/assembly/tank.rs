@@ -1,6 +1,7 @@
-use super::network::{self, Joint, Joints};
+use super::gas;
 use super::shoot::{Shooting, Shot, shoot};
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
+use super::wiring::{self, Joint, Joints};
 use crate::component::{Acts, Instance, Node};
 use crate::lifted::{Lifted, seeds};
 use crate::run::Error;
@@ -85,12 +86,12 @@ where
     Deps: Over<P>,
 {
     let number = |f: fn(&Spec) -> f64| -> P { lifted.number(f) };
-    let gas = network::gas(&lifted.table(|spec| &spec.gas));
-    let is_air = network::gas::<f64>(&Lifted::plain(&lifted.value.gas)).is_air();
+    let gas = gas::gas(&lifted.table(|spec| &spec.gas));
+    let is_air = gas::gas::<f64>(&Lifted::plain(&lifted.value.gas)).is_air();
     let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
     let (each, joints) = components(lifted);
-    let network::Wired { circuit, nodes, inputs, starts, .. } =
-        network::wire(&gas, is_air, ambient, (&each, &joints), false, None)?;
+    let wiring::Wired { circuit, nodes, inputs, starts, .. } =
+        wiring::wire(&gas, is_air, ambient, (&each, &joints), false, None)?;
     let Node::Gas(tank) = nodes[VOLUME][0] else { unreachable!("a tank holds gas") };
     let command = inputs.iter().find_map(|(name, _, acts)| match acts {
         Acts::On(id) if name == "line.opening" => Some(*id),
