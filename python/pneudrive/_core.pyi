@@ -196,24 +196,6 @@ class Port(TypedDict):
     optional: bool
 
 @type_check_only
-class ComponentParameter(TypedDict):
-    key: str
-    unit: str
-    meaning: str
-    rule: str
-    lower: float
-    upper: float
-    open: bool
-    open_above: bool
-    default: float | None
-    assumed: str
-    follows: str
-    unless: str
-    within: str
-    only: str
-    was: str
-
-@type_check_only
 class ComponentColumn(TypedDict):
     key: str
     unit: str
@@ -224,6 +206,15 @@ class ComponentColumn(TypedDict):
     open: bool
     open_above: bool
     default: float | None
+
+@type_check_only
+class ComponentParameter(ComponentColumn):
+    assumed: str
+    follows: str
+    unless: str
+    within: str
+    only: str
+    was: str
 
 @type_check_only
 class ComponentPoints(TypedDict):

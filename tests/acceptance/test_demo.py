@@ -15,7 +15,7 @@ def test_the_demo_prints_five_lines_and_where_the_report_lies(tmp_path, capsys, 
     lines = capsys.readouterr().out.splitlines()
     assert [line[:3] for line in lines[:5]] == ["1. ", "2. ", "3. ", "4. ", "5. "]
     assert "30 recordings, 6 seals" in lines[0]
-    assert "14 of 21 sentences that can be checked hold, 6 hold in part, 1 do not hold" in lines[4]
+    assert "14 of 21 sentences that can be checked hold, 6 hold in part, 1 does not hold" in lines[4]
     report = Path(lines[-1].removeprefix("Report: "))
     assert report == tmp_path / "out" / "report.html"
     page = report.read_text(encoding="utf-8")

@@ -38,9 +38,9 @@ def test_a_verdict_reaches_page_and_summary(made, tmp_path):
     )
     other = replace(made, claims=(planted,))
     page = write_report(None, {}, tmp_path, other).read_text(encoding="utf-8")
-    assert "0 of 1 sentence that can be checked hold, 0 hold in part, 1 do not hold" in page
+    assert "0 of 1 sentence that can be checked hold, 0 hold in part, 1 does not hold" in page
     assert "The lower line is the higher pressure." in page
-    assert "1 do not hold" in verdict(None, {}, other)[0]
+    assert "1 does not hold" in verdict(None, {}, other)[0]
 
 
 def test_printed_chambers_lose_energy_and_the_balance_does_not(made):

@@ -98,9 +98,9 @@ impl<P: Real> Part<P> for TableForce<P> {
 
     /// How long it is to the next point.
     fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
-        let each: Vec<P> = self.curve.places().collect();
-        each.iter().enumerate().rev().fold(P::one(), |next, (k, place)| {
-            P::select(self.mode.lt(P::c(k as f64 + 0.5)), *place - net.signal[self.time], next)
+        let each = (0..self.curve.places().count()).rev().zip(self.curve.places().rev());
+        each.fold(P::one(), |next, (k, place)| {
+            P::select(self.mode.lt(P::c(k as f64 + 0.5)), place - net.signal[self.time], next)
         })
     }
 
