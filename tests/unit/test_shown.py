@@ -50,7 +50,9 @@ def test_every_key_of_the_file_is_a_name_in_python(drive_file, tmp_path):
         for key in type(part).keys():  # noqa: SIM118 - not a dict
             if key not in {"schema", "law", "formula", "parameters", "given"}:
                 value = getattr(part, key)
-                assert not isinstance(value, str) or key in {"name", "kind", "model", "chamber_law", "growth"}, prefix + key
+                assert not isinstance(value, str) or key in {"name", "kind", "model", "chamber_law", "growth"}, (
+                    prefix + key
+                )
                 assert not callable(value), prefix + key
                 seen += 1
     assert seen > 40
