@@ -75,7 +75,10 @@ def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None
 
 
 def _run_with_lines(drive: Drive, signals: Signals, at: NDArray[np.int64], states: Array) -> ModelRun:
-    """Simulate the segments one after the other: the gas of tubes and joints goes on from each to the next."""
+    """Simulate the segments one after the other: the gas of tubes and joints goes on from each to the next.
+
+    Bristles start unbent. A segment that fails ends the run: the gas of the tubes is not known after it.
+    """
     core = Lines(compiled_circuit(drive.circuit.core_json()))
     t_a, t_b = start_temperatures(drive, signals)
     _, x, v, p_a, p_b = states[0]
