@@ -11,10 +11,10 @@ import pytest
 from pneudrive.cli.main import run
 from pneudrive.errors import CommandError, RigError
 from pneudrive.rig import Move, Samples, Sampling, load_rig
-from pneudrive.rig.opcua_access import Access, Protection, make_certificate
-from pneudrive.rig.opcua_client import open_rig
-from pneudrive.rig.opcua_nodes import load_map
-from pneudrive.rig.opcua_server import RigServer
+from pneudrive.rig.opcua.access import Access, Protection, make_certificate
+from pneudrive.rig.opcua.client import open_rig
+from pneudrive.rig.opcua.nodes import load_map
+from pneudrive.rig.opcua.server import RigServer
 
 PASSWORD = "correct horse"
 

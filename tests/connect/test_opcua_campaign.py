@@ -17,8 +17,8 @@ from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import run_campaign
 from pneudrive.characteristics import characterise
 from pneudrive.rig import load_rig
-from pneudrive.rig.opcua_nodes import load_map
-from pneudrive.rig.opcua_server import RigServer
+from pneudrive.rig.opcua.nodes import load_map
+from pneudrive.rig.opcua.server import RigServer
 
 PROTOCOL = "quick-look"
 KILLS = 10

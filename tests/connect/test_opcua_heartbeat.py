@@ -12,8 +12,8 @@ import pytest
 
 from pneudrive.errors import ConnectionLostError
 from pneudrive.rig import load_rig
-from pneudrive.rig.opcua_nodes import load_map
-from pneudrive.rig.opcua_server import RigServer
+from pneudrive.rig.opcua.nodes import load_map
+from pneudrive.rig.opcua.server import RigServer
 
 HEARTBEAT_S = 1.0
 SENSOR_PA = 1000.0  # error of the rig's pressure transducer

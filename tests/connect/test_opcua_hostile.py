@@ -15,8 +15,8 @@ import pytest
 from connect import hostile
 from pneudrive.errors import RigError
 from pneudrive.rig import Move, Sampling, load_rig
-from pneudrive.rig.opcua_nodes import load_map
-from pneudrive.rig.opcua_server import RigServer
+from pneudrive.rig.opcua.nodes import load_map
+from pneudrive.rig.opcua.server import RigServer
 
 SENSOR_PA = 1000.0  # error of the rig's pressure transducer
 PATIENCE_S = 60.0

@@ -13,10 +13,10 @@ import pytest
 from pneudrive.errors import ConnectionLostError, RigError
 from pneudrive.rig import Changeable, Envelope, Hold, Identity, Move, Reproducible, Rig, Samples, Sampling, load_rig
 from pneudrive.rig.interface import CHANNELS
-from pneudrive.rig.opcua_access import read_access
-from pneudrive.rig.opcua_client import KEYS
-from pneudrive.rig.opcua_nodes import DEFAULT_MAP, load_map
-from pneudrive.rig.opcua_server import RigServer
+from pneudrive.rig.opcua.access import read_access
+from pneudrive.rig.opcua.client import KEYS
+from pneudrive.rig.opcua.nodes import DEFAULT_MAP, load_map
+from pneudrive.rig.opcua.server import RigServer
 from pneudrive.rig.rig_file import RigFile, read_identity, read_limits
 
 STEPS = [Move(0.2, 0.3), Hold(0.4), Move(0.25, 0.3), Hold(0.1, released=True), Move(0.02, 0.2)]
@@ -67,7 +67,7 @@ def test_a_ring_that_is_always_full_loses_nothing(tmp_path):
     path = tmp_path / "nodes.toml"
     path.write_text(DEFAULT_MAP.read_text().replace("slots = 8", "slots = 2").replace("chunk = 1000", "chunk = 37"))
     with RigServer(load_rig("default", seed=3), load_map(path), port=0) as server:
-        from pneudrive.rig.opcua_client import open_rig
+        from pneudrive.rig.opcua.client import open_rig
 
         rig = open_rig(server.url, load_map(path))
         assert_same(run_cycle(rig), run_cycle(load_rig("default", seed=3)))
@@ -210,7 +210,7 @@ def test_closing_an_acquisition_brings_the_axis_to_rest():
 
 
 def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
-    from pneudrive.rig.opcua_client import open_rig
+    from pneudrive.rig.opcua.client import open_rig
 
     with pytest.raises(RigError, match=r"(?s)there is no connection.*rig serve"):
         load_rig("opc.tcp://127.0.0.1:1")
@@ -252,12 +252,12 @@ def test_the_rig_file_of_the_guide_is_one():
 
 
 def test_without_the_library_the_extra_is_named(monkeypatch):
-    from pneudrive.rig import opcua_access
+    from pneudrive.rig.opcua import access
 
     def absent(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(opcua_access, "import_module", absent)
+    monkeypatch.setattr(access, "import_module", absent)
     for use in (lambda: load_rig("opc.tcp://127.0.0.1:1"), lambda: RigServer(load_rig("default"), load_map())):
         with pytest.raises(RigError, match=r"(?s)needs the optional library asyncua.*pneudrive\[rig\]"):
             use()

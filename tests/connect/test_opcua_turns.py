@@ -10,8 +10,8 @@ from asyncua.common.utils import Buffer, ServiceError
 from asyncua.ua.ua_binary import struct_to_binary
 
 from connect.hostile import dense_values
-from pneudrive.rig.opcua_front import IDLE_S, MOST_ASKED, MOST_SESSIONS, MOST_WAITING, NEW_S, Connection, Front
-from pneudrive.rig.opcua_requests import check_header, service_of
+from pneudrive.rig.opcua.front import IDLE_S, MOST_ASKED, MOST_SESSIONS, MOST_WAITING, NEW_S, Connection, Front
+from pneudrive.rig.opcua.requests import check_header, service_of
 
 CHUNK = b"MSGF\x20\0\0\0" + b"\0" * 24
 

@@ -17,8 +17,8 @@ from pneudrive.campaign.run import DONE, run_campaign
 from pneudrive.cli.main import run
 from pneudrive.errors import RigError
 from pneudrive.rig import Hold, Move, Reproducible, Rig, Samples, Sampling, load_rig
-from pneudrive.rig.opcua_nodes import load_map
-from pneudrive.rig.opcua_server import RigServer
+from pneudrive.rig.opcua.nodes import load_map
+from pneudrive.rig.opcua.server import RigServer
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_rig.py"
 PROTOCOL = """

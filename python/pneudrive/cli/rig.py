@@ -50,9 +50,9 @@ def serve(
     """Serve a rig over OPC UA, behind the nodes of a map, until Ctrl-C."""
     from pneudrive.errors import CommandError
     from pneudrive.rig import load_rig
-    from pneudrive.rig.opcua_access import Protection
-    from pneudrive.rig.opcua_nodes import load_map
-    from pneudrive.rig.opcua_server import RigServer
+    from pneudrive.rig.opcua.access import Protection
+    from pneudrive.rig.opcua.nodes import load_map
+    from pneudrive.rig.opcua.server import RigServer
     from pneudrive.units import parse
 
     protection = Protection.of(certificate, key, trust, user_file, trust_user)
@@ -86,7 +86,7 @@ def certificate(
     days: Annotated[int, typer.Option(help="How long it is valid.", min=1)] = 365,
 ) -> None:
     """Make a self-signed certificate of an OPC UA client or server, and its key."""
-    from pneudrive.rig.opcua_access import make_certificate
+    from pneudrive.rig.opcua.access import make_certificate
 
     for path in make_certificate(out, name, host, days):
         typer.echo(str(path))
@@ -97,7 +97,7 @@ def user(
     user_file: Annotated[Path, typer.Option(help="File of users; it keeps salted hashes, no passwords.")],
 ) -> None:
     """Add a user who may log in, or change the password of one. It is asked for, or read from standard input."""
-    from pneudrive.rig.opcua_access import add_user
+    from pneudrive.rig.opcua.access import add_user
 
     if sys.stdin.isatty():
         password = typer.prompt("Password", hide_input=True, confirmation_prompt=True)

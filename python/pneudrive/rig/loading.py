@@ -22,8 +22,8 @@ RIGS = Path(__file__).with_name("rigs")
 #: an address, ``kind = "..."`` at the top of a TOML file, or ``folder``. Imported on first use.
 LOADERS: dict[str, str] = {
     "simulated": "pneudrive.rig.session:load_session",
-    "opc-ua": "pneudrive.rig.opcua_client:load_opcua",
-    "opc.tcp": "pneudrive.rig.opcua_client:load_opcua",
+    "opc-ua": "pneudrive.rig.opcua.client:load_opcua",
+    "opc.tcp": "pneudrive.rig.opcua.client:load_opcua",
     "replay": "pneudrive.campaign.replay_sources:load_replay",
     "folder": "pneudrive.campaign.replay_sources:load_replay",
 }

@@ -8,8 +8,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.rig.interface import Changeable, Reproducible
-from pneudrive.rig.opcua_access import opcua
-from pneudrive.rig.opcua_nodes import IN_RING, Node, NodeMap, Verb
+from pneudrive.rig.opcua.access import opcua
+from pneudrive.rig.opcua.nodes import IN_RING, Node, NodeMap, Verb
 
 if TYPE_CHECKING:
     from pneudrive.rig.interface import Rig

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Move, Samples
-from pneudrive.rig.opcua_nodes import NodeMap, Verb
-from pneudrive.rig.opcua_program import check_size, first_step, program_of, sampling_of, simulated_argument
-from pneudrive.rig.opcua_space import SIMULATED
+from pneudrive.rig.opcua.nodes import NodeMap, Verb
+from pneudrive.rig.opcua.program import check_size, first_step, program_of, sampling_of, simulated_argument
+from pneudrive.rig.opcua.space import SIMULATED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pneudrive.rig.interface import Rig
-    from pneudrive.rig.opcua_session import Client
+    from pneudrive.rig.opcua.session import Client
 
 log = logging.getLogger(__name__)
 STOPPING_S = 10.0  # how long a rig that runs on is told to stop again

@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING, Any
 from asyncua.common.utils import Buffer
 from asyncua.ua.ua_binary import header_from_binary
 
-from pneudrive.rig.opcua_requests import LARGEST_REQUEST
-from pneudrive.rig.opcua_session import Processor, Session, know_types
+from pneudrive.rig.opcua.requests import LARGEST_REQUEST
+from pneudrive.rig.opcua.session import Processor, Session, know_types
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
-    from pneudrive.rig.opcua_access import Protection
-    from pneudrive.rig.opcua_session import Served
+    from pneudrive.rig.opcua.access import Protection
+    from pneudrive.rig.opcua.session import Served
 
 log = logging.getLogger(__name__)
 MOST_WAITING, MOST_AT_DOOR = 64, 128  # connections without a session, and those that are not yet taken in

@@ -6,7 +6,7 @@ from typing import Any
 
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Hold, Move, Sampling, Step
-from pneudrive.rig.opcua_nodes import HOLD, RELEASED, SHUT, Verb
+from pneudrive.rig.opcua.nodes import HOLD, RELEASED, SHUT, Verb
 
 LONGEST_STEP_S = 86400.0
 MOST_SAMPLES = 10_000_000  # of an acquisition

@@ -25,7 +25,7 @@ from pneudrive.errors import DescriptionError, Problems
 from pneudrive.rig.rig_file import RigFile
 from pneudrive.units import converter, parse, parse_pressure
 
-DEFAULT_MAP = Path(__file__).with_name("opcua_nodes.toml")
+DEFAULT_MAP = Path(__file__).with_name("nodes.toml")
 SCHEMA = 1
 HOLD, RELEASED, SHUT = 1, 2, 4  # bits of step.kind
 

@@ -16,9 +16,9 @@ import numpy as np
 from pneudrive.errors import ConnectionLostError, Problems, RigError
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
-from pneudrive.rig.opcua_access import ACCESS_KEYS, Access, read_access
-from pneudrive.rig.opcua_link import COUNTER, HungUpError, Link, LinkError
-from pneudrive.rig.opcua_nodes import HOLD, RELEASED, SHUT, NodeMap, Verb, load_map
+from pneudrive.rig.opcua.access import ACCESS_KEYS, Access, read_access
+from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
+from pneudrive.rig.opcua.nodes import HOLD, RELEASED, SHUT, NodeMap, Verb, load_map
 from pneudrive.rig.rig_file import RigFile, envelope_of, identity_of, read_identity, read_limits
 
 if TYPE_CHECKING:

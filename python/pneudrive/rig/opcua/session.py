@@ -15,11 +15,11 @@ from asyncua.server.internal_session import InternalSession, SessionState
 from asyncua.server.uaprocessor import UaProcessor
 from asyncua.ua.ua_binary import struct_from_binary
 
-from pneudrive.rig.opcua_access import opcua
-from pneudrive.rig.opcua_requests import CODES, check_header, service_of
+from pneudrive.rig.opcua.access import opcua
+from pneudrive.rig.opcua.requests import CODES, check_header, service_of
 
 if TYPE_CHECKING:
-    from pneudrive.rig.opcua_front import Connection, Front
+    from pneudrive.rig.opcua.front import Connection, Front
 
 ua: Any = opcua("asyncua.ua")
 SMALLEST_CHUNK = 8192  # as OPC UA has it

@@ -11,18 +11,18 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import RigError
-from pneudrive.rig.opcua_access import Protection, opcua, protect
-from pneudrive.rig.opcua_link import COUNTER, Loop, quieten
-from pneudrive.rig.opcua_nodes import NodeMap, Verb
-from pneudrive.rig.opcua_space import FAULT, STOPS, Space
-from pneudrive.rig.opcua_worker import CLOSING_S, Command, Worker
+from pneudrive.rig.opcua.access import Protection, opcua, protect
+from pneudrive.rig.opcua.link import COUNTER, Loop, quieten
+from pneudrive.rig.opcua.nodes import NodeMap, Verb
+from pneudrive.rig.opcua.space import FAULT, STOPS, Space
+from pneudrive.rig.opcua.worker import CLOSING_S, Command, Worker
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.rig.interface import Rig
-    from pneudrive.rig.opcua_front import Front
-    from pneudrive.rig.opcua_session import Client
+    from pneudrive.rig.opcua.front import Front
+    from pneudrive.rig.opcua.session import Client
 
 log = logging.getLogger(__name__)
 SILENT_SHARE = 0.75  # of the heartbeat time: the axis is stopped then, so that it is at rest when the time is over
@@ -121,7 +121,7 @@ class RigServer:
         gc.unfreeze()
 
     async def _start(self) -> None:
-        from pneudrive.rig.opcua_front import Front
+        from pneudrive.rig.opcua.front import Front
 
         asyncua = opcua()
         server = asyncua.Server()

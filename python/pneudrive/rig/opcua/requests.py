@@ -11,7 +11,7 @@ from typing import Any
 from asyncua.common.utils import ServiceError
 from asyncua.ua.ua_binary import nodeid_from_binary
 
-from pneudrive.rig.opcua_access import opcua
+from pneudrive.rig.opcua.access import opcua
 
 ua: Any = opcua("asyncua.ua")
 CODES = ua.StatusCodes

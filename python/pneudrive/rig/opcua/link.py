@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from pneudrive.errors import RigError
-from pneudrive.rig.opcua_access import Access, opcua, secure
-from pneudrive.rig.opcua_nodes import IN_RING, Node, NodeMap
+from pneudrive.rig.opcua.access import Access, opcua, secure
+from pneudrive.rig.opcua.nodes import IN_RING, Node, NodeMap
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine
