@@ -80,12 +80,6 @@ def test_what_cannot_be_done_is_one_clear_message(tmp_path, monkeypatch, capsys,
     assert not (tmp_path / "c").exists()
 
 
-def test_without_bluesky_the_extra_is_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "bluesky", None)
-    assert run(["campaign", "run", "quick-look", "--into", str(tmp_path / "c")]) == 2
-    assert 'pip install "pneudrive[rig]"' in capsys.readouterr().err
-
-
 def test_a_fault_while_running_is_status_1_and_says_how_to_go_on(folder, asked, capsys, monkeypatch):
     monkeypatch.setattr(FakeRig, "set_pressure", lambda self, a, b: (_ for _ in ()).throw(OSError("valve stuck")))
     assert run(["campaign", "run", asked, "--into", str(folder), "--rig", "campaign.fake_rig:FakeRig"]) == 1

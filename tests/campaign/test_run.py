@@ -14,10 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from event_model import DocumentNames, schema_validators
 
 from campaign.fake_rig import QUICK, FakeRig, at_rest, contents, on_part, press, protocol
-from pneudrive.campaign import session as session_module
-from pneudrive.campaign import storage
+from pneudrive.campaign import campaign_run, storage
 from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP, ask, wait_for
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.live import Silent
@@ -54,6 +54,9 @@ def test_a_campaign_is_run_told_and_left_at_rest(tmp_path):
     assert [name for name, _ in documents] == ["start", "descriptor", *["event"] * 10, "stop"]
     assert documents[0][1]["synthetic"] is True
     assert documents[3][1]["data"]["key"] == "b1/tare"
+    for name, document in documents:
+        schema_validators[DocumentNames[name]].validate(document)
+    assert (documents[-1][1]["exit_status"], documents[-1][1]["num_events"]) == ("success", {"primary": 10})
     found = status_of(tmp_path / "c")
     assert (len(found.files), found.planned, found.to_do, found.remaining_s, found.problems) == (10, 10, 0, 0.0, ())
     assert found.holder is None
@@ -488,7 +491,7 @@ def test_a_disk_that_refuses_ends_the_campaign_and_spoils_nothing(tmp_path, undi
 
 def test_a_cycle_that_has_no_room_is_not_begun(tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(session_module.shutil, "disk_usage", lambda path: usage(1, 1, 1000))
+    monkeypatch.setattr(campaign_run.shutil, "disk_usage", lambda path: usage(1, 1, 1000))
     rig = FakeRig()
     with pytest.raises(CampaignError, match="the disk is full"):
         run_campaign(protocol(), rig, tmp_path / "c", options=QUICK)

@@ -1,5 +1,5 @@
 """Campaigns: a protocol becomes a plan of cycles, a rig runs them, a folder keeps every one.
 
 ``protocol`` reads the TOML file; ``plan`` lays out the cycles and checks them against a rig; ``run`` runs them on
-bluesky's RunEngine; ``folder`` is what a campaign leaves, and what everything after it reads.
+a rig; ``folder`` is what a campaign leaves, and what everything after it reads.
 """

@@ -103,10 +103,10 @@ class Requests:
                 return request
         return None
 
-    def wait(self) -> None:
-        """Wait until there may be one."""
+    def wait(self, seconds: float = LOOK_S) -> None:
+        """Wait until there may be one, or `wake` is called, for so long at most."""
         with contextlib.suppress(queue.Empty):
-            self._arrived.get(timeout=LOOK_S)
+            self._arrived.get(timeout=seconds)
 
     def wake(self) -> None:
         """End a wait."""

@@ -173,9 +173,6 @@ def file_name(index: int, key: str) -> str:
     return f"{index:05d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', key)[:150]}"
 
 
-_NOTHING = Samples(**dict.fromkeys(CHANNELS, np.zeros(0)), step=np.zeros(0, dtype=np.int64))
-
-
 def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
     """Write one cycle: to a temporary name, flushed, then renamed, so that it is there whole or not at all.
 
@@ -199,7 +196,7 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
     if target.exists():
         raise CampaignError("a cycle is there already and is not written again", where=str(target))
     make_folder(target.parent)
-    given = samples if samples is not None else _NOTHING
+    given = samples if samples is not None else Samples.join([])
     channels = {name: np.asarray(getattr(given, name), dtype=np.float64) for name in CHANNELS}
     step = np.asarray(given.step, dtype=np.int64)
     head = replace(head, sha256=digest(channels, step))

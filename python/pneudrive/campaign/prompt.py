@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import select
 import sys
-from typing import TYPE_CHECKING, Protocol
+from typing import NamedTuple, Protocol
 
 from pneudrive.campaign.control import ABORT, CTRL_C, LOOK_S, RESUME, Requests
-from pneudrive.campaign.lock import now, user
 
-if TYPE_CHECKING:
-    from pneudrive.campaign.session import Session
+#: How an answer came.
+AT_TERMINAL = "terminal"
 
 
 class Prompt(Protocol):
@@ -62,59 +61,36 @@ class Terminal:
         return text.strip() if text else None
 
 
-def go_on(session: Session, requests: Requests, prompt: Prompt) -> bool:
-    """Wait, while a campaign is paused, until somebody says whether it goes on.
+class Answer(NamedTuple):
+    """What somebody said in a pause: whether it goes on, who said it, and how."""
 
-    Where the pause asks the operator for something, going on confirms it: the answer, with name and time, is left in
-    the session.
+    goes_on: bool
+    name: str
+    how: str
 
-    Returns
-    -------
-    bool
-        False: end the campaign.
+    def __str__(self) -> str:
+        """Say it in words."""
+        who = "at the keyboard" if self.how == AT_TERMINAL else f"by {self.name}"
+        return f"{'resumed' if self.goes_on else 'ended'} {who}"
+
+
+def wait_for_answer(requests: Requests, prompt: Prompt, operator: str) -> Answer:
+    """Wait until somebody says whether a paused campaign goes on: at the terminal, or from another process.
+
+    Parameters
+    ----------
+    requests : Requests
+    prompt : Prompt
+    operator : str
+        Who answers with Enter alone.
     """
-    question = session.question
-    name = session.options.operator or user()
-    if question:
-        text = f"Operator's step: {question}\nEnter: done (as {name}), another name: done by that one, a: end > "
-        session.state("operator", question)
-    else:
-        text = (
-            f"Paused after {session.now}; the axis is at rest, the pressure released.\n"
-            "Enter: go on, a: end the campaign > "
-        )
-        session.state("paused", f"after {session.now}")
-    session.journal.write(f"paused{': ' + question if question else ''}")
-    session.display.suspend()
-    if prompt.there:
-        prompt.show(text)
-    else:
-        folder = session.campaign.path
-        session.display.say(f"{text.splitlines()[0]} To go on: pneudrive campaign resume {folder}")
-    if not _answered(session, requests, prompt, name):
-        return False
-    session.display.go_on()
-    return True
-
-
-def _answered(session: Session, requests: Requests, prompt: Prompt, name: str) -> bool:
     while True:
         request = requests.take()
-        if request is not None and (request.word == ABORT or request.by == CTRL_C):
-            session.tell(f"ended by {request.by}")
-            return False
-        if request is not None and request.word == RESUME:
-            session.answer = {"name": request.by, "time": now(), "how": "another process"}
-            session.journal.write(f"resumed by {request.by}")
-            return True
-        line = prompt.line(LOOK_S) if prompt.there else None
-        if line is None:
-            if not prompt.there:
-                requests.wait()
+        if request is not None and (request.word in (ABORT, RESUME) or request.by == CTRL_C):
+            return Answer(request.word == RESUME, request.by, "another process")
+        if not prompt.there:
+            requests.wait()
             continue
-        if line.lower() in ("a", "abort", "end"):
-            session.tell("ended at the keyboard")
-            return False
-        session.answer = {"name": line or name, "time": now(), "how": "terminal"}
-        session.journal.write("resumed at the keyboard")
-        return True
+        line = prompt.line(LOOK_S)
+        if line is not None:
+            return Answer(line.lower() not in ("a", "abort", "end"), line or operator, AT_TERMINAL)

@@ -267,7 +267,7 @@ class ReplayRig:
             for rows in np.array_split(np.arange(len(samples)), count):
                 if not rows.size:
                     continue
-                part = Samples(**{name: getattr(samples, name)[rows] for name in vars(samples)})
+                part = samples.rows(rows)
                 self._wait(began, float(part.time_s[-1] - start))
                 if self._halted.is_set():
                     raise RigError("the playback was stopped", where=take.name)

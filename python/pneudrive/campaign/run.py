@@ -1,19 +1,17 @@
-"""Run a campaign on bluesky's RunEngine, and go on with one that was interrupted."""
+"""Run a campaign, and go on with one that was interrupted."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import json
-import threading
-import time
 from dataclasses import asdict, dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from pneudrive import own_code
-from pneudrive.campaign.control import ABORT, LOOK_S, PAUSE, RESUME, STOP, Requests
+from pneudrive.campaign.campaign_run import CampaignRun
+from pneudrive.campaign.control import Requests
 from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
 from pneudrive.campaign.folder_plan import plan_of
 from pneudrive.campaign.head import plain
@@ -23,20 +21,17 @@ from pneudrive.campaign.lock import FolderLock, now
 from pneudrive.campaign.options import Options
 from pneudrive.campaign.plan import Plan, lay_out
 from pneudrive.campaign.preflight import check_levels
-from pneudrive.campaign.prompt import Terminal, go_on
+from pneudrive.campaign.prompt import Terminal
 from pneudrive.campaign.protocol import Protocol, read_protocol
 from pneudrive.campaign.storage import make_folder
-from pneudrive.errors import CampaignError, CommandError, RigError
+from pneudrive.errors import CampaignError, RigError
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from bluesky import RunEngine
-
     from pneudrive.campaign.live import Display
     from pneudrive.campaign.prompt import Prompt
-    from pneudrive.campaign.session import Session
     from pneudrive.rig.interface import Identity, Rig
     from pneudrive.watch import Flag
 
@@ -106,7 +101,8 @@ def run_campaign(
     prompt : Prompt, optional
         Who is asked in a pause and for operator's steps; the terminal where it is not given.
     subscribers : sequence of callable
-        Get bluesky's documents (name, document): a start, an event for each finished cycle, a stop.
+        Get the documents of bluesky's event model (name, document): a start, a descriptor, an event for each finished
+        cycle, a stop.
     cancel : object with ``is_set()``, optional
         A `threading.Event`, for instance. Once set, the campaign ends as by ``pneudrive campaign abort``.
 
@@ -124,7 +120,6 @@ def run_campaign(
     RigError
         What the rig cannot do. In each case it is at rest then, and what was finished is kept.
     """
-    need_bluesky()
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
     folder, audience = Path(into), _Audience(display, prompt, subscribers, cancel)
     if (folder / ABOUT).exists():
@@ -163,26 +158,8 @@ def resume_campaign(
     ProtocolError, CampaignError, RigError
         As in `run_campaign`; or the rig has to be named.
     """
-    need_bluesky()
     audience = _Audience(display, prompt, subscribers, cancel)
     return _go_on(Path(folder), rig, None, options, pace, audience, allow_code)
-
-
-def need_bluesky() -> None:
-    """Say which extra is missing.
-
-    Raises
-    ------
-    CommandError
-    """
-    try:
-        import_module("bluesky")
-    except ImportError as error:  # it, or something that it needs itself
-        raise CommandError(
-            "campaigns run on bluesky, which is not installed",
-            value=str(error),
-            remedy='Install it: pip install "pneudrive[rig]"',
-        ) from None
 
 
 def can_be_resumed(error: BaseException) -> bool:
@@ -345,8 +322,6 @@ def _run(
     lock: FolderLock,
     audience: _Audience,
 ) -> Result:
-    from pneudrive.campaign.session import Session
-
     journal = Journal(campaign.path / LOG)
     shown = cast("Display", Guarded(audience.display or Silent(), journal))
     prompt = audience.prompt or Terminal()
@@ -355,127 +330,31 @@ def _run(
         journal.write(line)
         shown.say(line)
     requests = Requests(campaign.path, someone_there=prompt.there, cancel=audience.cancel)
-    session = Session(campaign, plan, rig, options, lock, journal, shown, files)
-    journal.write(f"{'resumed' if files else 'began'} after {session.now}; rig {campaign.identity.name}")
-    shown.began(plan, session.finished)
+    run = CampaignRun(campaign, plan, rig, options, lock, journal, shown, requests, prompt, audience.subscribers, files)
+    journal.write(f"{'resumed' if files else 'began'} after {run.now}; rig {campaign.identity.name}")
+    shown.began(plan, run.finished)
     for note in plan.notes:
         shown.say(f"note: {note}")
     ended = "failed"
     with requests.signals():  # to the end: whoever presses Ctrl-C once more must not break off coming to rest
         try:
-            with journal.engine_output(), _engine() as engine:
-                for subscriber in audience.subscribers:
-                    engine.subscribe(subscriber)
-                ended = _drive(engine, session, requests, prompt)
+            ended = DONE if run.run() else ENDED
         except BaseException as error:
             journal.write(f"{type(error).__name__}: {error}")
             _mark(error)
             raise
         finally:
-            trouble = session.axis.rest()
-            session.thread.close()
+            trouble = run.close()
             shown.ended()
             restless = f"; the rig may not be at rest: {trouble}" if trouble else ""
-            journal.write(f"{ended} after {session.now}{restless}")
+            journal.write(f"{ended} after {run.now}{restless}")
             if trouble:
                 shown.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
     if trouble:
         restless_rig = RigError("the rig could not be brought to rest", value=trouble, remedy="See to it by hand.")
         _mark(restless_rig)
         raise restless_rig
-    return Result(campaign, len(session.finished), session.total, ended)
-
-
-@contextlib.contextmanager
-def _engine() -> Iterator[RunEngine]:
-    """Make a RunEngine, and end its thread with it."""
-    import asyncio
-
-    from bluesky import RunEngine
-    from bluesky.utils import DuringTask
-
-    class Waiting(DuringTask):
-        """Wakes the main thread now and then: a signal that another thread took is handled by this one alone."""
-
-        def block(self, blocking_event: threading.Event) -> None:
-            while not blocking_event.wait(LOOK_S):
-                pass
-
-    loop = asyncio.new_event_loop()
-    try:
-        yield RunEngine({}, loop=loop, context_managers=[], during_task=Waiting())
-    finally:
-        loop.call_soon_threadsafe(loop.stop)
-        while loop.is_running():
-            time.sleep(0.001)
-        loop.close()
-
-
-def _drive(engine: RunEngine, session: Session, requests: Requests, prompt: Prompt) -> str:
-    """Run the plan through all its pauses; tell whether it was done or somebody ended it."""
-    over = threading.Event()
-    watcher = threading.Thread(
-        target=_serve, args=(engine, session, requests, over), name="pneudrive-requests", daemon=True
-    )
-    watcher.start()
-    try:
-        call: Callable[[], Any] = lambda: engine(session.messages())  # noqa: E731
-        while not _went_through(call):
-            if str(engine.state) != "paused":
-                return ENDED
-            if session.leaving or not go_on(session, requests, prompt):
-                engine.abort("ended while paused")
-                return ENDED
-            requests.began_again()
-            session.state("running")
-            call = engine.resume
-        return DONE
-    finally:
-        over.set()
-        requests.wake()
-        watcher.join()
-
-
-def _went_through(call: Callable[[], Any]) -> bool:
-    """Run the engine until the plan is done, or interrupted."""
-    from bluesky.utils import RunEngineInterrupted
-
-    try:
-        call()
-    except RunEngineInterrupted:
-        return False
-    return True
-
-
-def _serve(engine: RunEngine, session: Session, requests: Requests, over: threading.Event) -> None:
-    """Pass requests on while the engine runs; in a pause the prompt takes them."""
-    from bluesky._vendor.super_state_machine.errors import TransitionError
-
-    while not over.is_set():
-        requests.wait()
-        if str(engine.state) != "running":
-            over.wait(LOOK_S)
-            continue
-        request = requests.take()
-        if request is None:
-            continue
-        session.leaving = request.leave
-        with contextlib.suppress(TransitionError):  # it has just paused or ended by itself
-            if request.word == PAUSE:
-                session.state("pausing", "after the cycle")
-                what = "ending" if request.leave else "pausing"
-                session.tell(f"{what} after this cycle ({request.by}); Ctrl-C again stops the axis now")
-                engine.request_pause(defer=True)
-            elif request.word == STOP:
-                session.state("pausing", "now")
-                session.tell(f"stopping now ({request.by})")
-                engine.request_pause(defer=False)
-            elif request.word == ABORT:
-                session.state("stopping")
-                session.tell(f"ending now ({request.by}); what is finished is kept")
-                engine.abort(request.by)
-            elif request.word == RESUME:
-                session.tell(f"{request.by} asked to go on, but nothing is paused")
+    return Result(campaign, len(run.finished), run.total, ended)
 
 
 __all__ = [
@@ -484,7 +363,6 @@ __all__ = [
     "Options",
     "Result",
     "can_be_resumed",
-    "need_bluesky",
     "resume_campaign",
     "run_campaign",
 ]

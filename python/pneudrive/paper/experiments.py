@@ -74,15 +74,11 @@ def run_experiments(
 
     Raises
     ------
-    CommandError
-        bluesky is not installed; the message names the extra.
     CampaignError, RigError, SimulationError
         A campaign could not be run.
     """
-    from pneudrive.campaign.run import need_bluesky
     from pneudrive.characterise.pool import in_processes
 
-    need_bluesky()
     jobs = [
         (name, protocol, str((rigs or {}).get(name, rig)), str(Path(into) / protocol), seed)
         for name, (protocol, rig) in EXPERIMENTS.items()

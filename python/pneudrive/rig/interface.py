@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.errors import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -122,9 +123,32 @@ class Samples:
 
     @classmethod
     def join(cls, parts: Sequence[Samples]) -> Samples:
-        """Join parts end to end."""
-        names = (*CHANNELS, "step")
-        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+        """Join parts end to end; no parts make no samples."""
+        first: dict[str, NDArray[Any]] = {**dict.fromkeys(CHANNELS, np.zeros(0)), "step": np.zeros(0, dtype=np.int64)}
+        return cls(**{name: np.concatenate([none, *(getattr(p, name) for p in parts)]) for name, none in first.items()})
+
+    @classmethod
+    def of(cls, given: Any) -> Samples:  # noqa: ANN401 - whatever a lab's own code yields
+        """Bring what a rig gave to float64, in arrays of its own.
+
+        Raises
+        ------
+        RigError
+            A channel is missing or of another length.
+        """
+        try:
+            channels = {name: np.array(getattr(given, name), dtype=np.float64) for name in CHANNELS}
+            step = np.array(given.step, dtype=np.int64)
+        except (AttributeError, TypeError, ValueError) as error:
+            raise RigError("the rig gave something else than samples", value=str(error), rule="see Samples") from None
+        lengths = {name: values.shape for name, values in (channels | {"step": step}).items()}
+        if len(set(lengths.values())) != 1 or step.ndim != 1:
+            raise RigError("the rig gave channels of different lengths", value=str(lengths), rule="one length for all")
+        return cls(**channels, step=step)
+
+    def rows(self, chosen: slice | NDArray[Any]) -> Samples:
+        """Take some of them, by slice, mask or indices."""
+        return Samples(**{name: values[chosen] for name, values in vars(self).items()})
 
 
 @dataclass(frozen=True)

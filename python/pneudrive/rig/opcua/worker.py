@@ -228,9 +228,10 @@ class Worker:
         check_size(steps, sampling)
         parts = self.rig.acquire(steps, sampling)
         try:
-            for part in parts:
+            for given in parts:
+                part = Samples.of(given)
                 for start in range(0, len(part), self._nodes.chunk):
-                    self._put(_rows(part, start, start + self._nodes.chunk))
+                    self._put(part.rows(slice(start, start + self._nodes.chunk)))
         finally:
             close = getattr(parts, "close", None)  # of a generator: come to rest now
             if close is not None:
@@ -256,7 +257,3 @@ def _move(step: Move) -> tuple[float, float]:
 
 def _hold(step: Hold) -> tuple[float, bool]:
     return step.duration_s, step.released
-
-
-def _rows(samples: Samples, start: int, stop: int) -> Samples:
-    return Samples(**{name: getattr(samples, name)[start:stop] for name in SAMPLE_FIELDS.values()})

@@ -1,0 +1,200 @@
+"""One attempt at a cycle: from where the axis stands to the samples, on the rig's thread."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+from pneudrive.campaign.head import plain
+from pneudrive.campaign.lock import now
+from pneudrive.errors import PneudriveError, RigError
+from pneudrive.rig.interface import Changeable, Reproducible, Samples
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.rig_thread import RigThread
+    from pneudrive.rig.interface import Rig
+
+P = TypeVar("P")
+
+#: The axis counts as standing at the start of a cycle within this distance; nearer moves would disturb the seal.
+AT_START_M = 1e-4
+#: Speed to the start of a cycle where the axis is not there yet, m/s; less where the rig is slower.
+TO_START_M_S = 0.05
+
+
+@dataclass
+class Measured:
+    """What an attempt that came to its end leaves.
+
+    Attributes
+    ----------
+    samples : Samples
+    began_s : float
+        The rig's clock at time zero.
+    started : str
+        Date and time of the computer.
+    attempts : int
+        How often the cycle was begun.
+    memory, truth : dict
+        Of a reproducible rig, after the cycle.
+    """
+
+    samples: Samples
+    began_s: float
+    started: str
+    attempts: int
+    memory: dict[str, Any] = field(default_factory=dict)
+    truth: dict[str, Any] = field(default_factory=dict)
+
+
+class GivenUpError(Exception):
+    """The cycle was given up; the message says why."""
+
+
+class Attempts:
+    """The axis with all that is recorded while it moves, and the state in which a cycle leaves it to the next.
+
+    Parameters
+    ----------
+    thread : RigThread
+    watch : callable
+        Samples, rig -> why the cycle must be given up, in words, or an empty text.
+    show : callable
+        Takes each part of the samples as it comes.
+    """
+
+    def __init__(
+        self, thread: RigThread, watch: Callable[[Samples, Rig], str], show: Callable[[Samples], None]
+    ) -> None:
+        self._thread, self._watch, self._show = thread, watch, show
+        self._begun: dict[str, int] = {}
+        self._memory: dict[str, Any] = {}  # of the last finished cycle, or of the rig before the first one
+        self._pressures_after: tuple[float, float] | None = None  # that the last finished cycle left
+        self._pressures: tuple[float, float] | None = None  # in the chambers now, where that is known
+        self._homed = self._whole = False  # whether the axis knows where it is; whether the last cycle came to its end
+
+    def run(self, rig: Rig, cycle: Cycle, settling_s: float) -> Measured:
+        """Bring the rig to where a cycle begins, run its steps and keep the samples.
+
+        Where the cycle has no steps, the rig is told what the operator has changed.
+
+        Raises
+        ------
+        GivenUpError
+            The samples or the state of the rig are out of bounds, or the axis was stopped.
+        """
+        self._whole, started = False, now()
+        self._begun[cycle.key] = self._begun.get(cycle.key, 0) + 1
+        self._go_to_start(rig, cycle)
+        if cycle.steps:
+            self._set_pressures(rig, cycle, settling_s)
+            began_s = rig.state().time_s
+            samples = self._acquire(rig, cycle)
+        else:
+            changeable = _as(rig, Changeable)
+            factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: the others stay as they are
+            if changeable is not None and factor in cycle.levels:
+                changeable.change({factor: cycle.levels[factor]})
+            began_s, samples = rig.state().time_s, Samples.join([])
+        measured = Measured(samples, began_s, started, self._begun[cycle.key])
+        remembering = _as(rig, Reproducible)
+        if remembering is not None:
+            measured.memory, measured.truth = as_plain(remembering.memory()), remembering.truth()
+        self._whole = True
+        return measured
+
+    def _go_to_start(self, rig: Rig, cycle: Cycle) -> None:
+        if not self._homed:
+            rig.home()
+            self._homed = True
+        remembering = _as(rig, Reproducible)
+        if remembering is not None:
+            self._memory = self._memory or as_plain(remembering.memory())
+            remembering.restore(as_plain(self._memory))
+            self._pressures = self._pressures_after
+            remembering.begin_cycle(cycle.key)
+        if cycle.start_m is not None and abs(rig.state().position_m - cycle.start_m) > AT_START_M:
+            rig.move(cycle.start_m, min(TO_START_M_S, rig.limits().speed_m_s))
+
+    def _set_pressures(self, rig: Rig, cycle: Cycle, settling_s: float) -> None:
+        """Bring the chambers to the pressures of a cycle; settle where they are new."""
+        wanted = (cycle.pressure_a_pa, cycle.pressure_b_pa)
+        rig.set_pressure(*wanted)
+        if settling_s > 0.0 and wanted != self._pressures:
+            rig.hold(settling_s)
+        self._pressures = wanted
+
+    def _acquire(self, rig: Rig, cycle: Cycle) -> Samples:
+        parts: list[Samples] = []
+        iterator = rig.acquire(cycle.steps, cycle.sampling)
+        try:
+            for given in iterator:
+                parts.append(Samples.of(given))
+                self._go_on()
+                if wrong := self._watch(parts[-1], rig):
+                    raise GivenUpError(wrong)
+                self._show(parts[-1])
+            self._go_on()  # the rig may have ended early because it was told to
+        finally:
+            close = getattr(iterator, "close", None)
+            if close is not None:
+                close()
+        return Samples.join(parts)
+
+    def _go_on(self) -> None:
+        if self._thread.interrupted.is_set():
+            raise GivenUpError("the axis was stopped")
+
+    def finished(self, cycle: Cycle, memory: dict[str, Any]) -> None:
+        """Take a cycle as done, now or in an earlier run: the next one goes on from what it left."""
+        self._memory = dict(memory)
+        self._pressures_after = (cycle.pressure_a_pa, cycle.pressure_b_pa)
+
+    def rest(self) -> str:
+        """Bring the rig to rest; give what stands in the way, in words."""
+        trouble = self._thread.rest()
+        self._pressures = None
+        self._homed = self._homed and self._whole
+        return trouble
+
+    def go_home_first(self) -> None:
+        """Begin the next cycle at home: the axis may not know where it is."""
+        self._homed = False
+
+
+def _as(rig: object, protocol: type[P]) -> P | None:
+    """Give the rig where it has all verbs of the protocol; a wrapper that passes them on has them too."""
+    verbs = [name for name in vars(protocol) if not name.startswith("_")]
+    return cast("P", rig) if all(hasattr(rig, name) for name in verbs) else None
+
+
+def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
+    """Give the memory as a file gives it back, so that going on at once and going on later are the same.
+
+    Raises
+    ------
+    RigError
+        If JSON cannot hold it.
+    """
+    try:
+        return json.loads(json.dumps(memory, default=plain))
+    except (TypeError, ValueError) as error:
+        raise RigError(
+            "the rig's memory cannot be kept", value=str(error), rule="plain data that JSON can hold"
+        ) from None
+
+
+def whats_wrong(error: BaseException) -> PneudriveError:
+    """Give an error of ours; what a lab's own code raised is wrapped."""
+    if isinstance(error, PneudriveError):
+        return error
+    frame, trace = "", error.__traceback__
+    while trace is not None:
+        frame, trace = f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}", trace.tb_next
+    wrapped = RigError(f"the rig's own code failed: {type(error).__name__}: {error}", where=frame)
+    wrapped.__cause__ = error
+    return wrapped

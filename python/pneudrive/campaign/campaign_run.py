@@ -1,0 +1,454 @@
+"""A campaign while it runs: one cycle after the other, with all that may come between."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import errno
+import re
+import shutil
+import time
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.campaign.adaptive import LEVELS, Finished, Point, measure, needless, next_cycle
+from pneudrive.campaign.attempt import Attempts, GivenUpError, Measured, whats_wrong
+from pneudrive.campaign.checks import arrival_flags, serious
+from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP
+from pneudrive.campaign.documents import Documents
+from pneudrive.campaign.folder import CYCLES, Head, write_cycle, write_truth
+from pneudrive.campaign.lock import now, user
+from pneudrive.campaign.prompt import wait_for_answer
+from pneudrive.campaign.rig_thread import RigThread
+from pneudrive.campaign.storage import REMEDIES
+from pneudrive.campaign.watch import FAULT, NO_ANSWER, Bounds, look
+from pneudrive.errors import CampaignError, ConnectionLostError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from concurrent.futures import Future
+    from pathlib import Path
+
+    from pneudrive.campaign.control import Requests
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.folder import Campaign, CycleFile
+    from pneudrive.campaign.journal import Journal
+    from pneudrive.campaign.live import Display
+    from pneudrive.campaign.lock import FolderLock
+    from pneudrive.campaign.options import Options
+    from pneudrive.campaign.plan import Plan
+    from pneudrive.campaign.prompt import Prompt
+    from pneudrive.rig.interface import Rig
+
+#: Bytes that a sample may take on the disk while its cycle is written, and those of a cycle beside its samples.
+SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
+#: What a connection that is lost or does not answer raises, up to Python 3.10 in three forms.
+LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
+
+
+class EndedError(Exception):
+    """Somebody ended the campaign; the message says who."""
+
+
+class CampaignRun:
+    """A campaign while it runs.
+
+    The thread that calls `run` decides and writes; the rig's verbs run on a thread of their own. While it waits for
+    them, it serves requests to pause, stop and end. A cycle is written in one go, between two looks at requests.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    plan : Plan
+    rig : Rig
+    options : Options
+    lock : FolderLock
+    journal : Journal
+    display : Display
+    requests : Requests
+    prompt : Prompt
+    subscribers : sequence of callable
+    files : sequence of CycleFile
+        Finished cycles that are there already.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        plan: Plan,
+        rig: Rig,
+        options: Options,
+        lock: FolderLock,
+        journal: Journal,
+        display: Display,
+        requests: Requests,
+        prompt: Prompt,
+        subscribers: Sequence[Callable[[str, dict], None]],
+        files: Sequence[CycleFile],
+    ) -> None:
+        self.campaign, self.plan, self.options = campaign, plan, options
+        self._lock, self._journal, self._display = lock, journal, display
+        self._requests, self._prompt, self._subscribers = requests, prompt, subscribers
+        self._bounds = Bounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
+        self._thread = RigThread(rig)
+        self._attempts = Attempts(self._thread, self._bounds.during, display.part)
+        self._wants_points = plan.protocol.adaptive is not None or display.wants_points
+        self.finished: list[Finished] = [self._of_file(file) for file in files]
+        self._index = max((_number(path) for path in (campaign.path / CYCLES).glob("[0-9]*")), default=0)
+        if files:
+            self._attempts.finished(files[-1].head.cycle, files[-1].head.memory)
+        self._samples = {p.cycle.key: p.samples for p in plan.planned}
+        self._pausing = ""  # PAUSE: after the cycle; STOP: now
+        self._leaving = False  # nobody will be there to end a pause
+        self._path = campaign.path  # of the last cycle's file
+        self._bad = 0
+        self._failures: dict[str, int] = {}
+
+    def _of_file(self, file: CycleFile) -> Finished:
+        cycle = file.head.cycle
+        measured = self._wants_points and cycle.kind in (*LEVELS, "stop")
+        point = measure(file.samples(), cycle, self.campaign.identity) if measured else Point()
+        return Finished(cycle, file.head.flags, point)
+
+    @property
+    def now(self) -> str:
+        """What to call the present: so many cycles of so many."""
+        return f"{len(self.finished)} of {self.total} cycles"
+
+    @property
+    def total(self) -> int:
+        """How many cycles there will be, as far as is known now."""
+        done = {one.cycle.key for one in self.finished} | needless(self.plan, self.finished)
+        return len(self.finished) + sum(p.cycle.key not in done for p in self.plan.planned)
+
+    def _tell(self, text: str) -> None:
+        self._journal.write(text)
+        self._display.say(text)
+
+    def run(self) -> bool:
+        """Run what is left of the plan, through all its pauses.
+
+        The cycle that is next depends on plan and finished cycles alone.
+
+        Returns
+        -------
+        bool
+            Whether the campaign is done; otherwise somebody ended it, and it can be resumed.
+        """
+        documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
+        try:
+            while (following := next_cycle(self.plan, self.finished)) is not None:
+                documents.event(self._cycle(*following))
+                self._checkpoint()
+                self._stop_where_all_is_bad()
+        except EndedError as ended:
+            documents.stop("abort", str(ended))
+            return False
+        except BaseException as error:
+            documents.stop("fail", str(error))
+            raise
+        documents.stop("success")
+        return True
+
+    def close(self) -> str:
+        """Bring the rig to rest, whatever has happened; give what stands in the way, in words."""
+        trouble = self._attempts.rest() and self._attempts.rest()  # a second time where the first was in vain
+        self._thread.close()
+        return trouble
+
+    def _metadata(self) -> dict[str, Any]:
+        from pneudrive import __version__
+
+        return {
+            "plan_name": "friction campaign",
+            "campaign": str(self.campaign.about.get("name", "")),
+            "folder": str(self.campaign.path),
+            "operator": self.options.operator,
+            "synthetic": self.campaign.synthetic,
+            "num_points": len(self.plan.planned),
+            "versions": {"pneudrive": __version__},
+        }
+
+    # -- requests ---------------------------------------------------------------------------------------------
+
+    def _on_rig(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
+        """Run a job on the rig's thread to its end, and serve requests meanwhile."""
+        future = self._thread.start(job, moves=moves)
+        future.add_done_callback(lambda _: self._requests.wake())
+        while not future.done():
+            self._requests.wait()
+            self._serve()
+        return future
+
+    def _sleep(self, seconds: float) -> None:
+        """Wait, and serve requests meanwhile."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0.0 and not self._pausing:
+            self._requests.wait(left)
+            self._serve()
+
+    def _serve(self) -> None:
+        """Do what somebody has asked for since the last look.
+
+        Raises
+        ------
+        EndedError
+            The campaign is to end.
+        """
+        request = self._requests.take()
+        if request is None:
+            return
+        self._leaving = request.leave
+        if request.word == PAUSE:
+            self._lock.tell(state="pausing", text="after the cycle")
+            what = "ending" if request.leave else "pausing"
+            self._tell(f"{what} after this cycle ({request.by}); Ctrl-C again stops the axis now")
+            self._pausing = PAUSE
+        elif request.word == STOP:
+            self._lock.tell(state="pausing", text="now")
+            self._tell(f"stopping now ({request.by})")
+            self._pausing = STOP
+            self._rest()
+        elif request.word == ABORT:
+            self._lock.tell(state="stopping", text="")
+            self._tell(f"ending now ({request.by}); what is finished is kept")
+            self._rest()
+            raise EndedError(request.by)
+        elif request.word == RESUME:
+            self._tell(f"{request.by} asked to go on, but nothing is paused")
+
+    def _checkpoint(self) -> None:
+        """Serve requests, and pause where somebody has asked for it."""
+        self._serve()
+        if self._pausing:
+            self._pause()
+
+    def _pause(self, question: str = "") -> dict[str, str]:
+        """Come to rest and wait until somebody lets the campaign go on, or has done what the operator is asked.
+
+        Returns
+        -------
+        dict
+            Who it was, when, and how it was said.
+
+        Raises
+        ------
+        EndedError
+            The campaign is to end.
+        """
+        self._pausing = ""
+        self._rest()
+        if self._leaving:
+            raise EndedError("nobody would answer")
+        operator = self.options.operator or user()
+        if question:
+            text = f"Operator's step: {question}"
+            keys = f"Enter: done (as {operator}), another name: done by that one, a: end > "
+            self._lock.tell(state="operator", text=question)
+        else:
+            text = f"Paused after {self.now}; the axis is at rest, the pressure released."
+            keys = "Enter: go on, a: end the campaign > "
+            self._lock.tell(state="paused", text=f"after {self.now}")
+        self._journal.write(f"paused{': ' + question if question else ''}")
+        self._display.suspend()
+        if self._prompt.there:
+            self._prompt.show(f"{text}\n{keys}")
+        else:
+            self._display.say(f"{text} To go on: pneudrive campaign resume {self.campaign.path}")
+        answer = wait_for_answer(self._requests, self._prompt, operator)
+        if not answer.goes_on:
+            self._tell(str(answer))
+            raise EndedError("ended while paused")
+        self._journal.write(str(answer))
+        self._display.go_on()
+        self._requests.began_again()
+        self._lock.tell(state="running", text="")
+        return {"name": answer.name, "time": now(), "how": answer.how}
+
+    # -- a cycle ----------------------------------------------------------------------------------------------
+
+    def _cycle(self, cycle: Cycle, reason: str) -> dict[str, Any]:
+        """Run a cycle and put it on the disk; give what an event tells of it."""
+        self._lock.tell(state="running", text="", cycle=cycle.key)
+        self._display.cycle(cycle, reason, len(self.finished), self.total)
+        if reason:
+            self._journal.write(f"{cycle.key} {reason}")
+        confirmed = self._confirmed(cycle) if cycle.text else {}
+        measured = self._measured(cycle)
+        return self._write(cycle, reason, measured, confirmed)
+
+    def _confirmed(self, cycle: Cycle) -> dict[str, str]:
+        """Have the operator do something, and say who confirmed it."""
+        if self.options.yes:
+            self._journal.write(f"{cycle.key}: {cycle.text} (taken as done: --yes)")
+            return {"name": self.options.operator or user(), "time": now(), "how": "--yes"}
+        answer = self._pause(cycle.text)  # at rest: there will be hands in the rig
+        self._journal.write(f"{cycle.key}: {cycle.text} (confirmed by {answer['name']})")
+        return answer
+
+    def _measured(self, cycle: Cycle) -> Measured:
+        """Run a cycle until it is whole; wait meanwhile for conditions that are not met."""
+        settling_s = self.plan.protocol.pressure.settling_s
+        while True:
+            self._good_conditions(cycle)
+            self._room_for(cycle)
+            self._checkpoint()
+            attempt = self._on_rig(lambda rig: self._attempts.run(rig, cycle, settling_s))
+            error = attempt.exception()
+            if error is None:
+                return attempt.result()
+            if self._pausing != STOP:  # which is why the cycle was not finished
+                self._give_up(cycle, error)
+            self._checkpoint()
+
+    def _give_up(self, cycle: Cycle, error: BaseException) -> None:
+        """Say what became of an attempt that failed.
+
+        Raises
+        ------
+        PneudriveError
+            What the rig raised, or why there are no more attempts.
+        """
+        of_rig = None if isinstance(error, GivenUpError) else whats_wrong(error)
+        reason = str(of_rig or error).splitlines()[0].strip()
+        self._rest()
+        self._tell(f"{cycle.key} was given up: {reason}")
+        failures = self._failures[cycle.key] = self._failures.get(cycle.key, 0) + 1
+        if (
+            of_rig is not None
+            and not isinstance(of_rig, ConnectionLostError)
+            and not _lost(of_rig)
+            and not self._what_is_wrong().startswith((FAULT, NO_ANSWER))
+        ):
+            raise of_rig
+        if failures >= self.options.attempts:
+            raise CampaignError(
+                f"cycle {cycle.key} was given up {failures} times",
+                value=reason,
+                rule=f"a cycle is begun {self.options.attempts} times",
+                remedy="See to the rig, then resume: what is finished is kept.",
+            ) from of_rig
+
+    def _what_is_wrong(self) -> str:
+        """Ask the rig whether measuring can go on; empty where it can."""
+        return self._on_rig(lambda rig: look(rig, self._bounds), moves=False).result()
+
+    def _rest(self) -> None:
+        trouble = self._attempts.rest()
+        if trouble:
+            self._tell(f"the rig may not be at rest: {trouble}")
+
+    def _good_conditions(self, cycle: Cycle) -> None:
+        """Wait until measuring can go on: out of bounds, a fault, a lost connection; not for ever."""
+        options = self.options
+        waited = good_for = 0.0
+        told = ""
+        while True:
+            self._checkpoint()
+            wrong = self._what_is_wrong()
+            if not wrong and (not told or good_for >= options.steady_s):
+                break
+            good_for = 0.0 if wrong else good_for + options.look_s
+            if wrong and _without_numbers(wrong) != _without_numbers(told):
+                self._tell(f"waiting before {cycle.key}: {wrong}")
+                self._lock.tell(state="waiting", text=wrong)
+            if wrong.startswith((FAULT, NO_ANSWER)):
+                self._attempts.go_home_first()
+            if wrong and not told:
+                self._rest()
+            told = wrong or told
+            if waited >= options.patience_s:
+                raise CampaignError(
+                    f"the campaign has waited for {options.patience_s:g} s in vain",
+                    value=told,
+                    remedy="See to it, then resume: what is finished is kept.",
+                )
+            self._sleep(options.look_s)
+            waited += options.look_s
+        if told:
+            self._tell(f"going on after {waited:.3g} s: conditions are met again")
+            self._lock.tell(state="running", text="")
+
+    def _room_for(self, cycle: Cycle) -> None:
+        """Refuse to begin a cycle that the disk has no room for."""
+        samples = self._samples.get(cycle.key, max(self._samples.values(), default=0))
+        needed = samples * SAMPLE_BYTES + CYCLE_BYTES
+        free = shutil.disk_usage(self.campaign.path).free
+        if free < needed:
+            raise CampaignError(
+                "the disk is full",
+                where=str(self.campaign.path),
+                value=f"{free / 1e6:.3g} MB are free, the next cycle may need {needed / 1e6:.3g} MB",
+                remedy=REMEDIES[errno.ENOSPC],
+            )
+
+    # -- finished cycles ----------------------------------------------------------------------------------------
+
+    def _write(self, cycle: Cycle, reason: str, measured: Measured, confirmed: dict[str, str]) -> dict[str, Any]:
+        """Put a cycle on the disk; nothing comes between this and the cycle's being finished."""
+        identity, samples = self.campaign.identity, measured.samples
+        assert all(one.cycle.key != cycle.key for one in self.finished), f"{cycle.key} is finished already"
+        self._index += 1
+        head = Head(
+            index=self._index,
+            cycle=cycle,
+            began_s=measured.began_s,
+            started=measured.started,
+            flags=arrival_flags(samples, cycle, identity) if cycle.steps else {},
+            memory=measured.memory,
+            confirmed=confirmed,
+            attempts=measured.attempts,
+            reason=reason,
+        )
+        if measured.truth:
+            write_truth(self.campaign.path, head, measured.truth)
+        self._path = write_cycle(self.campaign.path, head, samples)
+        self._attempts.finished(cycle, measured.memory)
+        point = measure(samples, cycle, identity) if self._wants_points else Point()
+        self.finished.append(Finished(cycle, head.flags, point))
+        found = _counted(head.flags)
+        self._journal.write(f"{cycle.key} is finished, {len(samples)} samples" + (f"; flags: {found}" if found else ""))
+        self._display.finished(self.finished[-1])
+        return {
+            "index": self._index,
+            "key": cycle.key,
+            "kind": cycle.kind,
+            "speed_m_s": float("nan") if cycle.speed_m_s is None else cycle.speed_m_s,
+            "pressure_a_pa": cycle.pressure_a_pa,
+            "pressure_b_pa": cycle.pressure_b_pa,
+            "flags": " ".join(head.flags),
+            "file": self._path.name,
+        }
+
+    def _stop_where_all_is_bad(self) -> None:
+        last = self.finished[-1]
+        self._bad = self._bad + 1 if serious(last.flags) else 0
+        if self._bad >= self.options.bad_in_a_row:
+            raise CampaignError(
+                f"{self._bad} cycles in a row have samples that mean little",
+                value=_counted(last.flags),
+                where=str(self._path),
+                remedy="See to the sensors, then resume. The cycles are kept, with their flags.",
+            )
+
+
+def _counted(flags: dict[str, int]) -> str:
+    return ", ".join(f"{flag} {count}" for flag, count in flags.items())
+
+
+def _without_numbers(text: str) -> str:
+    """Give what a message says beside its numbers: told once, not each time that they change."""
+    return re.sub(r"\d[\d.e+-]*", "", text)
+
+
+def _lost(error: BaseException | None) -> bool:
+    """Whether a lost connection is behind an error."""
+    while error is not None:
+        if isinstance(error, LOST):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _number(path: Path) -> int:
+    digits = path.name.partition("-")[0]
+    return int(digits) if digits.isdigit() else 0
