@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import straight_line
+from pneudrive.estimate.estimates import CONFIDENCE
+from pneudrive.estimate.estimates import NORMAL_95 as NORMAL_95
+from pneudrive.estimate.estimates import student as student
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-CONFIDENCE = 0.95  # of every interval
-#: Two-sided quantile of the normal distribution at this confidence.
-NORMAL_95 = 1.959963984540054
 TREND_LEVEL = 0.05
 MINIMUM_FOR_TREND = 5
 MOST_PAIRED = 1000  # strokes of which every pair gives a slope: of more, so many evenly spread ones
@@ -51,22 +51,6 @@ class Spread:
     def has_trend(self) -> bool:
         """Whether the drift is beyond chance at 5 %."""
         return self.trend_p < TREND_LEVEL
-
-
-def student(dof: float, confidence: float = CONFIDENCE) -> float:
-    """Two-sided quantile of Student's t, 95 % if nothing else is said.
-
-    The normal one where nothing is left to estimate the scale from.
-
-    Examples
-    --------
-    >>> round(student(10), 3)
-    2.228
-    """
-    from scipy.special import ndtri, stdtrit
-
-    upper = 0.5 * (1.0 + confidence)
-    return float(stdtrit(dof, upper)) if dof > 0 else float(ndtri(upper))
 
 
 def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from pneudrive.characteristics.basics import BOTH, Condition, Estimate, FTest
+from pneudrive.characteristics.basics import BOTH, Condition, Skipped, Statement
 from pneudrive.characteristics.campaign import characterise, characteristics
 from pneudrive.characteristics.files import write_characteristics
 from pneudrive.characteristics.fits import fit_campaign
-from pneudrive.characteristics.result import CampaignCharacteristics, Curve, CycleResult, Skipped, Statement
+from pneudrive.characteristics.result import CampaignCharacteristics, Curve, CycleResult
 from pneudrive.characteristics.swinging import Contact, without_swings
+from pneudrive.estimate.estimates import Estimate, FTest
 
 __all__ = [
     "BOTH",

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import Fits, by_chance, curve_speeds, fit_response, in_newton, kept_conditions
 from pneudrive.characteristics.curves import systematic as systematic_of
 from pneudrive.characteristics.effects import AirShare
+from pneudrive.estimate.estimates import NORMAL_95
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

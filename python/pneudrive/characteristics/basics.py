@@ -1,16 +1,8 @@
-"""Words of every result: the condition of a curve, an estimate with its interval, a test."""
+"""Words of every result: the condition of a curve, a sentence on the data, a cycle that was not counted."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from pneudrive.characterise.spread import student
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 PA_PER_BAR = 1e5
 BOTH = 0  # direction of a curve that is half the difference of both directions
@@ -52,63 +44,34 @@ def _tidy(bar: float) -> str:
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """A value with its 95 % interval.
+class Statement:
+    """A sentence on what the data carry, or do not carry and what would.
 
     Attributes
     ----------
-    value, low, high, stderr : float
-        NaN where the data do not carry it.
-    unit : str
-    degrees_of_freedom : float
-        Of Student's t behind the interval.
-    p : float
-        Probability of a value as far from zero by chance; NaN where zero is no question.
+    topic : str
+        curve, direction, pressure, air, position, stops, drift, repeatability, stick-slip, zero, range, data.
+    text : str
+    carried : bool
+        Whether the data carry what was asked for.
+    remedy : str
+        Which cycles to add; "" where nothing is missing.
     """
 
-    value: float
-    low: float
-    high: float
-    stderr: float
-    unit: str = "N"
-    degrees_of_freedom: float = float("nan")
-    p: float = float("nan")
+    topic: str
+    text: str
+    carried: bool = True
+    remedy: str = ""
 
-
-def mean_estimate(values: NDArray[np.float64], unit: str = "N") -> Estimate:
-    """Estimate the mean of repeats, with Student's t.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Two or more, in `unit`.
-    unit : str
-
-    Returns
-    -------
-    Estimate
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> found = mean_estimate(np.array([1.0, 2.0, 3.0]))
-    >>> round(found.value, 3), round(found.high, 3)
-    (2.0, 4.484)
-    """
-    from scipy.special import stdtr
-
-    n = values.size
-    mean, stderr = float(values.mean()), float(values.std(ddof=1) / np.sqrt(n))
-    half = student(n - 1) * stderr
-    p = 2.0 * float(stdtr(n - 1, -abs(mean) / stderr)) if stderr > 0 else float(mean == 0.0)
-    return Estimate(mean, mean - half, mean + half, stderr, unit, n - 1, p)
+    def __str__(self) -> str:
+        """Text and remedy."""
+        return f"{self.text} Remedy: {self.remedy}" if self.remedy else self.text
 
 
 @dataclass(frozen=True)
-class FTest:
-    """An F-test: statistic, degrees of freedom of numerator and denominator, probability by chance."""
+class Skipped:
+    """A cycle that was not counted, and why."""
 
-    f: float
-    numerator: float
-    denominator: float
-    p: float
+    key: str
+    file: str
+    reason: str

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import by_chance, curve_speeds, kept_conditions, systematic
 from pneudrive.characteristics.gain import GROWING
 from pneudrive.characteristics.result import Source
+from pneudrive.estimate.estimates import NORMAL_95
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.basics import BOTH
 from pneudrive.characteristics.condense import grouped
 from pneudrive.characteristics.outliers import WILD, WILD_SPREAD, Chance, wild_cycles
@@ -24,6 +23,7 @@ from pneudrive.characteristics.smooth import (
     fit_curves,
     with_doubt,
 )
+from pneudrive.estimate.estimates import NORMAL_95
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
     from pneudrive.characteristics.basics import Condition
     from pneudrive.characteristics.cycle import CycleData
-    from pneudrive.characteristics.mixed import Predicted
     from pneudrive.characteristics.reading import Reading
+    from pneudrive.estimate.mixed import Predicted
 
     Array = NDArray[np.float64]
 

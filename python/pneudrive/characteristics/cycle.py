@@ -19,11 +19,11 @@ from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.reversal import find_reversal_peaks, usable
 from pneudrive.characterise.settling import Motion, SampleChoice
 from pneudrive.characterise.stick_slip import measure_stick_slip
-from pneudrive.characteristics.autocorrelation import stderr_of_mean
 from pneudrive.characteristics.basics import Condition
 from pneudrive.characteristics.pressure_zero import SIDES, Standing
 from pneudrive.characteristics.raw import recording_of, steps_of
 from pneudrive.errors import RecordingError
+from pneudrive.estimate.autocorrelation import stderr_of_mean
 from pneudrive.rig.interface import Hold
 
 if TYPE_CHECKING:

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
-from pneudrive.characteristics.basics import Estimate
 from pneudrive.characteristics.curves import Fits, shares_of
 from pneudrive.characteristics.effects import Drift, Repeatability
-from pneudrive.characteristics.mixed import MixedModel, independent
 from pneudrive.characteristics.smooth import CARRIED
+from pneudrive.estimate.estimates import NORMAL_95, Estimate
+from pneudrive.estimate.mixed import MixedModel, independent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -157,16 +156,16 @@ def repeatability(fits: Fits) -> Repeatability:
     pure = pure_scatter(fits)
     if pure is not None:
         level = pure.level_n
-        within = _scaled(pure.estimate, level if fit.logarithmic else 1.0)
+        within = pure.estimate.scaled(level if fit.logarithmic else 1.0)
     else:
         scale = level if fit.logarithmic else 1.0
         noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
-        within = _scaled(fit.fit.deviation("cycle"), scale)
+        within = fit.fit.deviation("cycle").scaled(scale)
         ends = (float(np.hypot(v, noise)) for v in (within.value, within.low, within.high))
         within = replace(within, **dict(zip(("value", "low", "high"), ends, strict=True)))
     between = total = None
     if fits.blocks is not None:
-        between = _scaled(fit.fit.deviation("block"), level if fit.logarithmic else 1.0)
+        between = fit.fit.deviation("block").scaled(level if fit.logarithmic else 1.0)
         value = float(np.hypot(within.value, between.value))
         stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
         reach = NORMAL_95 * stderr / max(value, 1e-12)
@@ -229,13 +228,3 @@ def pure_scatter(fits: Fits) -> Pure | None:
     basis = " and ".join(kinds)
     estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)
     return Pure(estimate, float(points.reduced.friction_n[use].mean()), basis)
-
-
-def _scaled(found: Estimate, scale: float) -> Estimate:
-    return replace(
-        found,
-        value=found.value * scale,
-        low=found.low * scale,
-        high=found.high * scale,
-        stderr=found.stderr * scale,
-    )

@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.basics import Condition, Estimate, FTest
+    from pneudrive.characteristics.basics import Condition
+    from pneudrive.estimate.estimates import Estimate, FTest
 
     Array = NDArray[np.float64]
 

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import robust_deviation
-from pneudrive.characteristics.mixed import MOST_FOR_SEARCH
 from pneudrive.characteristics.smooth import curve_model
+from pneudrive.estimate.mixed import MOST_FOR_SEARCH
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.mixed import MixedModel
     from pneudrive.characteristics.smooth import CurveData
+    from pneudrive.estimate.mixed import MixedModel
 
     Array = NDArray[np.float64]
 

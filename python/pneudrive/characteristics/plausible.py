@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.plausible import BELOW_AMBIENT
-from pneudrive.characteristics.basics import PA_PER_BAR
-from pneudrive.characteristics.result import Statement
+from pneudrive.characteristics.basics import PA_PER_BAR, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
-from pneudrive.characteristics.autocorrelation import stderrs_of_means
-from pneudrive.characteristics.basics import Condition, Estimate, mean_estimate
+from pneudrive.characteristics.basics import Condition
 from pneudrive.characteristics.effects import Harmonic, PositionDependence
-from pneudrive.characteristics.mixed import Component, MixedModel
 from pneudrive.characteristics.reduction import FREEDOM_PER_CYCLE
+from pneudrive.estimate.autocorrelation import stderrs_of_means
+from pneudrive.estimate.estimates import Estimate, mean_estimate, student
+from pneudrive.estimate.mixed import MixedModel, RandomEffect
 from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _trend(
         np.array([found[group].mean() for group in groups]),
         np.column_stack([np.ones(slow.size), slow]),
         np.array([variance[group].sum() for group in groups]) / count**2,
-        (Component("cycle", 1.0 / count, scale), Component("zero", slow**2 / count, scale)),
+        (RandomEffect("cycle", 1.0 / count, scale), RandomEffect("zero", slow**2 / count, scale)),
     )
     fit = model.fit()
     return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual

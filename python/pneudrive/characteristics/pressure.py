@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import PA_PER_BAR, Estimate
+from pneudrive.characteristics.basics import PA_PER_BAR
 from pneudrive.characteristics.effects import PressureEffects
-from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent, widened
 from pneudrive.characteristics.smooth import CARRIED, CYCLE_SCALE, centred_walk
+from pneudrive.estimate.estimates import Estimate
+from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.basics import FTest
     from pneudrive.characteristics.curves import Fits
     from pneudrive.characteristics.reading import Reading
+    from pneudrive.estimate.estimates import FTest
 
     Array = NDArray[np.float64]
 
@@ -198,14 +199,14 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
     usual = CYCLE_SCALE * max(float(np.abs(y).mean()), 1e-9)
     outer = np.outer(share, share)
     own = relative * level**2 + 1.0 - relative
-    components = [Component("cycle", own / points.count[members], usual)]
+    components = [RandomEffect("cycle", own / points.count[members], usual)]
     if fits.drift_share < CARRIED:
         order = np.array([reading.order(d.head) for d, m in zip(reduced.data, members, strict=True) if m])
-        components.append(Component("drift", outer * centred_walk(order), usual))
+        components.append(RandomEffect("drift", outer * centred_walk(order), usual))
     if fits.blocks is not None:
         blocks = fits.blocks[members[points.use]]
         if blocks.any(axis=0).sum() > 1:
-            components.append(Component("block", outer * (blocks @ blocks.T), usual))
+            components.append(RandomEffect("block", outer * (blocks @ blocks.T), usual))
     return MixedModel(y, x, reduced.friction_stderr_n[members] ** 2, tuple(components)).fit()
 
 
@@ -249,14 +250,11 @@ def _hidden(fits: Fits, model: MixedModel, design: _Design) -> _Hidden | None:
 
 def _slope(fit: MixedFit, row: Array, u: float, hidden: _Hidden | None) -> Estimate:
     doubt = u if hidden is None else float(np.hypot(u, hidden.size_n * hidden.share(row)))
-    return _per_pascal(widened(fit.contrast(row), doubt), 1)
+    return _per_pascal(fit.contrast(row).widened(doubt), 1)
 
 
 def _per_pascal(found: Estimate, power: int) -> Estimate:
-    scale = PA_PER_BAR**-power
-    unit = UNIT if power == 1 else "N/Pa2"
-    values = (found.value * scale, found.low * scale, found.high * scale, found.stderr * scale)
-    return Estimate(*values, unit, found.degrees_of_freedom, found.p)
+    return found.scaled(PA_PER_BAR**-power, UNIT if power == 1 else "N/Pa2")
 
 
 def _over_speed(design: _Design, columns: list[Array]) -> list[Array]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.budget import USUAL_RANGES_PA
-from pneudrive.characteristics.autocorrelation import stderr_of_mean
+from pneudrive.estimate.autocorrelation import stderr_of_mean
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,10 +12,10 @@ import numpy as np
 from pneudrive.bulk import many_objects
 from pneudrive.campaign.folder import CycleFile, read_samples
 from pneudrive.characterise.pool import in_processes, workers
+from pneudrive.characteristics.basics import Skipped
 from pneudrive.characteristics.cycle import BINS, CycleData, read_sliding, read_standing
 from pneudrive.characteristics.gain import Gain, corrected, sensor_gain
 from pneudrive.characteristics.pressure_zero import PressureZero, pressure_zeros, without_zeros
-from pneudrive.characteristics.result import Skipped
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.rig.interface import Identity, Move
 

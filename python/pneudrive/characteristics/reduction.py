@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.autocorrelation import stderrs_of_means
+from pneudrive.estimate.autocorrelation import stderrs_of_means
 from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:

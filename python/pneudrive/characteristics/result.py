@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.basics import BOTH
+from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.basics import Condition
+    from pneudrive.characteristics.basics import Condition, Skipped, Statement
     from pneudrive.characteristics.effects import (
         AirShare,
         Asymmetry,
@@ -34,40 +34,6 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Statement:
-    """A sentence on what the data carry, or do not carry and what would.
-
-    Attributes
-    ----------
-    topic : str
-        curve, direction, pressure, air, position, stops, drift, repeatability, stick-slip, zero, range, data.
-    text : str
-    carried : bool
-        Whether the data carry what was asked for.
-    remedy : str
-        Which cycles to add; "" where nothing is missing.
-    """
-
-    topic: str
-    text: str
-    carried: bool = True
-    remedy: str = ""
-
-    def __str__(self) -> str:
-        """Text and remedy."""
-        return f"{self.text} Remedy: {self.remedy}" if self.remedy else self.text
-
-
-@dataclass(frozen=True)
-class Skipped:
-    """A cycle that was not counted, and why."""
-
-    key: str
-    file: str
-    reason: str
 
 
 @dataclass(frozen=True, repr=False)

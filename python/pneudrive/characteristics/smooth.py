@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, Predicted, as_estimate, independent
+from pneudrive.estimate.mixed import MixedFit, MixedModel, Predicted, RandomEffect, independent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.basics import Estimate
+    from pneudrive.estimate.estimates import Estimate
 
     Array = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ class CurveFit:
             {k: v.mean(axis=0, keepdims=True) for k, v in kernels.items() if k in names},
             {k: np.array([v.mean()]) for k, v in own.items() if k in names},
         )
-        return as_estimate(found, unit)
+        return found.estimates(unit)[0]
 
     def sd(self, name: str) -> float:
         """Most probable standard deviation of a component; 0 where there is none."""
@@ -323,15 +323,15 @@ def curve_model(data: CurveData, *, logarithmic: bool, drift: bool, blocks: Arra
     spread = max(float(np.std(data.y[on])), 1e-9 * float(np.abs(data.y[on]).max() + 1e-12), 1e-12)
     usual = CYCLE_SCALE if logarithmic else CYCLE_SCALE * max(float(np.abs(data.y[on]).mean()), spread)
     kernels, _ = basis.kernels(data.speed_m_s, data.curve)
-    components = [Component("shape", kernels["shape"], 5.0 * spread)]
+    components = [RandomEffect("shape", kernels["shape"], 5.0 * spread)]
     if "own shape" in kernels:
-        components.append(Component("own shape", kernels["own shape"], spread))
-        components.append(Component("local", kernels["local"], usual))
-    components.append(Component("cycle", on * data.chance**2 / data.count, usual, power=FEW_AGREE))
+        components.append(RandomEffect("own shape", kernels["own shape"], spread))
+        components.append(RandomEffect("local", kernels["local"], usual))
+    components.append(RandomEffect("cycle", on * data.chance**2 / data.count, usual, power=FEW_AGREE))
     if drift:
-        components.append(Component("drift", centred_walk(data.order), usual))
+        components.append(RandomEffect("drift", centred_walk(data.order), usual))
     if blocks is not None:
-        components.append(Component("block", blocks @ blocks.T, usual))
+        components.append(RandomEffect("block", blocks @ blocks.T, usual))
     x = basis.fixed(data.speed_m_s, data.curve, observed=True)[:, basis.kept]
     return MixedModel(data.y, x, data.noise, tuple(components))
 

@@ -7,25 +7,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import straight_line
-from pneudrive.characterise.spread import NORMAL_95, student
-from pneudrive.characteristics.basics import BOTH, PA_PER_BAR
+from pneudrive.characteristics.basics import BOTH, PA_PER_BAR, Statement
 from pneudrive.characteristics.curves import deviation_n
 from pneudrive.characteristics.drift import pure_scatter
 from pneudrive.characteristics.plausible import NEGATIVE, suspicions
-from pneudrive.characteristics.result import Statement
 from pneudrive.characteristics.smooth import CARRIED
+from pneudrive.estimate.estimates import NORMAL_95, student
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.basics import Estimate
     from pneudrive.characteristics.curves import Fits, Points
     from pneudrive.characteristics.drift import Causes
     from pneudrive.characteristics.effects import Drift, Repeatability
     from pneudrive.characteristics.reading import Reading
     from pneudrive.characteristics.result import CampaignCharacteristics
+    from pneudrive.estimate.estimates import Estimate
 
     Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.friction_map import COLUMNS as MAP_COLUMNS
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import Fits, Points, deviation_n, systematic
+from pneudrive.estimate.estimates import NORMAL_95
 
 if TYPE_CHECKING:
     import xarray as xr

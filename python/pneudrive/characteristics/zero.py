@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.characteristics.curves import Fits, curve_speeds, kept_conditions, systematic
 from pneudrive.characteristics.effects import Asymmetry, SensorZero
-from pneudrive.characteristics.mixed import Component, MixedModel, widened
+from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.estimate.mixed import MixedModel, RandomEffect
 
 if TYPE_CHECKING:
-    from pneudrive.characteristics.basics import Estimate
     from pneudrive.characteristics.reading import Reading
+    from pneudrive.estimate.estimates import Estimate
 
 HOUR_S = 3600.0
 FEWEST_TARES = 3  # from which a drift is told
@@ -33,7 +33,7 @@ def sensor_zero(reading: Reading) -> SensorZero:
     if len(tares) >= FEWEST_TARES and np.ptp(time) > 0:
         x = np.column_stack([np.ones(time.size), (time - time.mean()) / HOUR_S])
         scale = max(float(np.std(zero)), float(stderr.mean()), 1e-9)
-        model = MixedModel(zero, x, stderr**2, (Component("tare", np.ones(time.size), scale),))
+        model = MixedModel(zero, x, stderr**2, (RandomEffect("tare", np.ones(time.size), scale),))
         drift = model.fit().contrast(np.array([0.0, 1.0]), "N/h")
     return SensorZero(time, zero, stderr, drift, "tare")
 
@@ -51,7 +51,7 @@ def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
         shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), index)
         u = shared.zero_n
         half = np.hypot(offset.half_width(), NORMAL_95 * u)
-        mean = widened(fits.offset.mean_at(number, speeds), float(np.mean(u)))
+        mean = fits.offset.mean_at(number, speeds).widened(float(np.mean(u)))
         found.append(
             Asymmetry(
                 condition=condition,

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import mean_estimate
 from pneudrive.characteristics.stops.stop import find_stops
 from pneudrive.errors import CampaignError
+from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.paper.figure import Claim, PaperFigure, judge
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneudrive.characteristics.mixed import Component, MixedModel, independent
 from pneudrive.characteristics.threads import one_thread
+from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 
 GROUPS, REPEATS = 12, 6
 
@@ -25,8 +25,8 @@ def balanced(seed: int, between: float, within: float) -> tuple[np.ndarray, np.n
 
 def model(group: np.ndarray, y: np.ndarray, x: np.ndarray | None = None) -> MixedModel:
     parts = (
-        Component("group", (group[:, None] == group[None, :]).astype(float), 1.0),
-        Component("cycle", np.ones(y.size), 1.0),
+        RandomEffect("group", (group[:, None] == group[None, :]).astype(float), 1.0),
+        RandomEffect("cycle", np.ones(y.size), 1.0),
     )
     return MixedModel(y, np.ones((y.size, 1)) if x is None else x, np.zeros(y.size), parts)
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.campaign.folder import Campaign
-from pneudrive.characteristics.basics import Estimate
+from pneudrive.characteristics.basics import Statement
 from pneudrive.characteristics.compare.checks import Check, checks_of
 from pneudrive.characteristics.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
-from pneudrive.characteristics.result import Statement
 from pneudrive.errors import CampaignError
+from pneudrive.estimate.estimates import Estimate
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def _curve_tests(
     beyond = abs(curves.mean.value) * mean_n > max(limits) if len(limits) == 2 else None
     note = f"mean of {curves.points.speed_m_s.size} common points, {100 * curves.mean.value:+.2g} % of friction"
     yield Test(
-        "friction over speed", _scaled(curves.mean, mean_n), curves.shape.p, beyond_repeatability=beyond, note=note
+        "friction over speed", curves.mean.scaled(mean_n, "N"), curves.shape.p, beyond_repeatability=beyond, note=note
     )
     if curves.pressure is not None:
         note = "how much friction grows with pressure, relative to friction"
@@ -198,12 +198,6 @@ def _curve_tests(
 def _within(found: CampaignCharacteristics) -> float:
     r = found.repeatability
     return r.within.value if r is not None and r.within is not None else float("nan")
-
-
-def _scaled(e: Estimate, factor: float) -> Estimate:
-    return replace(
-        e, value=factor * e.value, low=factor * e.low, high=factor * e.high, stderr=factor * e.stderr, unit="N"
-    )
 
 
 def _pairs(
@@ -248,33 +242,20 @@ def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
         slopes.append(series.curve.gains(float(np.log10(low)), float(np.log10(high))).combine(row).estimates()[0])
         levels.append(series.curve.values(np.log10([at])).combine(row).estimates()[0])
     where = f"{a.name}, at {at:.3g} s"
-    level = _difference(*levels)
+    level = levels[1] - levels[0]
     limits = [REPEATABILITY_FACTOR * s.scatter_n for s in (a, b)]
     beyond = abs(level.value) > max(limits)
     yield Test("breakaway after a stop", level, level.p, beyond_repeatability=beyond, note=where)
-    slope = _difference(*slopes)
+    slope = slopes[1] - slopes[0]
     span = f"{a.name}, mean from {low:.3g} to {high:.3g} s"
     yield Test("slope of breakaway per decade of stop", slope, slope.p, note=span)
-
-
-def _difference(a: Estimate, b: Estimate) -> Estimate:
-    """Difference of two independent estimates, second less first, with Welch's degrees of freedom."""
-    from scipy.special import stdtr, stdtrit
-
-    value, variance = b.value - a.value, a.stderr**2 + b.stderr**2
-    stderr = float(np.sqrt(variance))
-    shares = [e.stderr**4 / e.degrees_of_freedom for e in (a, b) if e.degrees_of_freedom > 0]
-    freedom = float(variance**2 / max(sum(shares), 1e-300)) if shares else float("inf")
-    half = float(stdtrit(min(freedom, 1e6), 0.975)) * stderr
-    p = 2.0 * float(stdtr(min(freedom, 1e6), -abs(value) / stderr)) if stderr > 0 else 1.0
-    return Estimate(value, value - half, value + half, stderr, a.unit, freedom, p)
 
 
 def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Test | None:
     rates = [found.drift.per_hour if found.drift is not None else None for found in (first, second)]
     if rates[0] is None or rates[1] is None:
         return None
-    difference = replace(_difference(rates[0], rates[1]), unit="N/h")
+    difference = rates[1] - rates[0]
     return Test("drift over time", difference, difference.p, note="of friction, linear in time")
 
 

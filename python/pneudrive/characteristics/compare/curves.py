@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import Estimate, FTest
 from pneudrive.characteristics.condense import grouped
 from pneudrive.characteristics.curves import MOST_CELLS, MOST_CYCLES, shares_of
-from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent
 from pneudrive.characteristics.smooth import centred_walk
 from pneudrive.characteristics.threads import one_thread
+from pneudrive.estimate.estimates import Estimate, FTest
+from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -138,11 +138,11 @@ def compare_curves(
     if min(cycles) < FEWEST_CYCLES // 2 or sum(cycles) < FEWEST_CYCLES:
         return "too few cycles at common speeds and pressures"
     with one_thread():
-        return _compared(points, 2.0 * gain**2)
+        return _compared(points, float(np.sqrt(2.0)) * gain)
 
 
-def _compared(points: Points, extra: float) -> CurveComparison:
-    """Test for a difference; means are wider by `extra`, a variance."""
+def _compared(points: Points, u: float) -> CurveComparison:
+    """Test for a difference; means are less certain by `u` than chance makes them."""
     sign = points.campaign.astype(np.float64) - 0.5
     m = points.speed_m_s.size
     dummies = (points.point[:, None] == np.arange(m)[None, :]).astype(float)
@@ -156,12 +156,12 @@ def _compared(points: Points, extra: float) -> CurveComparison:
     level[m] = 1.0
     shapes = [i for i in range(m, m + shape.shape[1]) if i in kept]
     pressures = [i for i in range(m + shape.shape[1], x.shape[1]) if i in kept]
-    each = _each(points, dummies, sign, extra)
+    each = _each(points, dummies, sign, u)
     return CurveComparison(
         points=points,
-        shape=_f_test(fit, rows[shapes], extra),
-        pressure=_f_test(fit, rows[pressures], 0.0) if pressures else None,
-        mean=_wider(fit.contrast(level[kept], unit=""), extra),
+        shape=fit.f_test(rows[shapes], u**2),
+        pressure=fit.f_test(rows[pressures]) if pressures else None,
+        mean=fit.contrast(level[kept], unit="").widened(u),
         difference=each,
         adjusted_p=holm(np.array([e.p for e in each])),
         friction_n=_means(points),
@@ -308,50 +308,23 @@ def _model(points: Points, x: Array) -> MixedModel:
     components = []
     for k in (0, 1):
         own = (points.campaign == k).astype(float)
-        components.append(Component(f"cycle {k + 1}", own / points.count, USUAL))
+        components.append(RandomEffect(f"cycle {k + 1}", own / points.count, USUAL))
         if own.sum() >= DRIFT_CYCLES:
             kernel = np.zeros((own.size, own.size))
             members = np.flatnonzero(own)
             kernel[np.ix_(members, members)] = centred_walk(points.order[members])
-            components.append(Component(f"drift {k + 1}", kernel, USUAL))
+            components.append(RandomEffect(f"drift {k + 1}", kernel, USUAL))
     if any(points.blocks_of(k) > 1 for k in (0, 1)):
-        components.append(Component("block", points.block @ points.block.T, USUAL))
+        components.append(RandomEffect("block", points.block @ points.block.T, USUAL))
     return MixedModel(points.log_n, x, points.noise, tuple(components))
 
 
-def _f_test(fit: MixedFit, rows: Array, extra: float) -> FTest:
-    """F-test of several contrasts, the first of which is as uncertain as `extra` says beyond chance."""
-    from scipy.special import fdtrc
-
-    q = rows.shape[0]
-    mean = np.average([rows @ s.beta for s in fit.states], axis=0, weights=fit.weights)
-    covariance = np.average([rows @ s.beta_covariance @ rows.T for s in fit.states], axis=0, weights=fit.weights)
-    covariance[0, 0] += extra
-    freedom = float(1.0 / np.mean(1.0 / fit.predict(rows).freedom))
-    shrink = freedom / (freedom - 2.0) if freedom > 4.0 else 1.0
-    f = shrink * float(mean @ np.linalg.solve(covariance, mean)) / q
-    return FTest(f, q, freedom, float(fdtrc(q, freedom, f)))
-
-
-def _wider(e: Estimate, extra: float) -> Estimate:
-    """Widen by a variance; the probability goes with it."""
-    if extra == 0.0:
-        return e
-    from scipy.special import stdtr
-
-    stderr = float(np.sqrt(e.stderr**2 + extra))
-    factor = stderr / e.stderr
-    p = 2.0 * float(stdtr(e.degrees_of_freedom, -abs(e.value) / stderr))
-    low, high = e.value - factor * (e.value - e.low), e.value + factor * (e.high - e.value)
-    return Estimate(e.value, low, high, stderr, e.unit, e.degrees_of_freedom, p)
-
-
-def _each(points: Points, dummies: Array, sign: Array, extra: float) -> tuple[Estimate, ...]:
+def _each(points: Points, dummies: Array, sign: Array, u: float) -> tuple[Estimate, ...]:
     """Difference at each point by itself."""
     m = dummies.shape[1]
     x = np.c_[dummies, dummies * sign[:, None]]
     fit = _model(points, x).fit()
-    return tuple(_wider(fit.contrast(row, unit=""), extra) for row in np.eye(2 * m)[m:])
+    return tuple(fit.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
 
 
 def _means(points: Points) -> Array:

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import straight_line
-from pneudrive.characteristics.separable import scan
+from pneudrive.estimate.separable import scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.separable import Scan
+    from pneudrive.estimate.separable import Scan
 
     Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@
 
 at each condition c. The bend is smooth over u (a slow and a quicker part), in part common to all conditions; it,
 blocks, their slopes and the scatter from cycle to cycle are random, and their sizes are averaged over, not picked
-(`pneudrive.characteristics.mixed`). Intervals so cover the choice of the law as well as the scatter.
+(`pneudrive.estimate.mixed`). Intervals so cover the choice of the law as well as the scatter.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import Estimate
-from pneudrive.characteristics.mixed import Component, MixedFit, MixedModel, independent
+from pneudrive.estimate.estimates import Estimate
+from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -122,22 +122,10 @@ class Functionals:
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
         """Each with its interval and the probability of zero."""
-        from scipy.special import stdtr
-
         names = {c.name for c in self.curve.fit.model.components}
         cross = {name: part for name, part in self.cross.items() if name in names}
         own = {name: np.diag(part) for name, part in self.own.items() if name in names}
-        found = self.curve.fit.predict(self.fixed, cross, own)
-        out = []
-        for value, variance, freedom, half in zip(
-            found.mean, found.variance, found.freedom, found.half_width(), strict=True
-        ):
-            stderr = float(np.sqrt(variance))
-            p = 2.0 * float(stdtr(freedom, -abs(value) / stderr)) if stderr > 0 else float(value == 0.0)
-            out.append(
-                Estimate(float(value), float(value - half), float(value + half), stderr, unit, float(freedom), p)
-            )
-        return out
+        return self.curve.fit.predict(self.fixed, cross, own).estimates(unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,26 +267,28 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
     return float(wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300))
 
 
-def _components(data: DwellData, x: Array, hidden: Array) -> tuple[Component, ...]:
+def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect, ...]:
     """List the sources of chance, scatter first."""
     y, u = data.increment_n, data.log_s
     line = np.abs(x @ np.linalg.lstsq(x, y, rcond=None)[0])
     size = np.clip(line / max(float(line.mean()), 1e-300), *GROWTH_RANGE)
     tau = _first_scatter(data, x)
     swing = max(float(np.ptp(line)), tau)
-    out = [Component("scatter", size / size.mean(), tau)]
+    out = [RandomEffect("scatter", size / size.mean(), tau)]
     if data.durations > 2:
         share = np.where(data.condition[:, None] == data.condition[None, :], 1.0, COMMON_BEND)
-        out += [Component(name, _kernel(length, u, u) * share, swing * size) for name, (length, size) in BENDS.items()]
+        out += [
+            RandomEffect(name, _kernel(length, u, u) * share, swing * size) for name, (length, size) in BENDS.items()
+        ]
     names, member = np.unique(data.block, return_inverse=True)
     if names.size > 1:
         same = (member[:, None] == member[None, :]).astype(float)
-        out.append(Component("block", same, tau))
+        out.append(RandomEffect("block", same, tau))
         if names.size >= BLOCKS_FOR_SLOPES:
             away = (u - u.mean()) / max(float(u.std()), 1e-9)
-            out.append(Component("block slope", same * np.outer(away, away), tau))
+            out.append(RandomEffect("block slope", same * np.outer(away, away), tau))
     if hidden.shape[1]:
-        out.append(Component("drift", hidden @ hidden.T, 1.0))
+        out.append(RandomEffect("drift", hidden @ hidden.T, 1.0))
     return tuple(out)
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
 from pneudrive.characteristics.stops.dwell_forms import FORMS
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.estimates import student
 from pneudrive.identify.optimal import Candidates, exchange, information
 from pneudrive.show import Shown
 

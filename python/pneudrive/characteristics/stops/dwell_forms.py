@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
-from pneudrive.characteristics.separable import Scan, scan
+from pneudrive.estimate.estimates import student
+from pneudrive.estimate.separable import Scan, scan
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.budget import COVERAGE_FACTOR
-from pneudrive.characteristics.basics import Estimate, mean_estimate
-from pneudrive.characteristics.result import Statement
+from pneudrive.characteristics.basics import Statement
 from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
 from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, UNCERTAIN, LawFit, fit_forms
 from pneudrive.characteristics.stops.stop import SPOILING
+from pneudrive.estimate.estimates import Estimate, mean_estimate
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -208,22 +207,14 @@ def _results(curve: DwellCurve | None, reference: float, running_n: float, inert
     grid = np.linspace(low, high, GRID_POINTS)
     shown = curve.values(grid).estimates()
     shape = (len(data.conditions), GRID_POINTS)
-    slope = _wider(slopes.combine(mean).estimates(), u)[0]
-    share = None
-    if running_n > 0:
-        share = Estimate(
-            *(v / running_n for v in (slope.value, slope.low, slope.high, slope.stderr)),
-            unit="",
-            degrees_of_freedom=slope.degrees_of_freedom,
-            p=slope.p,
-        )
+    slope = slopes.combine(mean).estimates()[0].widened(u)
     return {
-        "slopes": _wider(slopes.estimates(), u),
-        "mean_slopes": _wider(gains.estimates(), u),
+        "slopes": tuple(e.widened(u) for e in slopes.estimates()),
+        "mean_slopes": tuple(e.widened(u) for e in gains.estimates()),
         "slope": slope,
-        "mean_slope": _wider(gains.combine(mean).estimates(), u)[0],
+        "mean_slope": gains.combine(mean).estimates()[0].widened(u),
         "increment": level.combine(mean).estimates()[0],
-        "share": share,
+        "share": slope.scaled(1.0 / running_n, "") if running_n > 0 else None,
         "duration_s": 10.0**grid,
         "increment_n": np.array([e.value for e in shown]).reshape(shape),
         "low_n": np.array([e.low for e in shown]).reshape(shape),
@@ -235,15 +226,6 @@ def _results(curve: DwellCurve | None, reference: float, running_n: float, inert
         "outlying": tuple(k for k, w in zip(data.key, curve.weight, strict=True) if w < 0.7),
         "curve": curve,
     }
-
-
-def _wider(estimates: list[Estimate], u: float) -> tuple[Estimate, ...]:
-    """Widen intervals by a systematic standard uncertainty."""
-    out = []
-    for e in estimates:
-        below, above = (float(np.hypot(side, COVERAGE_FACTOR * u)) for side in (e.value - e.low, e.high - e.value))
-        out.append(replace(e, low=e.value - below, high=e.value + above, stderr=float(np.hypot(e.stderr, u))))
-    return tuple(out)
 
 
 def _inertia(stops: Sequence[Stop]) -> float:
@@ -377,7 +359,7 @@ def _one_duration(stops: list[Stop]) -> list[Statement]:
     """Say the increment after stops of one duration, where no law over duration can be told."""
     if len(stops) < 2 or _durations(stops) != 1:
         return []
-    (found,) = _wider([mean_estimate(np.array([s.increment_n for s in stops]))], _inertia(stops))
+    found = mean_estimate(np.array([s.increment_n for s in stops])).widened(_inertia(stops))
     text = (
         f"after {np.median([s.dwell_s for s in stops]):.3g} s the peak stands {found.value:.2f} N ({found.low:.2f} to "
         f"{found.high:.2f}) above running friction, mean of {len(stops)} stops"

@@ -10,11 +10,11 @@ from pneudrive.trajectory import check_target, write_frame
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.characteristics.basics import Estimate
     from pneudrive.characteristics.result import CampaignCharacteristics
     from pneudrive.characteristics.stops.dwell_forms import LawFit
     from pneudrive.characteristics.stops.dwell_law import DwellPressure, DwellSeries
     from pneudrive.characteristics.stops.stop import Stop
+    from pneudrive.estimate.estimates import Estimate
 
 STOPS_FILE = "stops.parquet"
 

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
-from pneudrive.characteristics.basics import Estimate
-from pneudrive.characteristics.separable import Scan, scan
+from pneudrive.estimate.estimates import Estimate, student
+from pneudrive.estimate.separable import Scan, scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import noise_level
-from pneudrive.characterise.spread import NORMAL_95, student
-from pneudrive.characteristics.basics import Estimate
-from pneudrive.characteristics.separable import Scan, scan
+from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
+from pneudrive.estimate.separable import Scan, scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,9 +14,9 @@ import numpy as np
 from pneudrive.campaign.folder import CycleFile, read_samples
 from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.pool import in_processes, workers
+from pneudrive.characteristics.basics import Skipped
 from pneudrive.characteristics.cycle import condition_of
 from pneudrive.characteristics.raw import recording_of, steps_of
-from pneudrive.characteristics.result import Skipped
 from pneudrive.characteristics.stops.breakaway import Breakaway, find_breakaway
 from pneudrive.characteristics.stops.phases import Phases, find_phases, steady_part, stop_step
 from pneudrive.characteristics.stops.recovery import Recovery, bin_excess, recover

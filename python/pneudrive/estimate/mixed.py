@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
-from pneudrive.characteristics.basics import Estimate, FTest
+from pneudrive.estimate.estimates import MOST_FREEDOM, NORMAL_95, Estimate, FTest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,11 +33,10 @@ JITTER = 1e-10
 STEP = 0.05
 #: Cycles beyond which the standard deviations are found from every k-th cycle; results still use all of them.
 MOST_FOR_SEARCH = 500
-LEAST_FREEDOM = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Component:
+class RandomEffect:
     """A source of chance.
 
     Attributes
@@ -69,13 +67,13 @@ class MixedModel:
         Of full column rank.
     noise : ndarray, shape (n,)
         Known variance of each observation.
-    components : tuple of Component
+    components : tuple of RandomEffect
     """
 
     y: Array
     x: Array
     noise: Array
-    components: tuple[Component, ...]
+    components: tuple[RandomEffect, ...]
 
     def fit(self) -> MixedFit:
         """Find the standard deviations and the points that stand for their uncertainty."""
@@ -130,7 +128,9 @@ class MixedModel:
         x = self.x[rows]
         x = x[:, independent(x)]
         parts = tuple(
-            Component(c.name, c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)], c.scale, c.power)
+            RandomEffect(
+                c.name, c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)], c.scale, c.power
+            )
             for c in self.components
         )
         return MixedModel(self.y[rows], x, self.noise[rows], parts)
@@ -185,7 +185,14 @@ class Predicted:
 
     def half_width(self) -> Array:
         """Half of the 95 % interval."""
-        return _quantiles(self.freedom) * np.sqrt(self.variance)
+        from scipy.special import stdtrit
+
+        return np.asarray(stdtrit(self.freedom, 0.975), dtype=float) * np.sqrt(self.variance)
+
+    def estimates(self, unit: str = "N") -> list[Estimate]:
+        """Give each with its interval and the probability that it is zero."""
+        every = zip(self.mean.tolist(), np.sqrt(self.variance).tolist(), self.freedom.tolist(), strict=True)
+        return [Estimate.of(value, stderr, freedom, unit) for value, stderr, freedom in every]
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,17 +273,20 @@ class MixedFit:
 
     def contrast(self, row: Array, unit: str = "N") -> Estimate:
         """Estimate a linear function of b with its interval and the probability that it is zero."""
-        return as_estimate(self.predict(np.atleast_2d(row)), unit)
+        return self.predict(np.atleast_2d(row)).estimates(unit)[0]
 
-    def f_test(self, rows: Array) -> FTest:
-        """Test that several linear functions of b, shape (q, p), are all zero (Wald's test, approximate F)."""
+    def f_test(self, rows: Array, extra: float = 0.0) -> FTest:
+        """Test that several linear functions of b, shape (q, p), are all zero (Wald's test, approximate F).
+
+        The first of them is more uncertain, by the variance `extra`, than chance makes it.
+        """
         from scipy.special import fdtrc
 
         q = rows.shape[0]
         mean = np.average([rows @ s.beta for s in self.states], axis=0, weights=self.weights)
         covariance = np.average([rows @ s.beta_covariance @ rows.T for s in self.states], axis=0, weights=self.weights)
-        single = self.predict(rows)
-        freedom = float(1.0 / np.mean(1.0 / single.freedom))
+        covariance[0, 0] += extra
+        freedom = float(1.0 / np.mean(1.0 / self.predict(rows).freedom))
         # The mixture's mean covariance is that of Student's t, larger than its scale by freedom / (freedom - 2).
         shrink = freedom / (freedom - 2.0) if freedom > 4.0 else 1.0
         f = shrink * float(mean @ np.linalg.solve(covariance, mean)) / q
@@ -288,33 +298,13 @@ class MixedFit:
         logs = np.log([s.sd[index] for s in self.states])
         mean = float(self.weights @ logs)
         spread = float(np.sqrt(max(self.weights @ (logs - mean) ** 2, 0.0)))
-        reach = student(0) * spread
+        reach = NORMAL_95 * spread
         value = float(self.sd[index])
         return Estimate(value, float(np.exp(mean - reach)), float(np.exp(mean + reach)), value * spread, unit)
 
     def log_likelihood(self) -> float:
         """Restricted log-likelihood at the most probable standard deviations."""
         return _log_likelihood(self.model, self.sd)
-
-
-def as_estimate(found: Predicted, unit: str = "N") -> Estimate:
-    """Give the first of the predicted values as an estimate, with the probability that it is zero."""
-    from scipy.special import stdtr
-
-    value, stderr, freedom = float(found.mean[0]), float(np.sqrt(found.variance[0])), float(found.freedom[0])
-    half = float(found.half_width()[0])
-    p = 2.0 * float(stdtr(freedom, -abs(value) / stderr)) if stderr > 0 else float(value == 0.0)
-    return Estimate(value, value - half, value + half, stderr, unit, freedom, p)
-
-
-def widened(estimate: Estimate, u: float) -> Estimate:
-    """Add a systematic standard uncertainty to an estimate."""
-    from scipy.special import stdtr
-
-    half = float(np.hypot(estimate.high - estimate.value, student(0) * u))
-    stderr = float(np.hypot(estimate.stderr, u))
-    p = 2.0 * float(stdtr(estimate.degrees_of_freedom, -abs(estimate.value) / stderr)) if stderr > 0 else 1.0
-    return replace(estimate, low=estimate.value - half, high=estimate.value + half, stderr=stderr, p=p)
 
 
 def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
@@ -325,13 +315,7 @@ def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = np.where(scatter > 0.0, 4.0 + 2.0 * within**2 / scatter, np.inf)
     scale = np.where(np.isfinite(freedom), within * (1.0 - 2.0 / freedom), within)
-    return Predicted(mean, scale + weights @ (means - mean) ** 2, np.minimum(freedom, 1e6))
-
-
-def _quantiles(freedom: Array) -> Array:
-    from scipy.special import stdtrit
-
-    return np.asarray(stdtrit(np.maximum(freedom, LEAST_FREEDOM), 0.975), dtype=float)
+    return Predicted(mean, scale + weights @ (means - mean) ** 2, np.minimum(freedom, MOST_FREEDOM))
 
 
 def independent(x: Array, tolerance: float = 1e-9) -> NDArray[np.intp]:

@@ -1,0 +1,157 @@
+"""An estimate with its interval, and what can be done with one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CONFIDENCE = 0.95  # of every interval
+#: Two-sided quantile of the normal distribution at this confidence.
+NORMAL_95 = 1.959963984540054
+CHANCE = 0.05  # probability below which an effect is said to be beyond chance
+MOST_FREEDOM = 1e6  # beyond which Student's t is the normal distribution
+
+
+def student(dof: float, confidence: float = CONFIDENCE) -> float:
+    """Two-sided quantile of Student's t, 95 % if nothing else is said.
+
+    The normal one where nothing is left to estimate the scale from.
+
+    Examples
+    --------
+    >>> round(student(10), 3)
+    2.228
+    """
+    from scipy.special import ndtri, stdtrit
+
+    upper = 0.5 * (1.0 + confidence)
+    return float(stdtrit(dof, upper)) if dof > 0 else float(ndtri(upper))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its 95 % interval.
+
+    Attributes
+    ----------
+    value, low, high, stderr : float
+        NaN where the data do not carry it.
+    unit : str
+    degrees_of_freedom : float
+        Of Student's t behind the interval.
+    p : float
+        Probability of a value as far from zero by chance; NaN where zero is no question.
+    """
+
+    value: float
+    low: float
+    high: float
+    stderr: float
+    unit: str = "N"
+    degrees_of_freedom: float = float("nan")
+    p: float = float("nan")
+
+    @classmethod
+    def of(cls, value: float, stderr: float, degrees_of_freedom: float, unit: str = "N") -> Estimate:
+        """Give a value the interval of Student's t and the probability that it is zero.
+
+        Examples
+        --------
+        >>> found = Estimate.of(2.0, 1.0, 10)
+        >>> round(found.low, 3), round(found.p, 4)
+        (-0.228, 0.0734)
+        """
+        half = student(min(degrees_of_freedom, MOST_FREEDOM)) * stderr
+        p = _chance(value, stderr, degrees_of_freedom)
+        return cls(value, value - half, value + half, stderr, unit, degrees_of_freedom, p)
+
+    @property
+    def verdict(self) -> str:
+        """Whether it differs from zero beyond chance, in words."""
+        return f"{'beyond' if self.p < CHANCE else 'not beyond'} chance (p = {self.p:.2g})"
+
+    @property
+    def differs(self) -> bool:
+        """Whether the interval leaves zero out."""
+        return self.low > 0.0 or self.high < 0.0
+
+    def scaled(self, factor: float, unit: str | None = None) -> Estimate:
+        """Multiply by a positive number."""
+        ends = {name: getattr(self, name) * factor for name in ("value", "low", "high", "stderr")}
+        return replace(self, **ends, unit=self.unit if unit is None else unit)
+
+    def widened(self, u: float) -> Estimate:
+        """Add a systematic standard uncertainty."""
+        if u == 0.0:
+            return self
+        below, above = (
+            float(np.hypot(side, NORMAL_95 * u)) for side in (self.value - self.low, self.high - self.value)
+        )
+        stderr = float(np.hypot(self.stderr, u))
+        p = _chance(self.value, stderr, self.degrees_of_freedom)
+        return replace(self, low=self.value - below, high=self.value + above, stderr=stderr, p=p)
+
+    def __sub__(self, other: Estimate) -> Estimate:
+        """Subtract an independent one, with Welch's degrees of freedom."""
+        variance = self.stderr**2 + other.stderr**2
+        shares = [e.stderr**4 / e.degrees_of_freedom for e in (self, other) if e.degrees_of_freedom > 0]
+        freedom = float(variance**2 / max(sum(shares), 1e-300)) if shares else float("inf")
+        return Estimate.of(self.value - other.value, float(np.sqrt(variance)), freedom, self.unit)
+
+    def __format__(self, spec: str) -> str:
+        """Write value, unit and interval, each number by the same specification.
+
+        Examples
+        --------
+        >>> f"{Estimate(2.0, 1.0, 3.0, 0.5, 'N'):.2f}"
+        '2.00 N (95 %: 1.00 .. 3.00)'
+        """
+        value, low, high = (format(number, spec) for number in (self.value, self.low, self.high))
+        return f"{value} {self.unit} (95 %: {low} .. {high})"
+
+
+def _chance(value: float, stderr: float, freedom: float) -> float:
+    """Give the probability of a value as far from zero by chance."""
+    from scipy.special import stdtr
+
+    if not stderr > 0.0:
+        return float(value == 0.0)
+    return 2.0 * float(stdtr(min(freedom, MOST_FREEDOM), -abs(value) / stderr))
+
+
+def mean_estimate(values: NDArray[np.float64], unit: str = "N") -> Estimate:
+    """Estimate the mean of repeats, with Student's t.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Two or more, in `unit`.
+    unit : str
+
+    Returns
+    -------
+    Estimate
+
+    Examples
+    --------
+    >>> found = mean_estimate(np.array([1.0, 2.0, 3.0]))
+    >>> round(found.value, 3), round(found.high, 3)
+    (2.0, 4.484)
+    """
+    n = values.size
+    return Estimate.of(float(values.mean()), float(values.std(ddof=1) / np.sqrt(n)), n - 1, unit)
+
+
+@dataclass(frozen=True)
+class FTest:
+    """An F-test: statistic, degrees of freedom of numerator and denominator, probability by chance."""
+
+    f: float
+    numerator: float
+    denominator: float
+    p: float
