@@ -9,21 +9,23 @@ import numpy as np
 
 from pneudrive.characteristics.basics import PA_PER_BAR
 from pneudrive.characteristics.effects import PressureEffects
+from pneudrive.characteristics.sentences import say
 from pneudrive.characteristics.smooth import CARRIED, CYCLE_SCALE, centred_walk
-from pneudrive.estimate.estimates import Estimate
+from pneudrive.estimate.estimates import CHANCE
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.characteristics.basics import Statement
     from pneudrive.characteristics.curves import Fits
     from pneudrive.characteristics.reading import Reading
-    from pneudrive.estimate.estimates import FTest
+    from pneudrive.estimate.estimates import Estimate, FTest
 
     Array = NDArray[np.float64]
 
 SAME_SLOPE = 1e-3  # of the largest pressure: pairs that lie on one line closer than this do not tell both pressures
-CHANCE = 0.05
+NAMES = {"both": ("p_a", "p_b"), "a": ("p_a",), "b": ("p_b",)}  # of the pressures whose effects can be told
 #: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure where the order of the
 #: cycles follows pressure and nothing tells the two apart: a seal that runs in or wears (assumed standard uncertainty).
 HIDDEN_CHANGE = 0.1
@@ -302,60 +304,42 @@ def _statement(
     curvature: FTest | None,
     u: float,
 ) -> str:
-    pressures = [f"{a:.3g}/{b:.3g}" for a, b in design.pairs]
-    text = f"At {', '.join(pressures)} bar gauge (a/b) friction changes, mean over {design.speeds.size} speeds, by "
-    named = {"both": ("p_a", "p_b"), "a": ("p_a",), "b": ("p_b",)}.get(design.kind, ("both pressures together",))
-    text += " and ".join(f"{_bar(m)} of {n}" for m, n in zip(means, named, strict=True)) + ". "
-    if design.kind == "sum":
-        text += "Both pressures were always equal: the effect of each alone and their interaction cannot be told. "
-    elif design.kind == "line":
-        text += "The pressure pairs lie on one line: the effect of each alone cannot be told. "
-    elif design.kind in {"a", "b"}:
-        text += "Only this pressure was changed. "
+    pairs = ", ".join(f"{a:.3g}/{b:.3g}" for a, b in design.pairs)
+    of = zip(means, NAMES.get(design.kind, ("both pressures together",)), strict=True)
+    slopes = " and ".join(f"{mean.scaled(PA_PER_BAR, 'N/bar'):.2f} of {name}" for mean, name in of)
+    said = [say("pressure.slopes", pairs=pairs, speeds=design.speeds.size, slopes=slopes)]
+    if design.kind != "both":
+        said.append(say(f"pressure.{design.kind if design.kind in {'sum', 'line'} else 'single'}"))
     elif interaction is None or joint is None:
-        text += "The plan does not carry a test of the interaction. "
+        said.append(say("pressure.no_interaction"))
     else:
-        text += _interaction(design, interaction, joint, u)
+        said.append(_interaction(design, interaction, joint, u))
     if curvature is not None and curvature.p < CHANCE:
-        text += f"Friction is not linear in pressure ({_chance(curvature.p)}): the slopes are those of a line. "
-    return text.strip()
+        said.append(say("pressure.curved", chance=_chance(curvature.p)))
+    return " ".join(one.text for one in said)
 
 
 def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> str:
     """Say that a pressure changed with time alone, and what that leaves open."""
     if hidden is None or not any(follows):
         return ""
-    all_names = {"both": ("p_a", "p_b"), "a": ("p_a",), "b": ("p_b",)}.get(design.kind, ("the pressures",))
-    names = " and ".join(name for name, with_time in zip(all_names, follows, strict=True) if with_time)
-    return (
-        f" The order of the cycles follows {names}, and nothing was repeated in between: a seal that runs in or wears "
-        f"looks the same. The intervals hold a change of friction by {hidden.size_n:.2g} N over the campaign (standard "
-        f"uncertainty, {100 * HIDDEN_CHANGE:.0f} % of friction, assumed). Whether effects interact, or are no lines, "
-        "cannot be told. Run in first, or randomise the order."
-    )
+    of = zip(NAMES.get(design.kind, ("the pressures",)), follows, strict=True)
+    names = " and ".join(name for name, with_time in of if with_time)
+    return f" {say('pressure.follows_time', names=names, hidden=hidden.size_n, share=100 * HIDDEN_CHANGE).text}"
 
 
-def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> str:
+def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> Statement:
     """Say whether the effects add; an interaction that the sensors' accuracy could make is none that is proved."""
     reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
     most = reach * float(np.abs(design.a * design.b).max())
     numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
     if test.p >= CHANCE:
-        return f"The effects add, as far as these data tell: {numbers}; the interaction is within {reach:.2g} N/bar2. "
+        return say("pressure.add", test=numbers, reach=reach)
     if most < 2.0 * u:
-        return (
-            f"The effects add within the accuracy of the sensors: an interaction shows ({numbers}) but changes "
-            f"friction by at most {most:.2g} N, which the sensors (U = {2.0 * u:.2g} N) could do. "
-        )
-    low, value, high = (PA_PER_BAR**2 * v for v in (joint.low, joint.value, joint.high))
-    return f"The effects interact: {numbers}; on the mean by {value:.2f} N/bar2 (95 %: {low:.2f} .. {high:.2f}). "
+        return say("pressure.add_within_accuracy", test=numbers, most=most, accuracy=2.0 * u)
+    return say("pressure.interact", test=numbers, joint=joint.scaled(PA_PER_BAR**2, "N/bar2"))
 
 
 def _chance(p: float) -> str:
     """Write a probability; below 0.001 its digits mean nothing."""
     return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
-
-
-def _bar(slope: Estimate) -> str:
-    low, value, high = (PA_PER_BAR * v for v in (slope.low, slope.value, slope.high))
-    return f"{value:.2f} N/bar (95 %: {low:.2f} .. {high:.2f})"

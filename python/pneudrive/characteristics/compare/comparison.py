@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.campaign.folder import Campaign
-from pneudrive.characteristics.basics import Statement
 from pneudrive.characteristics.compare.checks import Check, checks_of
 from pneudrive.characteristics.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
+from pneudrive.characteristics.sentences import capitalised, say
 from pneudrive.errors import CampaignError
-from pneudrive.estimate.estimates import Estimate
+from pneudrive.estimate.estimates import CHANCE, Estimate
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pneudrive.characteristics.basics import Statement
     from pneudrive.characteristics.result import CampaignCharacteristics
     from pneudrive.characteristics.stops.dwell_law import DwellSeries
 
-LEVEL = 0.05
 #: Two cycles of one campaign differ by less than this many of its standard deviations, 19 times of 20.
 REPEATABILITY_FACTOR = 2.77
 
@@ -285,7 +285,7 @@ def _adjusted(tests: list[Test]) -> list[Test]:
     adjusted = holm(np.array([tests[i].p for i in known]))
     out = list(tests)
     for i, p in zip(known, adjusted, strict=True):
-        out[i] = replace(tests[i], adjusted_p=float(p), different=bool(p < LEVEL))
+        out[i] = replace(tests[i], adjusted_p=float(p), different=bool(p < CHANCE))
     return out
 
 
@@ -302,33 +302,22 @@ def _statements(
 ) -> Iterator[Statement]:
     for check in checks:
         if not check.comparable:
-            text = f"{check.what} differs ({check.first} and {check.second}): {check.consequence}."
-            yield Statement("data", text[:1].upper() + text[1:], carried=False, remedy="the same rig and protocol")
+            yield say("data.rigs_differ", what=capitalised(check.what), check=check)
     if isinstance(curves, str):
-        yield Statement(
-            "curve", f"Curves cannot be compared: {curves}.", carried=False, remedy="common speeds and pressures"
-        )
-    elif curves.points.left_out:
-        size = curves.points.speed_m_s.size
-        text = f"Of {size + curves.points.left_out} common points, {size} that lie evenly among them are compared."
-        yield Statement("curve", text)
-    if isinstance(curves, CurveComparison) and not curves.several_blocks:
-        text = (
-            "What another mounting or day would change is not in these tests: at least one campaign has a single "
-            "block. A difference beyond chance may be that of mounting and day."
-        )
-        yield Statement("repeatability", text, carried=False, remedy="two or more blocks, remounted, in each campaign")
-    if any(s.dwell for s in (first, second)) and not pairs:
-        text = "Stops cannot be compared: no restart speed, way of holding and pressure is common."
-        yield Statement("stops", text, carried=False, remedy="the same stops in both campaigns")
+        yield say("curve.not_comparable", why=curves)
+    else:
+        size, left = curves.points.speed_m_s.size, curves.points.left_out
+        if left:
+            yield say("curve.thinned", all=size + left, compared=size)
+        if not curves.several_blocks:
+            yield say("repeatability.not_in_tests")
+    if (first.dwell or second.dwell) and not pairs:
+        yield say("stops.not_comparable")
     for test in tests:
         if test.different and test.beyond_repeatability is False:
-            text = f"{test.what} differs beyond chance, but by less than two cycles of one campaign do."
-            yield Statement("repeatability", text[:1].upper() + text[1:])
+            yield say("repeatability.small_difference", what=capitalised(test.what))
+    mean = next((t.difference for t in tests if t.what == "friction over speed" and t.different), None)
     for found in (first, second):
-        drift = found.drift
-        mean = next((t.difference for t in tests if t.what == "friction over speed" and t.different), None)
-        if drift is not None and mean is not None and np.ptp(drift.drift_n) > abs(mean.value):
-            moved = f"{np.ptp(drift.drift_n):.2g} N"
-            text = f"Friction drifted within {found.name} by {moved}, more than the campaigns differ."
-            yield Statement("drift", text, carried=False, remedy="run in and warm up until the sentinels stand")
+        moved = float(np.ptp(found.drift.drift_n)) if found.drift is not None else 0.0
+        if mean is not None and moved > abs(mean.value):
+            yield say("drift.more_than_difference", name=found.name, moved=moved)

@@ -8,20 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import Statement
+from pneudrive.characteristics.sentences import say
 from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
-from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, UNCERTAIN, LawFit, fit_forms
+from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, LawFit, fit_forms
 from pneudrive.characteristics.stops.stop import SPOILING
-from pneudrive.estimate.estimates import Estimate, mean_estimate
+from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.basics import Condition
+    from pneudrive.characteristics.basics import Condition, Statement
     from pneudrive.characteristics.stops.stop import Stop
+    from pneudrive.estimate.estimates import Estimate
 
     Array = NDArray[np.float64]
 
@@ -35,9 +36,6 @@ SAME_PRESSURE_PA = 100.0
 #: Stops not longer than this leave the time of saturation open, whatever law is best (of the order of hours to days
 #: for elastomers: assumed).
 LONG_S = 1000.0
-#: Share of a law's growth that the peak loses where the contact creeps before it breaks away, in simulated
-#: elasto-plastic contacts (synthetic).
-PEAK_LOSS = "2 to 4 %"
 RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
 
@@ -319,126 +317,78 @@ def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | N
 # --- what the stops carry ------------------------------------------------------------------------------------------
 
 
-def _statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]:
-    where = f"Stops ({series.name}): "
-    return [Statement(s.topic, where + s.text, s.carried, s.remedy) for s in _plain_statements(series, stops)]
+def _statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
+    where = f"Stops ({series.name})"
+    yield from _spoiled(where, stops)
+    durations = series.curve.data.durations if series.curve is not None else 0
+    if series.curve is None or durations < 2:
+        yield from _one_duration(where, [s for s in stops if s.usable])
+        return
+    slope = series.slope
+    if slope is not None:
+        share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
+        numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
+        yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
+    yield from _directions(where, series)
+    if slope is None or slope.differs:  # otherwise there is no effect to be one
+        yield from _laws(where, series, durations)
+    yield from _confounding(where, series, series.curve)
+    yield say("stops.peaks", where=where)
 
 
-def _plain_statements(series: DwellSeries, stops: list[Stop]) -> list[Statement]:
-    out: list[Statement] = []
-    spoiled = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
-    if spoiled:
-        counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in spoiled.most_common())
-        text = f"{sum(not s.usable for s in stops)} of {len(stops)} peaks are spoiled and not counted: {counts}."
-        remedy = "sample the restart at 5 kHz or more, restart more slowly" if spoiled["undersampled"] else ""
-        remedy = "turn the sign of the force, or state its zero" if spoiled["negative_friction"] else remedy
-        out.append(Statement("stops", text, carried=False, remedy=remedy))
-    number = series.curve.data.durations if series.curve is not None else 0
-    if series.curve is None or number < 2:
-        usable = [s for s in stops if s.usable]
-        out += _one_duration(usable)
-        of = "one duration" if (number := _durations(usable)) == 1 else f"{number} durations"
-        text = f"{len(usable)} usable stops of {of} do not carry breakaway against stop duration."
-        out.append(Statement("stops", text, carried=False, remedy="run at least three durations, each several times"))
-        return out
-    out += _slope_statement(series, number)
-    out += _direction_statement(series)
-    if series.slope is None or series.slope.low > 0 or series.slope.high < 0:  # otherwise there is no effect to be one
-        out += _law_statements(series, number)
-    out += _confounding(series)
-    text = (
-        "The increment is that of the force's peak. Where the contact creeps before it breaks away, the peak shows "
-        f"less than the law of the contact itself has gained ({PEAK_LOSS} of it in simulated elasto-plastic contacts, "
-        "synthetic; a real contact may lose more)."
-    )
-    out.append(Statement("stops", text))
-    return out
+def _spoiled(where: str, stops: list[Stop]) -> Iterator[Statement]:
+    flags = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
+    if flags:
+        kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
+        counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
+        yield say(f"stops.{kind}", where=where, count=sum(not s.usable for s in stops), stops=len(stops), flags=counts)
 
 
-def _one_duration(stops: list[Stop]) -> list[Statement]:
+def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
     """Say the increment after stops of one duration, where no law over duration can be told."""
-    if len(stops) < 2 or _durations(stops) != 1:
-        return []
-    found = mean_estimate(np.array([s.increment_n for s in stops])).widened(_inertia(stops))
-    text = (
-        f"after {np.median([s.dwell_s for s in stops]):.3g} s the peak stands {found.value:.2f} N ({found.low:.2f} to "
-        f"{found.high:.2f}) above running friction, mean of {len(stops)} stops"
-    )
-    tail = "; what the mass may add that breaks loose is in the interval." if _inertia(stops) > 0.0 else "."
-    return [Statement("stops", text + tail)]
+    durations = _durations(stops)
+    if len(stops) > 1 and durations == 1:
+        inertia = _inertia(stops)
+        found = mean_estimate(np.array([s.increment_n for s in stops])).widened(inertia)
+        duration = np.median([s.dwell_s for s in stops])
+        kind = "stops.increment_and_mass" if inertia > 0.0 else "stops.increment"
+        yield say(kind, where=where, duration=duration, found=found, count=len(stops))
+    of = "one duration" if durations == 1 else f"{durations} durations"
+    yield say("stops.too_few_durations", where=where, count=len(stops), durations=of)
 
 
-def _direction_statement(series: DwellSeries) -> list[Statement]:
+def _directions(where: str, series: DwellSeries) -> Iterator[Statement]:
     """Say by how much the peaks of one direction stand higher, from cells that have both."""
     cells: dict[tuple, dict[int, list[float]]] = {}
     for s in series.stops:
         cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
     pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
-    if pairs.size < FEWEST_PAIRS:
-        return []
-    found = mean_estimate(pairs)
-    if found.low <= 0.0 <= found.high:
-        return []
-    text = (
-        f"restarts in +x peak {found.value:+.2g} N ({found.low:+.2g} to {found.high:+.2g}) against those in -x; the "
-        "increments and slopes given are the mean of both directions."
-    )
-    return [Statement("stops", text)]
+    if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
+        yield say("stops.directions", where=where, found=found)
 
 
-def _slope_statement(series: DwellSeries, number: int) -> list[Statement]:
-    slope = series.slope
-    if slope is None:
-        return []
-    sure = slope.low > 0 or slope.high < 0
-    text = (
-        f"breakaway changes by {slope.value:.3g} N ({slope.low:.3g} to {slope.high:.3g}) per decade of stop duration "
-        f"at {series.reference_s:g} s, from {len(series.stops)} stops of {number} durations"
-    )
-    if series.share is not None:
-        text += f"; {100 * series.share.value:.2g} % of running friction"
-    if not sure:
-        text += ". The interval holds zero: an effect of the stop is not shown"
-    return [Statement("stops", text + ".", carried=sure, remedy="" if sure else "more repeats, or longer stops")]
-
-
-def _law_statements(series: DwellSeries, number: int) -> list[Statement]:
-    if number < 3 or not series.laws:
-        text = f"{number} durations carry a difference, no law."
-        return [Statement("stops", text, carried=False, remedy="run at least three durations, better seven")]
-    out = []
+def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement]:
+    if durations < LEAST_DURATIONS or not series.laws:
+        yield say("stops.no_law", where=where, durations=durations)
+        return
     best = series.laws[0]
     if not np.isfinite(best.aicc):
-        return [Statement("stops", "too few stops to compare laws.", carried=False, remedy="repeat each duration")]
+        yield say("stops.laws_not_compared", where=where)
+        return
     equal = [law.form.title for law in series.laws[1:] if law.delta < UNCERTAIN]
     refuted = [law.form.title for law in series.laws if law.delta > CONCLUSIVE]
-    text = f"best law by AICc: {best.form.title}"
-    text += f"; as good: {', '.join(equal)}" if equal else ""
+    text = best.form.title + (f"; as good: {', '.join(equal)}" if equal else "")
     text += f"; without support: {', '.join(refuted)}" if refuted else ""
-    out.append(Statement("stops", text + ".", carried=not equal, remedy="longer stops, more repeats" if equal else ""))
+    yield say("stops.laws" if equal else "stops.law", where=where, laws=text)
     longest = max(s.dwell_s for s in series.stops)
-    kato = next((law for law in series.laws if law.name == "kato"), None)
-    open_end = kato is not None and kato.delta < CONCLUSIVE and not np.isfinite(kato.shape_intervals["tau"][1])
-    bounded = any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
-    if best.name != "none" and longest <= LONG_S * 1.01 and (best.name == "log" or open_end or bounded):
-        text = (
-            f"stops of at most {longest:.3g} s do not tell whether and where breakaway saturates; beyond them every "
-            "law is an extrapolation. Told are the slope and the laws within the durations that were run."
-        )
-        out.append(Statement("stops", text, carried=False, remedy="a few stops of hours to a day"))
-    return out
+    open_end = best.name == "log" or any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
+    if best.name != "none" and longest <= LONG_S * 1.01 and open_end:
+        yield say("stops.saturation", where=where, longest=longest)
 
 
-def _confounding(series: DwellSeries) -> list[Statement]:
-    out = []
-    curve = series.curve
-    assert curve is not None
+def _confounding(where: str, series: DwellSeries, curve: DwellCurve) -> Iterator[Statement]:
     if curve.inflation >= CONFOUNDED:
-        text = (
-            "the durations were run in an order in which drift of the drive cannot be told from ageing; the intervals "
-            "assume that ageing drifts by no more than running friction did."
-        )
-        out.append(Statement("stops", text, carried=False, remedy="randomise the order of the durations"))
+        yield say("stops.drift", where=where)
     rate = np.array([s.loading_rate_n_s for s in series.stops])
     known = np.isfinite(rate) & (rate > 0)
     if known.sum() > 5:
@@ -446,27 +396,9 @@ def _confounding(series: DwellSeries) -> list[Statement]:
         spread = float(np.subtract(*np.quantile(logs, [0.9, 0.1])))
         together = float(np.corrcoef(logs, durations)[0, 1]) if spread > 0 and np.ptp(durations) > 0 else 0.0
         if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
-            text = (
-                f"the force rose at other rates after long stops than after short ones (correlation {together:+.2f}); "
-                "breakaway depends on that rate, so that part of the slope may be the rate's."
-            )
-            out.append(Statement("stops", text, carried=False, remedy="the same restart speed and held axis for all"))
-    long = [s for s in series.stops if "long_loading" in s.flags]
-    if long:
-        text = (
-            f"in {len(long)} stops the force took more than a tenth of the stop itself to rise: the contact had "
-            "aged for longer than the stop says. Slopes at the shortest durations are too small for it."
-        )
-        out.append(Statement("stops", text, carried=False, remedy="restart faster after short stops"))
-    inertia = [s for s in series.stops if "inertia" in s.flags]
-    if inertia:
-        text = (
-            f"the mass that breaks loose on the rig's spring may add up to {_inertia(series.stops):.2g} N to every "
-            "peak: the level of breakaway is as uncertain, its slope much less (the interval holds it)."
-        )
-        out.append(Statement("stops", text, carried=False, remedy="restart more slowly, or with a softer sensor"))
-    slow = sum("slow_samples" in s.flags for s in series.stops)
-    if slow:
-        text = f"{slow} of {len(series.stops)} peaks were sampled at less than 5 kHz: sharp peaks are cut."
-        out.append(Statement("stops", text, carried=False, remedy="bursts of 5 kHz around each restart"))
-    return out
+            yield say("stops.loading_rate", where=where, together=together)
+    numbers = {"where": where, "stops": len(series.stops), "inertia": _inertia(series.stops)}
+    for flag in ("long_loading", "inertia", "slow_samples"):
+        count = sum(flag in s.flags for s in series.stops)
+        if count:
+            yield say(f"stops.{flag}", count=count, **numbers)
