@@ -126,7 +126,7 @@ def _from_content(content: dict) -> FrictionFit:
         parameters={name: float(entry["value"]) for name, entry in entries.items()},
         free=free,
         covariance=covariance,
-        intervals={n: (e["interval"][0], e["interval"][1]) for n, e in of.items() if "interval" in e},
+        intervals={n: (e["interval"][0], e["interval"][1]) for n, e in of.items() if "standard_error" in e},
         systematic={name: float(of[name].get("u_systematic", 0.0)) for name in free},
         undetermined=tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
         notes=tuple(content["notes"]),
