@@ -28,25 +28,29 @@ def apply(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Put the determined values of a fit into a drive, each with its interval and its recordings."""
-    from pneudrive.describe import Drive, toml
-    from pneudrive.errors import CommandError, FitError
+    from pneudrive.describe.drive import Drive
+    from pneudrive.errors import CommandError
     from pneudrive.identify.dynamic.result import DriveFit
-    from pneudrive.identify.law_fit import KIND, LawFit
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.files import read_fit
+    from pneudrive.identify.volume_result import VolumeFit
     from pneudrive.trajectory import check_target, whole
 
     if out is not None:
         check_target(out, (".toml",))
     given = None if drive is None else Drive.load(drive)
-    tables, _ = toml.read(fit, FitError, "`pneudrive identify --out` and `pneudrive fit` write fits.")
-    if tables.get("kind") == "drive":
-        after = DriveFit.from_toml(fit).apply(given)
+    found = read_fit(fit)
+    if isinstance(found, VolumeFit):
+        raise CommandError(
+            "this is the fit of a volume, which no drive has", remedy="`VolumeFit.apply` gives its tank."
+        )
+    if isinstance(found, DriveFit):
+        after = found.apply(given)
     elif given is None:
         raise CommandError(
             "this fit of friction does not say of which drive it is", remedy="Name the drive file after it."
         )
     else:
-        after = (LawFit if tables.get("kind") == KIND else FrictionFit).from_toml(fit).apply(given)
+        after = found.apply(given)
     if out is None:
         typer.echo(after.to_toml(), nl=False)
         return

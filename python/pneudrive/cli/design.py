@@ -93,14 +93,14 @@ def design(
 
 def _shared(fit: FrictionFit, plan: Design) -> list[str]:
     """Say where what all rows share is more than what points can narrow."""
+    from pneudrive.identify.base import shown_in
     from pneudrive.identify.model import unit_of
-    from pneudrive.identify.result import shown
 
     out = []
     for name, then in plan.half_widths_then.items():
-        factor, unit = shown(unit_of(name))
+        factor, unit = shown_in(unit_of(name))
         if (both := 2.0 * fit.systematic[name]) > then:
-            out.append(f"{name} ± {factor * both:.2g} {unit}")
+            out.append(f"{name} ± {both / factor:.2g} {unit}")
     if not out:
         return []
     return ["- errors that all values share (sensors, area) are more, and no point narrows them: " + ", ".join(out)]

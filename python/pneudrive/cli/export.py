@@ -26,10 +26,12 @@ def export(
     ] = None,
 ) -> None:
     """Write friction in another tool's form of the law, with how far it is off and what is lost."""
+    from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError
-    from pneudrive.identify.export import check_tool, read_source
-    from pneudrive.identify.export import export as exported
-    from pneudrive.identify.export.convert import curve_of
+    from pneudrive.identify.export.convert import check_tool
+    from pneudrive.identify.export.convert import export as exported
+    from pneudrive.identify.files import read_source
+    from pneudrive.identify.friction_curve import curve_of_drive
     from pneudrive.units import parse_pressure, parse_range
 
     check_tool(to)
@@ -48,7 +50,10 @@ def export(
     with option("--speeds"):
         between = None if speeds is None else parse_range(speeds, "m/s")
     pressures = gauge(pressure_a, "--pressure-a"), gauge(pressure_b, "--pressure-b")
-    done = exported(curve_of(read_source(source), *pressures, between), to)
+    given = read_source(source)
+    is_drive = isinstance(given, Drive)
+    curve = curve_of_drive(given, between, *pressures) if is_drive else given.curve(*pressures, between)
+    done = exported(curve, to)
     if out is None:
         sys.stdout.write(done.text)
         return

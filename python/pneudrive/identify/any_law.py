@@ -7,9 +7,8 @@ the intervals are first order, in the logarithm of what is positive. What steady
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from pneudrive.errors import FitError
 from pneudrive.identify.assemble import SINGULAR_SHARE, covariance, internal_covariance, systematic
 from pneudrive.identify.fit import ambient_of, fingerprint, recordings_of
 from pneudrive.identify.law_fit import LawFit
+from pneudrive.identify.model import AnyLaw
 from pneudrive.identify.observations import observations
 from pneudrive.identify.robust import deviance, estimate
 from pneudrive.identify.support import information_criteria
@@ -39,119 +39,6 @@ if TYPE_CHECKING:
 STARTS, FACTOR = 5, 5.0
 #: A derivative below this share of the largest friction, over the parameter's whole size, is none.
 NO_EFFECT = 1e-9
-
-
-@dataclass(frozen=True)
-class AnyLaw:
-    """A law of the core as a function of its free parameters; what `estimate` asks of a model.
-
-    Parameters
-    ----------
-    friction : Friction
-        Law, and the values of what is not free.
-    names : tuple of str
-        Free parameters of the law.
-    start : tuple of float
-        Where to search, SI; the values of `friction` where nothing is said.
-    """
-
-    friction: Friction
-    names: tuple[str, ...]
-    start: tuple[float, ...] = field(default=(), compare=False)
-    stribeck: bool = field(default=False, init=False)  # no shortcuts of the Stribeck laws
-    chosen: int = field(default=0, init=False)
-
-    @cached_property
-    def _core(self) -> tuple[str, dict[str, float], dict[str, Any]]:
-        tables = self.friction.core()
-        law, values = tables.pop("law"), tables.pop("parameters")
-        return law, values, {key: value for key, value in tables.items() if value is not None}
-
-    @cached_property
-    def positive(self) -> NDArray[np.bool_]:
-        """Parameters whose logarithm is the coordinate, shape (p,)."""
-        lower = {p["key"]: p["lower"] for p in self.friction.entry["parameters"]}
-        return np.array([lower[n] is not None and lower[n] >= 0.0 for n in self.names])
-
-    @property
-    def given(self) -> Array:
-        """Where to search, shape (p,), SI."""
-        return np.array(self.start or [self.friction.parameters[n] for n in self.names])
-
-    @cached_property
-    def excess(self) -> tuple[int, int] | None:
-        """Places of Coulomb and breakaway force, where both are free: the coordinate is then ln(Fs - Fc)."""
-        both = {"coulomb", "breakaway"} <= set(self.names)
-        return (self.names.index("coulomb"), self.names.index("breakaway")) if both else None
-
-    def natural(self, q: Array) -> Array:
-        """Convert coordinates to parameters."""
-        theta = np.where(self.positive, np.exp(np.where(self.positive, q, 0.0)), q)
-        if self.excess is not None:
-            c, s = self.excess
-            theta[s] += theta[c]
-        return theta
-
-    def internal(self, theta: Array) -> Array:
-        """Convert parameters to coordinates."""
-        theta = np.array(theta, dtype=float)
-        if self.excess is not None:
-            c, s = self.excess
-            theta[s] = max(theta[s] - theta[c], 1e-6 * theta[c])
-        return np.where(self.positive, np.log(np.where(self.positive, np.maximum(theta, 1e-12), 1.0)), theta)
-
-    def natural_jacobian(self, q: Array) -> Array:
-        """Differentiate parameters by coordinates, shape (p, p)."""
-        jac = np.diag(np.where(self.positive, np.exp(np.where(self.positive, q, 0.0)), 1.0))
-        if self.excess is not None:
-            c, s = self.excess
-            jac[s, c] = jac[c, c]
-        return jac
-
-    def bounds(self, data: Observations) -> tuple[Array, Array]:
-        """Bounds of the coordinates: the law's own, and six decades about the given values."""
-        del data
-        given = self.internal(self.given)
-        lower, upper = np.full(given.size, -np.inf), np.full(given.size, np.inf)
-        lower[self.positive], upper[self.positive] = given[self.positive] - 14.0, given[self.positive] + 14.0
-        for k, entry in enumerate(self.entries()):
-            if entry["upper"] is not None and np.isfinite(entry["upper"]):
-                top = self.internal(np.full(given.size, float(entry["upper"])))[k]
-                upper[k] = min(upper[k], top)
-        if self.excess is None:  # one of both is fixed and bounds the other
-            for k, name in enumerate(self.names):
-                if name == "coulomb" and "breakaway" in self.friction.parameters:
-                    upper[k] = min(upper[k], np.log(self.friction.parameters["breakaway"]))
-                if name == "breakaway" and "coulomb" in self.friction.parameters:
-                    lower[k] = max(lower[k], np.log(self.friction.parameters["coulomb"]))
-        return lower, upper
-
-    def value(self, q: Array, data: Observations) -> Array:
-        """Friction at the rows of `data`, shape (n,), N."""
-        return self.value_and_jacobian(q, data)[0]
-
-    def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
-        """Friction and its derivative by the coordinates, shapes (n,) and (n, p)."""
-        from pneudrive import _core
-
-        law, values, tables = self._core
-        theta = self.natural(q)
-        at = values | dict(zip(self.names, theta.tolist(), strict=True))
-        names = [f"friction.parameters.{n}" for n in self.names]
-        zero = np.zeros(len(data))
-        force, slopes = _core.steady_friction_sensitivity(
-            law, at, names, data.speed_m_s, data.gauge_a_pa, data.gauge_b_pa, zero, tables
-        )
-        return force, slopes @ self.natural_jacobian(q)
-
-    def entries(self) -> list[dict[str, Any]]:
-        """Return what the core says of each free parameter: bounds, unit, meaning."""
-        by_key = {p["key"]: p for p in self.friction.entry["parameters"]}
-        return [by_key[n] for n in self.names]
-
-    def __str__(self) -> str:
-        """Return the law's name."""
-        return self.friction.law
 
 
 def fit_any_law(
@@ -272,13 +159,16 @@ def _described(
     }
     return LawFit(
         model=model,
-        parameters=dict(zip(model.names, model.natural(found.q).tolist(), strict=True)),
+        values=dict(zip(model.names, model.natural(found.q).tolist(), strict=True)),
+        units={entry["key"]: entry["unit"] for entry in model.entries()},
+        free=model.names,
         intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
         systematic=dict(zip(model.names, systematic(model, data, found).tolist(), strict=True)),
         covariance=covariance(model, found),
         undetermined=tuple(n for n, is_open in zip(model.names, open_ones, strict=True) if is_open),
         unseen=unseen,
         statistics=statistics,
+        provenance={},
     )
 
 

@@ -6,16 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.model import UNITS
+from pneudrive.identify.model import UNITS, unit_of
 from pneudrive.identify.result import FrictionFit
 from pneudrive.identify.support import information_criteria
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.any_law import AnyLaw
-    from pneudrive.identify.diagnose import Undetermined
-    from pneudrive.identify.model import FrictionModel, Observations
+    from pneudrive.identify.base import Undetermined
+    from pneudrive.identify.model import AnyLaw, FrictionModel, Observations
     from pneudrive.identify.robust import Estimate
     from pneudrive.identify.support import Support
 
@@ -33,7 +32,8 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
     parameters = _parameters(law, model, theta)
     return FrictionFit(
         law=law,
-        parameters=parameters,
+        values=parameters,
+        units={n: unit_of(n) for n in (*parameters, *model.names)},
         free=model.names,
         covariance=covariance(model, found),
         intervals=support.intervals,

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
-from pneudrive.identify.intervals import Intervals
+from pneudrive.identify.base import Intervals
 from pneudrive.identify.levels import SAME_SPEED
 from pneudrive.identify.robust import estimate
 from pneudrive.identify.survey import pressure_levels
@@ -88,7 +88,7 @@ def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "hu
     strata = _strata(data, blocks)
     kind = "cases" if min(len(s) for s in strata) >= 3 else "wild"
     rng = np.random.default_rng(seed)
-    start = model.internal(np.array([fit.free_values()[n] for n in fit.free]))
+    start = fit.coordinates
     fitted = model.value(start, data)
     residual = _inflated(fit, start, data.friction_n - fitted)
     found = np.empty((draws, start.size))

@@ -22,18 +22,9 @@ BEYOND = 10.0
 CANDIDATES = 60
 
 
-def correlation(fit: FrictionFit) -> Array:
-    """Correlation matrix of the free parameters, shape (p, p); zero beside a parameter without a variance."""
-    deviation = np.sqrt(np.diag(fit.covariance))
-    safe = np.where(deviation > 0.0, deviation, 1.0)
-    matrix = fit.covariance / np.outer(safe, safe)
-    np.fill_diagonal(matrix, 1.0)
-    return matrix
-
-
 def correlated(fit: FrictionFit) -> list[str]:
     """Say which pairs of parameters change together, and what would separate them."""
-    matrix = correlation(fit)
+    matrix = fit.correlation
     out = []
     for i in range(len(fit.free)):
         for j in range(i + 1, len(fit.free)):
@@ -55,7 +46,7 @@ def _remedy(fit: FrictionFit, i: int, j: int) -> str:
     tried = np.geomspace(low / BEYOND, high * BEYOND, CANDIDATES)
     gauge_a, gauge_b = (float(np.median(g)) for g in (fit.observations.gauge_a_pa, fit.observations.gauge_b_pa))
     at = at_conditions(tried, np.full(tried.size, gauge_a), np.full(tried.size, gauge_b))
-    q = fit.model.internal(np.array([fit.free_values()[n] for n in fit.free]))
+    q = fit.coordinates
     to_natural = fit.model.natural_jacobian(q)
     gradient = np.linalg.solve(to_natural.T, fit.model.value_and_jacobian(q, at)[1].T).T
     noise = fit.statistics["variance"] * float(np.median(fit.observations.stderr_n)) ** 2

@@ -9,10 +9,11 @@ import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError, nearest
+from pneudrive.identify.base import shown_in
 from pneudrive.identify.laws import CANDIDATES
 from pneudrive.identify.model import FrictionModel, at_conditions, unit_of
 from pneudrive.identify.optimal import Candidates, exchange, information, within_budget
-from pneudrive.identify.result import FrictionFit, shown
+from pneudrive.identify.result import FrictionFit
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ class Prior(Shown):
     @classmethod
     def of_fit(cls, fit: FrictionFit, draws: int = DRAWS, seed: int = 1) -> Prior:
         """Take the estimates of a fit with their covariance; what has been measured counts."""
-        centre = fit.model.internal(np.array([fit.free_values()[n] for n in fit.free]))
+        centre = fit.coordinates
         to_internal = np.linalg.pinv(fit.model.natural_jacobian(centre))
         covariance = to_internal @ fit.covariance @ to_internal.T
         deviation = np.sqrt(np.diag(covariance))
@@ -203,10 +204,10 @@ class Design(Shown):
             "expected half-width of the 95 % interval, now and when these values are fitted together with those before:"
         )
         for name, then in self.half_widths_then.items():
-            factor, unit = shown(unit_of(name))
+            factor, unit = shown_in(unit_of(name))
             now = self.half_widths_now[name]
-            before = f"{factor * now:.3g}" if np.isfinite(now) else "open"
-            lines.append(f"  {name:<18} {before:>8} -> {factor * then:.3g} {unit}")
+            before = f"{now / factor:.3g}" if np.isfinite(now) else "open"
+            lines.append(f"  {name:<18} {before:>8} -> {then / factor:.3g} {unit}")
         return "\n".join(lines)
 
     def protocol(self, name: str = "Next points") -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError
+from pneudrive.identify.base import Undetermined
 from pneudrive.identify.levels import distinct_levels
 from pneudrive.numbers import plain
 
@@ -36,27 +37,6 @@ CHANCE = 0.05
 VISCOUS_REACH = 0.5
 #: Speeds that a sentence lists before it stops.
 MOST_SPEEDS = 6
-
-
-@dataclass(frozen=True)
-class Undetermined:
-    """A parameter that the data cannot determine.
-
-    Attributes
-    ----------
-    parameter : str
-    reason : str
-        Why, in words.
-    remedy : str
-        What to measure.
-    """
-
-    parameter: str
-    reason: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f"{self.parameter} cannot be determined: {self.reason}. Remedy: {self.remedy}."
 
 
 def _mm_s(speed: float) -> str:

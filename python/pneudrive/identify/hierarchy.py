@@ -303,7 +303,7 @@ def _surveyed(name: str, data: Observations, runs: tuple[str, ...], law: str | N
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     wanted = FrictionModel(law or ("stribeck" if wide else "coulomb"), viscous=wide)
     fit = fit_values(wanted, data, pressure="linear")
-    theta = fit.model.internal(np.array([fit.free_values()[n] for n in fit.free]))
+    theta = fit.coordinates
     value, jac = fit.model.value_and_jacobian(theta, data)
     if not (value > 0.0).all():
         return "left out: its fitted friction is not positive in all rows, and the scatter is relative to it"

@@ -1,39 +1,34 @@
-"""The fit of any law: values with intervals, what they give to a drive, and their file."""
+"""The fit of any law: values with intervals, and what they give to a drive."""
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pneudrive.describe import Friction, toml
 from pneudrive.describe.dependences import DEPENDENCES
+from pneudrive.describe.friction import Friction
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.errors import FitError
-from pneudrive.identify.apply import HASH_DIGITS, whole_interval
+from pneudrive.identify.base import Fit
+from pneudrive.identify.friction_curve import Curve, Entry, curve_of_friction, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
-from pneudrive.identify.intervals import WithIntervals
-from pneudrive.show import Shown
-from pneudrive.trajectory import whole
+from pneudrive.identify.model import AnyLaw, at_conditions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from pneudrive.describe import Drive
-    from pneudrive.identify.any_law import AnyLaw
+    from pneudrive.describe.drive import Drive
 
     Array = NDArray[np.float64]
 
-SCHEMA, KIND = 1, "law"
 #: What acts on a law at rest only: steady sliding does not show it.
 AT_REST = ("dwell", "relaxation")
 
 
-@dataclass(frozen=True, repr=False)
-class LawFit(WithIntervals, Shown):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LawFit(Fit):
     """Parameters of any law with their uncertainty.
 
     Attributes
@@ -58,34 +53,32 @@ class LawFit(WithIntervals, Shown):
         Version, hash of the values, recordings, options.
     """
 
+    KIND: ClassVar[str] = "law"
+    TITLE: ClassVar[str] = "fit of a law"
+    GROUPS: ClassVar[tuple[str, ...]] = ("parameters",)
+    HEAD: ClassVar[str] = (
+        "# Fit of any law. SI units; intervals are 95 %, statistical; [given] is what the search started from."
+    )
+
     model: AnyLaw
-    parameters: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
-    systematic: dict[str, float]
-    covariance: Array
-    undetermined: tuple[str, ...]
     unseen: tuple[str, ...]
-    statistics: dict[str, float]
-    provenance: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def determined(self) -> tuple[str, ...]:
-        """Free parameters that the data determine."""
-        return tuple(name for name in self.parameters if name not in self.undetermined)
+    def parameters(self) -> dict[str, float]:
+        """The values."""
+        return self.values
 
     @property
     def friction(self) -> Friction:
         """The law with what the data determine of it; all else as it was given."""
         marks = parameter_quantities(self.model.friction.entry)
-        fitted = {name: marks[name].show(self.parameters[name]) for name in self.determined}
+        fitted = {name: marks[name].show(self.values[name]) for name in self.determined}
         return Friction.model_validate(self.model.friction.to_dict() | fitted)
 
     def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
         """Friction at these speeds and gauge pressures, N."""
-        from pneudrive.identify.model import at_conditions
-
         speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
-        q = self.model.internal(np.array([self.parameters[n] for n in self.model.names]))
+        q = self.model.internal(np.array([self.values[n] for n in self.model.names]))
         return self.model.value(q, at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(speed.shape)
 
     def apply(self, drive: Drive) -> Drive:
@@ -120,98 +113,48 @@ class LawFit(WithIntervals, Shown):
 
     def identified(self) -> Identified:
         """Return the determined parameters under their names in the drive file, with chance and what rows share."""
-        names = {name: f"friction.{name}" for name in self.determined}
-        ends = {n: whole_interval(self.parameters[n], self.intervals[n], self.systematic[n]) for n in names}
-        recordings = tuple(str(name) for name in self.provenance.get("recordings", ()))
-        return Identified(
-            values={key: self.parameters[n] for n, key in names.items()},
-            intervals={key: ends[n] for n, key in names.items()},
-            sources=dict.fromkeys(names.values(), recordings),
-            fit=hashlib.sha256(self._toml().encode()).hexdigest()[:HASH_DIGITS],
-        )
+        return self.identified_as({name: f"friction.{name}" for name in self.determined})
 
-    def to_toml(self, path: str | Path) -> None:
-        """Write the fit with its law, covariance and provenance; :meth:`from_toml` reads it back."""
-        with whole(Path(path)) as temporary:
-            temporary.write_text(self._toml(), encoding="utf-8")
+    def curve(
+        self,
+        gauge_a_pa: float | None = None,
+        gauge_b_pa: float | None = None,
+        speeds_m_s: tuple[float, float] | None = None,
+    ) -> Curve:
+        """Return the law's curve, with what is determined of it; see `FrictionFit.curve`."""
+        said = self.provenance
+        speed = speeds_over(speeds_m_s or said.get("speed_m_s"), "fit")
+        gauges = tuple(middle_of(p, said.get(f"gauge_{c}_pa")) for c, p in (("a", gauge_a_pa), ("b", gauge_b_pa)))
+        entries = [
+            Entry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")
+            for name, value in self.values.items()
+        ]
+        title = f"friction fit, law {self.model.friction.law}"
+        return curve_of_friction(self.friction, title, speed, (gauges[0], gauges[1]), entries)
 
-    def _toml(self) -> str:
-        entries = {
-            name: {
-                "value": value,
-                "unit": self._unit(name),
-                "determined": name in self.determined,
-            }
-            | (
-                {"interval": self.intervals[name], "u_systematic": self.systematic[name]}
-                if name in self.intervals
-                else {}
-            )
-            for name, value in self.parameters.items()
-        }
-        tables = {
-            "schema": SCHEMA,
-            "kind": KIND,
-            "unseen": self.unseen,
-            "parameters": entries,
-            "covariance": {"names": list(self.parameters), "matrix": self.covariance.tolist()},
-            "statistics": self.statistics,
-            "provenance": self.provenance,
-            "given": {"friction": self.model.friction.to_dict()},
-        }
-        head = "# Fit of any law. SI units; intervals are 95 %, statistical; [given] is what the search started from.\n"
-        return head + toml.write(tables)
+    def statements(self) -> list[str]:
+        """Return what the data do not determine, in sentences."""
+        lost, unseen = ", ".join(self.undetermined), ", ".join(self.unseen)
+        said = [f"these values do not determine {lost}"] if lost else []
+        return said + ([f"steady sliding does not show {unseen}; kept as given"] if unseen else [])
 
-    @staticmethod
-    def from_toml(path: str | Path) -> LawFit:
-        """Read a fit that :meth:`to_toml` wrote.
+    def _first(self) -> dict[str, Any]:
+        return {"kind": self.KIND, "unseen": self.unseen}
 
-        Raises
-        ------
-        FitError
-            The file is not there, is no TOML, or lacks what such a fit needs.
-        """
-        from pneudrive.identify.any_law import AnyLaw
+    def _last(self) -> dict[str, Any]:
+        return {"given": {"friction": self.model.friction.to_dict()}}
 
-        content, _ = toml.read(path, FitError, "fit_any_law(...).to_toml writes one.")
-        if content.get("kind") != KIND or content.get("schema") != SCHEMA:
-            raise FitError("this is no fit of any law", where=str(path), rule=f'kind = "{KIND}", schema = {SCHEMA}')
-        try:
-            entries, matrix = content["parameters"], np.array(content["covariance"]["matrix"], dtype=float)
-            names = tuple(content["covariance"]["names"])
-            return LawFit(
-                model=AnyLaw(Friction.model_validate(content["given"]["friction"]), names),
-                parameters={n: float(entries[n]["value"]) for n in names},
-                intervals={n: (e["interval"][0], e["interval"][1]) for n, e in entries.items() if "interval" in e},
-                systematic={n: float(entries[n].get("u_systematic", 0.0)) for n in names},
-                covariance=matrix.reshape(len(names), len(names)),
-                undetermined=tuple(n for n in names if not entries[n]["determined"]),
-                unseen=tuple(content["unseen"]),
-                statistics={n: float(value) for n, value in content["statistics"].items()},
-                provenance=dict(content["provenance"]),
-            )
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            what = f"{type(error).__name__}: {error}"
-            raise FitError("the file is no complete fit of a law", where=str(path), value=what) from error
+    @classmethod
+    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
+        lost = tuple(name for name, entry in content["parameters"].items() if not entry["determined"])
+        found = super()._from_content(content | {"undetermined": []})
+        model = AnyLaw(Friction.model_validate(content["given"]["friction"]), found["free"])
+        return found | {"model": model, "unseen": tuple(content["unseen"]), "undetermined": lost}
 
-    def _unit(self, name: str) -> str:
-        return next(p["unit"] for p in self.model.friction.entry["parameters"] if p["key"] == name)
-
-    def __str__(self) -> str:
-        """Return a table of parameters with intervals, then what the data do not show."""
+    def _title(self) -> str:
         s = self.statistics
-        lines = [
+        return (
             f"{self.model.friction.law} friction from {s['values']:.0f} values (rms {s['rms_n']:.3g} N, "
             f"residuals {s['scale']:.2g} times their standard errors, "
             f"{s['starts_agreeing']:.0f} of {s['starts']:.0f} starts agree)"
-        ]
-        width = max(map(len, self.parameters))
-        for name, value in self.parameters.items():
-            low, high = self.intervals.get(name, (np.nan, np.nan))
-            said = f"95 %: {low:.4g} .. {high:.4g}" if name in self.intervals else "not determined"
-            lines.append(f"  {name:<{width}} {value:11.4g} {self._unit(name):<8} {said}")
-        if self.undetermined:
-            lines.append(f"  ! not determined by these values: {', '.join(self.undetermined)}")
-        if self.unseen:
-            lines.append(f"  ! steady sliding does not show {', '.join(self.unseen)}; kept as given")
-        return "\n".join(lines)
+        )

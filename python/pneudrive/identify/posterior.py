@@ -14,7 +14,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
-from pneudrive.identify.intervals import Intervals
+from pneudrive.identify.base import Intervals
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def posterior(fit: FrictionFit, steps: int = 3000, seed: int = 1) -> Posterior:
     if fit.observations is None:
         raise FitError("a fit that was read from a file has no values to sample from", remedy="fit the map again")
     model, data = fit.model, fit.observations
-    centre = np.append(model.internal(np.array([fit.free_values()[n] for n in fit.free])), 0.0)
+    centre = np.append(fit.coordinates, 0.0)
     spread = np.append(_spread(fit, centre[:-1]), 0.1)
     rng = np.random.default_rng(seed)
     walkers = 4 * centre.size

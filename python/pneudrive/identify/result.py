@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
-from pneudrive.identify.intervals import WithIntervals
-from pneudrive.identify.model import UNITS, FrictionModel, Observations, at_conditions, unit_of
+from pneudrive.identify.base import Fit
+from pneudrive.identify.friction_curve import Curve, Entry, middle_of, speeds_over
+from pneudrive.identify.identified import Identified, apply_identified
+from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, Observations, at_conditions
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import ArrayLike, NDArray
 
-    from pneudrive.describe import Drive
-    from pneudrive.identify.diagnose import Undetermined
-    from pneudrive.identify.export import Exported
+    from pneudrive.describe.drive import Drive
 
     Array = NDArray[np.float64]
+
+#: What a fit that is read back has to be of, and what is needed of its statistics.
+LAWS = ("coulomb", "stribeck")
+STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,8 +47,8 @@ class Prediction(Shown):
     stderr_n: Array
 
 
-@dataclass(frozen=True, repr=False)
-class FrictionFit(WithIntervals, Shown):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class FrictionFit(Fit):
     """Parameters of a sliding law with their uncertainty.
 
     Attributes
@@ -80,32 +82,22 @@ class FrictionFit(WithIntervals, Shown):
         Huber weight of each value.
     """
 
+    KIND: ClassVar[str] = "friction map"
+    TITLE: ClassVar[str] = "friction fit"
+    GROUPS: ClassVar[tuple[str, ...]] = ("parameters", "shared")
+    HEAD: ClassVar[str] = (
+        "# Friction fit. SI units; intervals are 95 %, statistical; u_systematic is a standard uncertainty."
+    )
+
     law: str
-    parameters: dict[str, float]
-    free: tuple[str, ...]
-    covariance: Array
-    intervals: dict[str, tuple[float, float]]
-    systematic: dict[str, float]
-    undetermined: tuple[Undetermined, ...]
-    notes: tuple[str, ...]
-    statistics: dict[str, float]
-    provenance: dict[str, object]
     model: FrictionModel
-    observations: Observations | None = field(default=None, repr=False, compare=False)
-    weights: Array | None = field(default=None, repr=False, compare=False)
+    observations: Observations | None = field(default=None, repr=False)
+    weights: Array | None = field(default=None, repr=False)
 
     @property
-    def standard_errors(self) -> dict[str, float]:
-        """Statistical standard error of each free parameter that the data determine (first order)."""
-        every = zip(self.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True)
-        return {name: error for name, error in every if name in self.intervals}
-
-    @property
-    def correlation(self) -> Array:
-        """Correlation matrix of the free parameters, shape (p, p), in the order of `free`."""
-        from pneudrive.identify.correlation import correlation
-
-        return correlation(self)
+    def parameters(self) -> dict[str, float]:
+        """The values."""
+        return self.values
 
     def correlated(self) -> list[str]:
         """Return which parameters change together beyond 0.9, and what would separate them, in sentences."""
@@ -114,24 +106,10 @@ class FrictionFit(WithIntervals, Shown):
         return correlated(self)
 
     @property
-    def determined(self) -> tuple[str, ...]:
-        """Names of `parameters` that the data determine (a fixed exponent is not among them)."""
-        lost = {s.parameter for s in self.undetermined}
-        fixed = {"stribeck_exponent"} if "stribeck_exponent" not in self.free else set()
-        return tuple(n for n, value in self.parameters.items() if n not in lost | fixed and np.isfinite(value))
-
-    def expanded_uncertainty(self, name: str) -> float:
-        """Return U = 2 sqrt(statistical^2 + systematic^2) of one free parameter (k = 2).
-
-        Raises
-        ------
-        FitError
-            The parameter was not free, or the data do not determine it.
-        """
-        self._known(name)
-        if name not in self.intervals:
-            raise FitError(f"{name} has no uncertainty: the data do not determine it")
-        return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic[name]))
+    def coordinates(self) -> Array:
+        """Internal coordinates of the model at the estimates, shape (p,)."""
+        values = self.free_values()
+        return self.model.internal(np.array([values[n] for n in self.free]))
 
     def predict(
         self,
@@ -168,10 +146,8 @@ class FrictionFit(WithIntervals, Shown):
                 value=f"speed_m_s = {np.asarray(speed_m_s)}",
                 rule="the laws describe steady sliding only",
             )
-        data = at_conditions(flat, a.ravel(), b.ravel())
-        theta = np.array([self.free_values()[n] for n in self.free])
-        q = self.model.internal(theta)
-        value, jac = self.model.value_and_jacobian(q, data)
+        q = self.coordinates
+        value, jac = self.model.value_and_jacobian(q, at_conditions(flat, a.ravel(), b.ravel()))
         # by the natural parameters, in which the covariance is stated
         natural = np.linalg.solve(self.model.natural_jacobian(q).T, jac.T).T
         variance = np.einsum("ij,jk,ik->i", natural, self.covariance, natural)
@@ -182,6 +158,12 @@ class FrictionFit(WithIntervals, Shown):
         reach = student(int(self.statistics["degrees_of_freedom"]), probability) * stderr
         value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
         return Prediction(value, value - reach, value + reach, stderr)
+
+    def free_values(self) -> dict[str, float]:
+        """Parameters by the names in `free` too: a coefficient that both chambers share is there under its own."""
+        return self.values | self._groups()[1]
+
+    # -- into a drive -----------------------------------------------------------------------------------------
 
     def apply(self, drive: Drive) -> Drive:
         """Return a new drive whose friction has the determined parameters of this fit.
@@ -207,118 +189,137 @@ class FrictionFit(WithIntervals, Shown):
             A breakaway force that the data do not determine lies below the fitted Coulomb force, or the other way
             round: it is set to that limit.
         """
-        from pneudrive.identify.apply import apply_to_drive
+        known = {p["key"] for p in drive.friction.entry["parameters"]}
+        forces = {n for n in self.determined if n not in PRESSURE_NAMES}
+        other_law = not forces <= known
+        takes_curve = other_law or (self.model.stribeck and "stribeck_exponent" in known)
+        missing = sorted({"coulomb", "breakaway", "stribeck_velocity", "viscous"} - forces)
+        if other_law and missing:
+            raise FitError(
+                f"the drive's friction law {drive.friction.law!r} has no Stribeck part, and the fit does not determine "
+                + ", ".join(missing),
+                rule="a drive takes another law only as a whole",
+                remedy="give the drive the law stribeck or lugre first, or fit law='coulomb'",
+            )
+        self._check_pressure(drive)
+        changes: dict[str, object] = {"friction.law": self.law} if other_law else {}
+        if takes_curve and self.model.lorentzian:
+            changes["friction.stribeck_shape"] = "lorentzian"
+        return apply_identified(self.identified(curve=takes_curve and not self.model.lorentzian), drive, changes)
 
-        return apply_to_drive(self, drive)
+    def identified(self, *, curve: bool = False) -> Identified:
+        """Return the determined parameters under their names in the drive file; with `curve` the exponent too.
 
-    def export(
+        The intervals hold what chance leaves (profile likelihood) and, in quadrature, what all rows share. Half the
+        sum of two slopes stands for each where the data determine the sum alone: without an interval.
+        """
+        names = [n for n in self.determined if n not in PRESSURE_NAMES]
+        if curve and "stribeck_exponent" not in names:
+            names.append("stribeck_exponent")
+        half = [n for n in PRESSURE_NAMES if n in self.values and f"{n[:-1]}ab" in self.free]
+        slopes = [n for n in PRESSURE_NAMES if n in self.determined or n in half]
+        return self.identified_as({n: f"friction.{n}" for n in names} | {n: _slope_key(n) for n in slopes})
+
+    def _check_pressure(self, drive: Drive) -> None:
+        if self.model.chambers and self.model.pressure != "linear":
+            raise FitError(
+                f"a drive's friction is linear in the chamber pressures, and this fit is {self.model.pressure} in them",
+                rule="no straight line is put in a curve's place without being asked for",
+                remedy="fit with pressure='linear' over the pressures at which the drive works",
+            )
+        seals = drive.friction.pressure
+        if seals is None or self.model.chambers:
+            return
+        if any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
+            raise FitError(
+                "the drive adds friction with pressure, and the fit holds at the pressures of its recordings only",
+                rule="the same friction would count twice",
+                remedy="fit with pressure_dependence=True, or take [friction.pressure] out of the drive first",
+            )
+
+    def curve(
         self,
-        to: str,
-        out: str | Path | None = None,
-        *,
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
-    ) -> Exported:
-        """Give the parameters in another tool's form of the law.
-
-        Parameters
-        ----------
-        to : str
-            ``simscape``, ``modelica`` or ``csv``.
-        out : path-like, optional
-            File to write.
-        gauge_a_pa, gauge_b_pa : float, optional
-            Gauge pressures at which the curve is taken; the middle of the measured ones if nothing is said.
-        speeds_m_s : tuple of float, optional
-            Lowest and highest speed over which it shall hold; the measured ones if nothing is said.
-
-        Returns
-        -------
-        Exported
-            Parameters, greatest deviation of the other tool's curve, and what is lost.
+    ) -> Curve:
+        """Return the curve, at the middle of the measured pressures and over the measured speeds if nothing is said.
 
         Raises
         ------
         FitError
-            Another tool, or a fit that does not say which speeds were measured.
+            The fit does not say over which speeds it holds.
         """
-        from pneudrive.identify.export import curve_of_fit, export
+        said = {name: self.provenance.get(name) for name in ("speed_m_s", "gauge_a_pa", "gauge_b_pa")}
+        speed = speeds_over(speeds_m_s or said["speed_m_s"], "fit")
+        gauges = (middle_of(gauge_a_pa, said["gauge_a_pa"]), middle_of(gauge_b_pa, said["gauge_b_pa"]))
+        found = self.identified()
+        entries = []
+        for name, value in self.values.items():
+            key = _slope_key(name) if name in PRESSURE_NAMES else f"friction.{name}"
+            ends = found.intervals.get(key, (np.nan, np.nan))
+            note = "" if name in self.determined else "fixed" if name not in self.free else "not determined by the data"
+            source = ", ".join(found.sources[key]) if key in found.intervals else ""
+            entries.append(Entry(name, value, self.units[name], *ends, source, note))
+        exponent = self.values.get("stribeck_exponent", 2.0)
+        shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
+        held = f"the curve holds at {gauges[0] / 1e5:.3g} bar gauge in a and {gauges[1] / 1e5:.3g} bar gauge in b"
+        return Curve(
+            f"friction fit, law {self.law}",
+            self.model.law,
+            shape if self.model.stribeck else "none",
+            speed,
+            self.predict(speed, *gauges).friction_n,
+            *gauges,
+            tuple(entries),
+            (f"dependence on the chamber pressures: {held}; export again for others",) if self.model.chambers else (),
+            not self.model.stribeck or (not self.model.lorentzian and exponent == 1.0),
+        )
 
-        done = export(curve_of_fit(self, gauge_a_pa, gauge_b_pa, speeds_m_s), to)
-        if out is not None:
-            done.write(out)
-        return done
+    # -- its file, and what is shown ----------------------------------------------------------------------------
 
-    def statements(self) -> list[str]:
-        """Return what cannot be determined in sentences, one for all parameters that share reason and remedy."""
-        shared: dict[tuple[str, str], list[str]] = {}
-        for s in self.undetermined:
-            shared.setdefault((s.reason, s.remedy), []).append(s.parameter)
-        return [
-            f"{', '.join(names)} cannot be determined: {reason}. Remedy: {remedy}."
-            for (reason, remedy), names in shared.items()
-        ]
+    def _groups(self) -> tuple[dict[str, float], ...]:
+        """Return the parameters, and the sums of two slopes, of which half stands for each."""
+        return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
 
-    def to_toml(self, path: str | Path) -> None:
-        """Write the fit with covariance and provenance; :meth:`from_toml` reads it back."""
-        from pneudrive.identify.files import write_fit
+    def _first(self) -> dict[str, Any]:
+        return {"law": self.law, "notes": list(self.notes), "model": self.model.table()}
 
-        write_fit(self, path)
+    @classmethod
+    def _entries(cls, content: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        """Return all tables; that of a slope that both chambers share stands under each of them in older files."""
+        entries = super()._entries(content)
+        names = content["covariance"]["names"]
+        return entries | {n: entries[n.replace("_ab", "_a")] for n in names if n not in entries}
 
-    @staticmethod
-    def from_toml(path: str | Path) -> FrictionFit:
-        """Read a fit that :meth:`to_toml` wrote (without the fitted values)."""
-        from pneudrive.identify.files import read_fit
+    @classmethod
+    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
+        found = super()._from_content(content)
+        model = FrictionModel.of_table(content["model"])
+        if model.law not in LAWS or model.names != found["free"] or found["covariance"].size == 0:
+            raise ValueError(f"law, chambers and parameters do not fit together: {', '.join(found['free'])}")
+        if not all(np.isfinite(found["statistics"][name]) and found["statistics"][name] >= 0.0 for name in STATISTICS):
+            raise ValueError(f"statistics: {', '.join(STATISTICS)} are numbers of zero and above")
+        if "direction" not in found["provenance"]:
+            raise KeyError("direction")
+        known = {n for n, entry in cls._entries(content).items() if "standard_error" in entry}  # older files: others too
+        found["intervals"] = {n: ends for n, ends in found["intervals"].items() if n in known}
+        found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
+        return found | {"law": content["law"], "model": model}
 
-        return read_fit(path)
+    def _shown(self) -> dict[str, float]:
+        hidden = {n for n in self.values if n not in self.free and self.units[n].startswith("N/Pa")}
+        return {name: value for name, value in self.free_values().items() if name not in hidden}
 
-    def free_values(self) -> dict[str, float]:
-        """Parameters by the names in `free` too: a coefficient that both chambers share is there under its own."""
-        shared = {n: self.parameters[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
-        return dict(self.parameters) | shared
-
-    def _known(self, name: str) -> None:
-        if name not in self.free:
-            raise FitError(f"{name} is no free parameter of this fit", rule="free parameters: " + ", ".join(self.free))
-
-    def __str__(self) -> str:
-        """Return a table of parameters with intervals, then what cannot be determined and the notes."""
+    def _title(self) -> str:
         s = self.statistics
-        lines = [
+        return (
             f"{self.law} friction from {s['values']:.0f} values "
             f"(directions: {self.provenance['direction']}, rms {s['rms_n']:.3g} N, fit {s['fit_percent']:.1f} %, "
             f"residuals {s['scale']:.2g} times their standard errors)"
-        ]
-        for name, value in self.free_values().items():
-            if name not in self.free and name in UNITS and UNITS[name].startswith("N/Pa"):
-                continue
-            lines.append("  " + _line(self, name, value))
-        lines += [f"  ! {statement}" for statement in self.statements()]
-        lines += [f"  note: {note}" for note in self.notes]
-        return "\n".join(lines)
+        )
 
 
-#: Units in which people read the parameters: factor from SI, name.
-_SHOWN = {"m/s": (1e3, "mm/s"), "N/Pa": (1e5, "N/bar"), "N/Pa2": (1e10, "N/bar2"), "1": (1.0, "")}
-
-
-def shown(unit: str) -> tuple[float, str]:
-    """Factor and name of the unit in which people read what is stored in `unit`."""
-    return _SHOWN.get(unit, (1.0, unit))
-
-
-def _line(fit: FrictionFit, name: str, value: float) -> str:
-    factor, unit = shown(unit_of(name))
-    if not np.isfinite(value):
-        return f"{name:<18} not determined"
-    text = f"{name:<18} {factor * value:10.4g} {unit:<6}"
-    if name not in fit.free:
-        return f"{text} fixed"
-    if name not in fit.intervals:
-        return f"{text} not determined"
-    lower, upper = fit.intervals[name]
-    text += f" 95 %: {factor * lower:.4g} .. {factor * upper:.4g}"
-    if fit.systematic[name] > 0.0:
-        text += f", U(k=2) {factor * fit.expanded_uncertainty(name):.2g}"
-    return text
+def _slope_key(name: str) -> str:
+    force, _, chamber = name.rpartition("_")
+    return f"friction.pressure.{force}.{chamber}"

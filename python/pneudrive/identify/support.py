@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import student
-from pneudrive.identify.diagnose import Undetermined, without_support
+from pneudrive.identify.diagnose import without_support
 from pneudrive.identify.profile import profile_intervals
 from pneudrive.identify.robust import Estimate, deviance, estimate
 from pneudrive.identify.scatter import with_scatter
 
 if TYPE_CHECKING:
-    from pneudrive.identify.any_law import AnyLaw
-    from pneudrive.identify.model import FrictionModel, Observations
+    from pneudrive.identify.base import Undetermined
+    from pneudrive.identify.model import AnyLaw, FrictionModel, Observations
 
 #: Knees that are tried, as multiples of the largest gauge pressure; beyond four the curve is a straight line to 20 %
 #: of its end, and below a tenth a step.

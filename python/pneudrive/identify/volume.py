@@ -20,7 +20,7 @@ from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.spread import student
 from pneudrive.characterise.volume_recording import VolumeRecording, read_volume_recordings
 from pneudrive.errors import FitError, nearest
-from pneudrive.identify.diagnose import Undetermined
+from pneudrive.identify.base import Undetermined
 from pneudrive.identify.volume_result import VolumeFit
 from pneudrive.numbers import plain
 from pneudrive.units import readable
@@ -396,6 +396,8 @@ def _result(problem: _Problem, found: _Found, held: list[Undetermined], watch: W
     return VolumeFit(
         values=values,
         units={name: NUMBERS[name][1] for name in values},
+        free=tuple(values),
+        covariance=np.zeros((0, 0)),
         intervals=intervals,
         undetermined=tuple(undetermined),
         notes=tuple(notes),

@@ -14,7 +14,6 @@ from pneudrive.describe import Drive
 from pneudrive.describe.provenance import values
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.identify import fit_friction
-from pneudrive.identify.files import fit_toml
 from pneudrive.identify.identified import Identified, apply_identified
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
@@ -42,7 +41,7 @@ def test_applied_values_carry_interval_source_and_hash(drive, fit, tmp_path):
     assert high - low == pytest.approx(wanted[1] - wanted[0], rel=1e-2)  # no systematic part in this map
     recordings = fit.provenance["recordings"]
     assert origin.source.startswith(recordings[0])
-    assert origin.fit == hashlib.sha256(fit_toml(fit).encode()).hexdigest()[:16]
+    assert origin.fit == hashlib.sha256(fit.toml().encode()).hexdigest()[:16]
     (tmp_path / "drive.toml").write_text(changed.to_toml())
     again = Drive.load(tmp_path / "drive.toml")
     assert again == changed

@@ -9,10 +9,9 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.characterise.spread import student
-from pneudrive.identify.dynamic.files import fit_hash
 from pneudrive.identify.dynamic.model_error import model_errors
 from pneudrive.identify.dynamic.parameters import numbers_of
-from pneudrive.identify.dynamic.result import DriveFit, Series
+from pneudrive.identify.dynamic.result import DriveFit, Series, fit_hash
 from pneudrive.identify.dynamic.uncertainty import intervals_of
 from pneudrive.identify.dynamic.undetermined import statements
 from pneudrive.numbers import plain
@@ -73,7 +72,6 @@ def assembled(
         series=_series(problem, solved, records),
         solved=solved,
     )
-    fit.units.update({c.name: c.unit for e in problem.experiments for c in e.channels})
     sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
     lost = statements(names, values, sizes, intervals, fit.units, fit.correlation, found.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)

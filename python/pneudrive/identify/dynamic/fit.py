@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.describe import Drive
-    from pneudrive.identify.diagnose import Undetermined
+    from pneudrive.identify.base import Undetermined
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.watch import Flag
 

@@ -2,36 +2,32 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
+from pneudrive.describe.drive import Drive
 from pneudrive.errors import FitError, nearest, warn
-from pneudrive.identify.intervals import Intervals, WithIntervals
-from pneudrive.numbers import places, plain
-from pneudrive.show import Shown
+from pneudrive.identify.base import HASH_DIGITS, Fit, Intervals
+from pneudrive.identify.dynamic.recordings import CHANNELS
+from pneudrive.identify.friction_curve import Curve, curve_of_drive
+from pneudrive.identify.identified import apply_identified
+from pneudrive.numbers import plain
+from pneudrive.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Drive
-    from pneudrive.identify.diagnose import Undetermined
     from pneudrive.identify.dynamic.fit import Solved
-    from pneudrive.identify.export import Exported
 
     Array = NDArray[np.float64]
-
-
-#: What the numbers after "model ±" are.
-MODEL_ERROR_WORDS = (
-    "95 %: what the noise leaves; model ±: how far the value moves as each number that was held is off by 1 % (assumed)"
-)
 
 
 @dataclass(frozen=True)
@@ -43,8 +39,8 @@ class Series:
     model: Array
 
 
-@dataclass(frozen=True, repr=False)
-class DriveFit(WithIntervals, Shown):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DriveFit(Fit):
     """Values of a drive's description with their uncertainty.
 
     Attributes
@@ -86,44 +82,19 @@ class DriveFit(WithIntervals, Shown):
         Recording -> channel -> `Series`.
     """
 
-    values: dict[str, float]
-    units: dict[str, str]
+    KIND: ClassVar[str] = "drive"
+    TITLE: ClassVar[str] = "fit of a drive"
+    GROUPS: ClassVar[tuple[str, ...]] = ("values", "sensors")
+    HEAD: ClassVar[str] = (
+        "# Identified drive. SI units, pressures absolute; intervals are 95 %: what noise leaves; model_error is how\n"
+        "# far a value moves as each number that was held is off by 1 %."
+    )
+
     sensors: dict[str, float]
-    free: tuple[str, ...]
-    covariance: Array
-    intervals: dict[str, tuple[float, float]]
-    sources: dict[str, tuple[str, ...]]
-    undetermined: tuple[Undetermined, ...]
-    notes: tuple[str, ...]
-    statistics: dict[str, float]
-    converged: bool
-    provenance: dict[str, Any]
     start: Drive = field(repr=False)
     fits: bool = True
-    model_errors: dict[str, float] = field(default_factory=dict)
-    series: dict[str, dict[str, Series]] = field(repr=False, compare=False, default_factory=dict)
-    solved: Solved | None = field(repr=False, compare=False, default=None)
-
-    @property
-    def standard_errors(self) -> dict[str, float]:
-        """Standard error of each free value and sensor that has an interval, SI."""
-        every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True)
-        return {name: error for name, error in every if name in self.intervals}
-
-    @property
-    def correlation(self) -> Array:
-        """Correlation matrix in the order of `free`; 0 beside what is not determined at all."""
-        spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        spread[spread == 0.0] = np.inf
-        out = self.covariance / np.outer(spread, spread)
-        np.fill_diagonal(out, 1.0)
-        return out
-
-    @property
-    def determined(self) -> tuple[str, ...]:
-        """Names of `values` that the recordings determine."""
-        lost = {u.parameter for u in self.undetermined}
-        return tuple(name for name in self.values if name not in lost)
+    series: dict[str, dict[str, Series]] = field(repr=False, default_factory=dict)
+    solved: Solved | None = field(repr=False, default=None)
 
     @property
     def state(self) -> str:
@@ -131,10 +102,6 @@ class DriveFit(WithIntervals, Shown):
         if not self.converged:
             return "not converged: the best so far, without intervals"
         return "converged" if self.fits else "converged, but the model does not fit"
-
-    def statements(self) -> list[str]:
-        """Return what cannot be determined, in sentences."""
-        return [str(u) for u in self.undetermined]
 
     def sensors_of(self, recording: str) -> dict[str, dict[str, float]]:
         """Return what the fit found of the sensors of a recording, as `pn.validate` takes it.
@@ -220,72 +187,37 @@ class DriveFit(WithIntervals, Shown):
         FitError, DescriptionError
             The drive lacks a value, or refuses the mixture of fitted and kept values.
         """
-        from pneudrive.identify.identified import Identified, apply_identified
-
         if not self.converged:
             warn("the search did not converge: the drive gets its best values so far, without intervals")
-        kept = self.determined
-        found = Identified(
-            values={n: self.values[n] for n in kept},
-            intervals={n: self.intervals[n] for n in kept if n in self.intervals},
-            model_errors=self.model_errors,
-            sources={n: self.sources[n] for n in kept},
-            fit=str(self.provenance.get("fit_hash", "")),
+        return apply_identified(
+            self.identified_as({n: n for n in self.determined}), self.start if drive is None else drive
         )
-        return apply_identified(found, self.start if drive is None else drive)
 
-    def export(
+    def curve(
         self,
-        to: str,
-        out: str | Path | None = None,
-        *,
-        speeds_m_s: tuple[float, float],
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
-    ) -> Exported:
-        """Give the friction of `apply()` in another tool's form of the law.
+        speeds_m_s: tuple[float, float] | None = None,
+    ) -> Curve:
+        """Return the curve of the friction of `apply()`; see `curve_of_drive`."""
+        return curve_of_drive(self.apply(), speeds_m_s, gauge_a_pa, gauge_b_pa)
 
-        Parameters
-        ----------
-        to : str
-            ``simscape``, ``modelica`` or ``csv``.
-        out : path-like, optional
-            File to write.
-        speeds_m_s : tuple of float
-            Lowest and highest speed over which it shall hold.
-        gauge_a_pa, gauge_b_pa : float, optional
-            Gauge pressures at which the curve is taken; 0 if nothing is said.
+    def _groups(self) -> tuple[dict[str, float], ...]:
+        return self.values, self.sensors
 
-        Raises
-        ------
-        FitError
-            An unknown tool, no such speeds, or a law that cannot be converted.
-        """
-        from pneudrive.identify.export import curve_of_drive, export
+    def _first(self) -> dict[str, Any]:
+        return super()._first() | {"fits": self.fits}
 
-        done = export(curve_of_drive(self.apply(), speeds_m_s, gauge_a_pa, gauge_b_pa), to)
-        if out is not None:
-            done.write(out)
-        return done
-
-    def to_toml(self, path: str | Path) -> None:
-        """Write the fit with intervals, covariance, what is not determined, provenance, and `start`."""
-        from pneudrive.identify.dynamic.files import write_fit
-
-        write_fit(self, path)
+    def _last(self) -> dict[str, Any]:
+        return {"drive": self.start.to_dict()}
 
     @classmethod
-    def from_toml(cls, path: str | Path) -> DriveFit:
-        """Read what `to_toml` wrote: all but series and the linearised problem, so no profile and no bootstrap.
-
-        Raises
-        ------
-        FitError
-            The file cannot be read, or is no fit of a drive.
-        """
-        from pneudrive.identify.dynamic.files import read_fit
-
-        return read_fit(path)
+    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
+        return super()._from_content(content) | {
+            "sensors": {name: float(entry["value"]) for name, entry in content.get("sensors", {}).items()},
+            "start": Drive.model_validate(content["drive"]),
+            "fits": bool(content.get("fits", True)),
+        }
 
     def _search(self) -> Solved:
         if self.solved is None:
@@ -302,38 +234,24 @@ class DriveFit(WithIntervals, Shown):
                 raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
         return list(self.values) if names is None else list(names)
 
-    def __str__(self) -> str:
-        """Return a table of values with intervals, then what is not determined and the notes."""
-        s = self.statistics
+    def _title(self) -> str:
         recordings = self.provenance.get("recordings", [])
         seconds = sum(float(r["seconds"]) for r in recordings)
-        lines = [f"{len(recordings)} recording(s), {seconds:.4g} s, {s['samples']:.0f} samples; {self.state}"]
-        shown = {**self.values, **self.sensors}
-        width = max(map(len, shown))
-        lines += [f"  {name:<{width}} {self._line(name, value)}" for name, value in shown.items()]
-        for key, rms in s.items():
-            if key.startswith("rms."):
-                channel = key.removeprefix("rms.")
-                unit = self.units[channel]
-                factor, unit = readable(unit)
-                lines.append(
-                    f"  residuals of {channel}: {plain(rms / factor)} {unit}, fit {s[f'fit_percent.{channel}']:.2f} %"
-                )
-        lines += [f"  ! {statement}" for statement in self.statements()]
-        if self.intervals and self.model_errors:
-            lines.append(f"  {MODEL_ERROR_WORDS}")
-        lines += [f"  note: {note}" for note in self.notes]
-        return "\n".join(lines)
+        samples = self.statistics["samples"]
+        return f"{len(recordings)} recording(s), {seconds:.4g} s, {samples:.0f} samples; {self.state}"
 
-    def _line(self, name: str, value: float) -> str:
-        factor, unit = readable(self.units[name])
-        interval = self.intervals.get(name)
-        if interval is None:
-            lost = any(u.parameter == name for u in self.undetermined)
-            return f"{plain(value / factor, 5):>13} {unit:<12}" + (" not determined" if lost else "")
-        lower, upper = (end / factor for end in interval)
-        digits = places(0.5 * (upper - lower))
-        text = f"{value / factor:>13.{digits}f} {unit:<12} 95 %: {lower:.{digits}f} .. {upper:.{digits}f}"
-        if name in self.model_errors:
-            text += f"; model ± {plain(self.model_errors[name] / factor, 2)}"
-        return text
+    def _residual_lines(self) -> list[str]:
+        lines = []
+        for key, rms in self.statistics.items():
+            what, _, channel = key.partition(".")
+            if what == "rms":
+                factor, unit = readable(meaning(CHANNELS[channel])[1])
+                fit = self.statistics[f"fit_percent.{channel}"]
+                lines.append(f"residuals of {channel}: {plain(rms / factor)} {unit}, fit {fit:.2f} %")
+        return lines
+
+
+def fit_hash(provenance: Mapping[str, Any], values: Mapping[str, float]) -> str:
+    """Return a hash by which a fit is found again: of its recordings, options and values."""
+    text = json.dumps({"provenance": dict(provenance), "values": dict(values)}, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]

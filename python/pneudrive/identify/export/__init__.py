@@ -6,7 +6,8 @@ is stated, and so is what the other law cannot say.
 
 from __future__ import annotations
 
-from pneudrive.identify.export.convert import TOOLS, Exported, check_tool, export, read_source
-from pneudrive.identify.export.curve import Curve, curve_of_drive, curve_of_fit
+from pneudrive.identify.export.convert import TOOLS, Exported, check_tool, export
+from pneudrive.identify.files import read_source
+from pneudrive.identify.friction_curve import Curve, curve_of_drive, curve_of_fit
 
 __all__ = ["TOOLS", "Curve", "Exported", "check_tool", "curve_of_drive", "curve_of_fit", "export", "read_source"]

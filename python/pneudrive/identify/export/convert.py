@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError, nearest
-from pneudrive.identify.export.curve import Curve, curve_of_drive, curve_of_fit
 from pneudrive.show import Shown
 from pneudrive.trajectory import whole
 
@@ -31,8 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Drive
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.friction_curve import Curve
 
     Array = NDArray[np.float64]
 
@@ -303,36 +301,3 @@ def export(curve: Curve, to: str) -> Exported:
             remedy="export over the speeds and pressures that were measured",
         )
     return TOOLS[to](curve)
-
-
-def read_source(path: str | Path) -> FrictionFit | Drive:
-    """Read what is exported: a fit.toml, or a drive file; of the fit of a drive, the drive with its values.
-
-    Raises
-    ------
-    FitError, DescriptionError
-        It is neither, or not valid.
-    """
-    from pneudrive.describe import Drive, toml
-    from pneudrive.identify.files import read_fit
-
-    if str(path).startswith("catalogue:"):
-        return Drive.load(path)
-    tables, _ = toml.read(path, FitError, "pneudrive fit writes a fit.toml.")
-    if tables.get("kind") == "drive":
-        from pneudrive.identify.dynamic.files import read_fit as read_drive_fit
-
-        return read_drive_fit(path).apply()
-    return Drive.load(path) if "friction" in tables or "drive" in tables else read_fit(path)
-
-
-def curve_of(
-    source: FrictionFit | Drive,
-    gauge_a_pa: float | None = None,
-    gauge_b_pa: float | None = None,
-    speeds_m_s: tuple[float, float] | None = None,
-) -> Curve:
-    """Take the curve of a fit or of a drive."""
-    if hasattr(source, "core_json"):
-        return curve_of_drive(source, speeds_m_s, gauge_a_pa, gauge_b_pa)  # type: ignore[arg-type]
-    return curve_of_fit(source, gauge_a_pa, gauge_b_pa, speeds_m_s)  # type: ignore[arg-type]

@@ -1,0 +1,470 @@
+"""The result of any fit, and its file: values with intervals and covariance, what is not determined, sources."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from pneudrive.characterise.spread import NORMAL_95
+from pneudrive.describe import toml
+from pneudrive.errors import FitError
+from pneudrive.identify.identified import Identified
+from pneudrive.numbers import places, plain
+from pneudrive.show import Shown
+from pneudrive.trajectory import whole
+from pneudrive.units import readable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import NDArray
+    from typing_extensions import Self
+
+    from pneudrive.identify.export.convert import Exported
+    from pneudrive.identify.friction_curve import Curve
+
+    Array = NDArray[np.float64]
+
+SCHEMA = 1
+#: Digits of the hash of a fit: those with which `sha256sum fit.toml` begins.
+HASH_DIGITS = 16
+#: What the numbers after "model ±" are.
+MODEL_ERROR_WORDS = (
+    "95 %: what the noise leaves; model ±: how far the value moves as each number that was held is off by 1 % (assumed)"
+)
+
+
+@dataclass(frozen=True)
+class Undetermined:
+    """A parameter that the data cannot determine.
+
+    Attributes
+    ----------
+    parameter : str
+    reason : str
+        Why, in words.
+    remedy : str
+        What to measure.
+    """
+
+    parameter: str
+    reason: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.parameter} cannot be determined: {self.reason}. Remedy: {self.remedy}."
+
+
+class Intervals(dict[str, tuple[float, float]]):
+    """95 % intervals by name, SI; what the data do not determine has none.
+
+    Every result of a fit holds its intervals in this type, so that nothing that prints, writes or applies a result can
+    give an interval to a value that the data do not determine.
+
+    Parameters
+    ----------
+    ends : mapping
+        Name -> (lower, upper).
+    undetermined : iterable of str or Undetermined
+        What the data do not determine, by name.
+    converged : bool
+        False where the search did not converge: then nothing has an interval.
+
+    Examples
+    --------
+    >>> Intervals({"coulomb": (29.0, 31.0), "viscous": (0.0, 900.0)}, ["viscous"])
+    {'coulomb': (29.0, 31.0)}
+    """
+
+    def __init__(
+        self,
+        ends: Mapping[str, tuple[float, float]],
+        undetermined: Iterable[str | Undetermined] = (),
+        *,
+        converged: bool = True,
+    ) -> None:
+        lost = names_of(undetermined)
+        super().__init__({n: (float(a), float(b)) for n, (a, b) in ends.items() if converged and n not in lost})
+
+    def __missing__(self, name: str) -> tuple[float, float]:
+        raise KeyError(f"{name} has no interval: the data do not determine it, or the search has not converged")
+
+
+def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
+    """Return the names of what is not determined."""
+    return {str(getattr(one, "parameter", one)) for one in undetermined}
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Fit(Shown):
+    """Values with their uncertainty, as each kind of fit has them; SI, pressures absolute unless stated.
+
+    Attributes
+    ----------
+    values : dict
+        Name -> value; NaN where the data do not determine it in number.
+    units : dict
+        Name -> SI unit.
+    free : tuple of str
+        Order of `covariance`.
+    covariance : ndarray, shape (p, p)
+        Of the free values, first order; directions that the data do not determine are left out of it.
+    intervals : dict
+        Free value that the data determine -> (lower, upper), 95 %; nothing else has one.
+    systematic : dict
+        Free value -> standard uncertainty from what all rows share (sensor gain, pressure, area).
+    model_errors : dict
+        Name -> floor for model error, where one is known.
+    sources : dict
+        Name -> names of the recordings that it comes from.
+    undetermined : tuple of Undetermined
+        What the data do not determine, why, and what to measure.
+    notes : tuple of str
+        What was left out, held or assumed.
+    statistics : dict
+    provenance : dict
+        Version, hash of the data, options.
+    converged : bool
+        False where the search ended early: the values are the best so far.
+    """
+
+    #: What the file and messages call this kind of fit, and which tables hold its values, those of `values` first.
+    KIND: ClassVar[str]
+    TITLE: ClassVar[str]
+    GROUPS: ClassVar[tuple[str, ...]] = ("values",)
+    HEAD: ClassVar[str]
+
+    values: dict[str, float]
+    units: dict[str, str]
+    free: tuple[str, ...]
+    covariance: Array
+    intervals: dict[str, tuple[float, float]]
+    systematic: dict[str, float] = field(default_factory=dict)
+    model_errors: dict[str, float] = field(default_factory=dict)
+    sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    undetermined: tuple[Any, ...] = ()
+    notes: tuple[str, ...] = ()
+    statistics: dict[str, float]
+    provenance: dict[str, Any]
+    converged: bool = True
+
+    def __post_init__(self) -> None:
+        """Leave out the intervals of what is not determined."""
+        object.__setattr__(self, "intervals", Intervals(self.intervals, self.undetermined, converged=self.converged))
+
+    @property
+    def determined(self) -> tuple[str, ...]:
+        """Names of `values` that the data determine (what was held is not among them)."""
+        return tuple(name for name in self.values if self._is_determined(name, self.values[name]))
+
+    def _is_determined(self, name: str, value: float) -> bool:
+        return name in self.free and name not in names_of(self.undetermined) and bool(np.isfinite(value))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Statistical standard error of each free value that has an interval (first order)."""
+        every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True)
+        return {name: error for name, error in every if name in self.intervals}
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix in the order of `free`; 0 beside what has no variance."""
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        out = self.covariance / np.outer(*[np.where(spread > 0.0, spread, np.inf)] * 2)
+        np.fill_diagonal(out, 1.0)
+        return out
+
+    def expanded_uncertainty(self, name: str) -> float:
+        """Return U = 2 sqrt(statistical^2 + systematic^2) of one free value (k = 2).
+
+        Raises
+        ------
+        FitError
+            The value was not free, or the data do not determine it.
+        """
+        if name not in self.free:
+            raise FitError(f"{name} is no free parameter of this fit", rule="free parameters: " + ", ".join(self.free))
+        if name not in self.intervals:
+            raise FitError(f"{name} has no uncertainty: the data do not determine it")
+        return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic.get(name, 0.0)))
+
+    def statements(self) -> list[str]:
+        """Return what cannot be determined in sentences, one for all values that share reason and remedy."""
+        shared: dict[tuple[str, str], list[str]] = {}
+        for one in self.undetermined:
+            shared.setdefault((one.reason, one.remedy), []).append(one.parameter)
+        return [str(Undetermined(", ".join(names), *why)) for why, names in shared.items()]
+
+    def curve(
+        self,
+        gauge_a_pa: float | None = None,
+        gauge_b_pa: float | None = None,
+        speeds_m_s: tuple[float, float] | None = None,
+    ) -> Curve:
+        """Return the sliding friction that is exported.
+
+        Raises
+        ------
+        FitError
+            The fit is none of friction.
+        """
+        del gauge_a_pa, gauge_b_pa, speeds_m_s
+        raise FitError(f"the {self.TITLE} has no friction to export", rule="a fit of friction or of a drive")
+
+    def export(
+        self,
+        to: str,
+        out: str | Path | None = None,
+        *,
+        gauge_a_pa: float | None = None,
+        gauge_b_pa: float | None = None,
+        speeds_m_s: tuple[float, float] | None = None,
+    ) -> Exported:
+        """Give friction in another tool's form of the law.
+
+        Parameters
+        ----------
+        to : str
+            ``simscape``, ``modelica`` or ``csv``.
+        out : path-like, optional
+            File to write.
+        gauge_a_pa, gauge_b_pa : float, optional
+            Gauge pressures at which the curve is taken; the middle of the measured ones, of the fit of a drive 0, if
+            nothing is said.
+        speeds_m_s : tuple of float, optional
+            Lowest and highest speed over which it shall hold; the measured ones if nothing is said. The fit of a drive
+            does not know them.
+
+        Returns
+        -------
+        Exported
+            Parameters, greatest deviation of the other tool's curve, and what is lost.
+
+        Raises
+        ------
+        FitError
+            Another tool, or a fit that does not say which speeds were measured.
+        """
+        from pneudrive.identify.export.convert import export
+
+        done = export(self.curve(gauge_a_pa, gauge_b_pa, speeds_m_s), to)
+        if out is not None:
+            done.write(out)
+        return done
+
+    def identified_as(self, keys: Mapping[str, str]) -> Identified:
+        """Return values under their names in a drive file.
+
+        Parameters
+        ----------
+        keys : mapping
+            Name in the fit -> name in the drive file.
+        """
+        ends = {key: self.intervals[name] for name, key in keys.items() if name in self.intervals}
+        wide = {keys[name]: u for name, u in self.systematic.items() if name in keys}
+        values = {key: self.values[name] for name, key in keys.items()}
+        said = self.provenance.get("recordings", ())
+        every = tuple(str(name) for name in said) if isinstance(said, list | tuple) else ()
+        return Identified(
+            values=values,
+            intervals={key: whole_interval(values[key], ends[key], wide.get(key, 0.0)) for key in ends},
+            sources={key: self.sources.get(name, every) for name, key in keys.items()},
+            fit=str(self.provenance.get("fit_hash", ""))
+            or hashlib.sha256(self.toml().encode()).hexdigest()[:HASH_DIGITS],
+            model_errors={keys[name]: error for name, error in self.model_errors.items() if name in keys},
+        )
+
+    # -- the file ---------------------------------------------------------------------------------------------
+
+    def _groups(self) -> tuple[dict[str, float], ...]:
+        """Return the values that the tables of `GROUPS` hold."""
+        return (self.values,)
+
+    def _first(self) -> dict[str, Any]:
+        """Return what stands at the top of the file beside schema and kind."""
+        return {"kind": self.KIND, "converged": self.converged, "notes": list(self.notes)}
+
+    def _last(self) -> dict[str, Any]:
+        """Return tables at the end of the file: what the search started from."""
+        return {}
+
+    def _entry(self, name: str, value: float) -> dict[str, Any]:
+        entry: dict[str, Any] = {
+            "value": value,
+            "unit": self.units[name],
+            "determined": self._is_determined(name, value),
+        }
+        if name in self.intervals:
+            entry |= {"standard_error": self.standard_errors[name]} if self.covariance.size else {}
+            entry |= {"u_systematic": self.systematic[name]} if name in self.systematic else {}
+            entry |= {"interval": list(self.intervals[name])}
+        entry |= {"model_error": self.model_errors[name]} if name in self.model_errors else {}
+        return entry | ({"sources": list(self.sources[name])} if name in self.sources else {})
+
+    def toml(self) -> str:
+        """Return the text of fit.toml."""
+        tables: dict[str, Any] = {"schema": SCHEMA, **self._first()}
+        for table, values in zip(self.GROUPS, self._groups(), strict=True):
+            tables |= {f"{table}.{toml.key_text(name)}": self._entry(name, value) for name, value in values.items()}
+        if self.covariance.size:
+            tables["covariance"] = {"names": list(self.free), "matrix": self.covariance.tolist()}
+        if self.undetermined:
+            tables["undetermined"] = [vars(one) if isinstance(one, Undetermined) else one for one in self.undetermined]
+        tables |= {"statistics": self.statistics, "provenance": self.provenance}
+        text = "\n".join([self.HEAD, *sections(tables)]) + "\n"
+        return text + (f"\n{toml.write(self._last())}" if self._last() else "")
+
+    def to_toml(self, path: str | Path) -> None:
+        """Write the fit with intervals, covariance and provenance; :meth:`from_toml` reads it back.
+
+        Raises
+        ------
+        CommandError
+            The file cannot be written.
+        """
+        with whole(Path(path)) as temporary:
+            temporary.write_text(self.toml(), encoding="utf-8")
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Self:
+        """Read a fit that :meth:`to_toml` wrote, without the values that were fitted.
+
+        Raises
+        ------
+        FitError
+            The file is not there, is no TOML, is another kind of fit, or lacks what such a fit needs.
+        """
+        where = str(path)
+        content, _ = toml.read(path, FitError, "pneudrive fit and pneudrive identify write a fit.toml.")
+        kind = content.get("kind", "friction map")
+        if kind != cls.KIND:
+            raise FitError(
+                f"this is the fit of a {kind}, not of a {cls.KIND}",
+                where=where,
+                rule=f"what follows needs a {cls.TITLE}",
+            )
+        if content.get("schema", SCHEMA) != SCHEMA:
+            raise FitError(
+                "the fit has another schema", where=where, value=content["schema"], rule=f"schema = {SCHEMA}"
+            )
+        try:
+            return cls(**cls._from_content(content))
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            what = f"{type(error).__name__}: {error}"
+            raise FitError(f"the file is no complete {cls.TITLE}", where=where, value=what) from error
+
+    @classmethod
+    def _entries(cls, content: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        """Return the tables of all values, by name."""
+        return {name: entry for table in cls.GROUPS for name, entry in content.get(table, {}).items()}
+
+    @classmethod
+    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Return the fields of a fit from the tables of its file."""
+        entries = cls._entries(content)
+        names = content.get("covariance", {}).get("names", list(entries))
+        matrix = np.array(content.get("covariance", {}).get("matrix", []), dtype=np.float64)
+        if matrix.size and matrix.shape != (len(names), len(names)):
+            raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
+        return {
+            "values": {name: float(entry["value"]) for name, entry in content[cls.GROUPS[0]].items()},
+            "units": {name: entry["unit"] for name, entry in entries.items()},
+            "free": tuple(names),
+            "covariance": matrix,
+            "intervals": {n: (e["interval"][0], e["interval"][1]) for n, e in entries.items() if "interval" in e},
+            "systematic": {n: float(e["u_systematic"]) for n, e in entries.items() if "u_systematic" in e},
+            "model_errors": {n: float(e["model_error"]) for n, e in entries.items() if "model_error" in e},
+            "sources": {n: tuple(e["sources"]) for n, e in entries.items() if "sources" in e},
+            "undetermined": tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
+            "notes": tuple(content.get("notes", ())),
+            "statistics": {name: float(value) for name, value in content["statistics"].items()},
+            "provenance": dict(content["provenance"]),
+            "converged": bool(content.get("converged", True)),
+        }
+
+    # -- what is shown ----------------------------------------------------------------------------------------
+
+    def _title(self) -> str:
+        """Return the first line of the table."""
+        raise NotImplementedError
+
+    def _residual_lines(self) -> list[str]:
+        """Return what is said of residuals below the values."""
+        return []
+
+    def _shown(self) -> dict[str, float]:
+        """Return the values that the table lists."""
+        return {name: value for group in self._groups() for name, value in group.items()}
+
+    def __str__(self) -> str:
+        """Return a table of values with intervals, then what is not determined and the notes."""
+        shown = self._shown()
+        width = max(map(len, shown), default=0)
+        lines = [self._title(), *(f"  {name:<{width}} {self._line(name, value)}" for name, value in shown.items())]
+        lines += [f"  {text}" for text in self._residual_lines()]
+        lines += [f"  ! {statement}" for statement in self.statements()]
+        if self.intervals and self.model_errors:
+            lines.append(f"  {MODEL_ERROR_WORDS}")
+        return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
+
+    def _line(self, name: str, value: float) -> str:
+        factor, unit = shown_in(self.units[name])
+        if not np.isfinite(value):
+            return "not determined"
+        if name not in self.intervals:
+            lost = "fixed" if name not in self.free else "not determined" if name in names_of(self.undetermined) else ""
+            return f"{plain(value / factor, 5):>13} {unit:<12} {lost}".rstrip()
+        lower, upper = (end / factor for end in self.intervals[name])
+        digits = places(0.5 * (upper - lower))
+        text = f"{value / factor:>13.{digits}f} {unit:<12} 95 %: {lower:.{digits}f} .. {upper:.{digits}f}"
+        if self.systematic.get(name, 0.0) > 0.0:
+            text += f", U(k=2) {plain(self.expanded_uncertainty(name) / factor, 2)}"
+        if name in self.model_errors:
+            text += f"; model ± {plain(self.model_errors[name] / factor, 2)}"
+        return text
+
+
+def shown_in(si_unit: str) -> tuple[float, str]:
+    """Return the size in SI and the name of the unit in which people read a value, the square of a slope too."""
+    return (1e-10, "N/bar2") if si_unit == "N/Pa2" else readable("1" if si_unit == "-" else si_unit)
+
+
+def whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
+    """Statistical interval, widened by a standard uncertainty that is independent of it."""
+    if systematic == 0.0:
+        return interval
+    reach = NORMAL_95 * systematic
+    low, high = interval
+    return value - float(np.hypot(value - low, reach)), value + float(np.hypot(high - value, reach))
+
+
+def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
+    """Write tables as lines of TOML, each table in them under a head of its own; `name` is written as a key already.
+
+    Examples
+    --------
+    >>> print(chr(10).join(sections({"a": 1.0, "b": {"c": True}, "d": [{"e": "f"}]})))
+    a = 1.0
+    <BLANKLINE>
+    [b]
+    c = true
+    <BLANKLINE>
+    [[d]]
+    e = "f"
+    """
+
+    def is_table(value: object) -> bool:
+        return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
+
+    lines = [f"{toml.key_text(k)} = {toml.value_text(v)}" for k, v in tables.items() if not is_table(v)]
+    for key, value in tables.items():
+        if not is_table(value):
+            continue
+        own = key if not name else f"{name}.{toml.key_text(key)}"
+        for table in [value] if isinstance(value, dict) else value:
+            lines += ["", f"[{own}]" if isinstance(value, dict) else f"[[{own}]]", *sections(table, own)]
+    return lines

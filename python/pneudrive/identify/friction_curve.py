@@ -1,0 +1,189 @@
+"""The sliding friction that is exported: our curve over the measured speeds, and what it depends on beside speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from pneudrive.describe.provenance import values
+from pneudrive.errors import FitError
+from pneudrive.show import Shown
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.friction import Friction
+
+    Array = NDArray[np.float64]
+
+#: Speeds at which a curve is taken, evenly in the logarithm.
+POINTS = 400
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One value of ours, as the table has it; SI, NaN where there is no bound."""
+
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    source: str
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Curve(Shown):
+    """Steady friction over speed at given pressures.
+
+    Attributes
+    ----------
+    title : str
+    law, shape : str
+        Ours.
+    speed_m_s, friction_n : ndarray, shape (n,)
+        Ascending speeds, evenly in the logarithm.
+    gauge_a_pa, gauge_b_pa : float
+        Gauge pressures of the chambers that it holds at.
+    entries : tuple of Entry
+        Our parameters.
+    lost : tuple of str
+        What it depends on beside speed, which no other tool's law of friction over speed says.
+    exponential : bool
+        Whether our Stribeck curve is exp(-v/vs), or none.
+    """
+
+    title: str
+    law: str
+    shape: str
+    speed_m_s: Array
+    friction_n: Array
+    gauge_a_pa: float
+    gauge_b_pa: float
+    entries: tuple[Entry, ...]
+    lost: tuple[str, ...]
+    exponential: bool
+
+
+class HasCurve(Protocol):
+    """A fit of friction."""
+
+    def curve(
+        self,
+        gauge_a_pa: float | None = None,
+        gauge_b_pa: float | None = None,
+        speeds_m_s: tuple[float, float] | None = None,
+    ) -> Curve:
+        """Return its curve."""
+        ...
+
+
+def speeds_over(between: object, source: str) -> Array:
+    """Return the speeds of a curve between two, m/s; `source` is what does not say them.
+
+    Raises
+    ------
+    FitError
+        No speeds are said, or not two that ascend from zero.
+    """
+    if not isinstance(between, (list, tuple)):
+        raise FitError(
+            f"a {source} does not say which speeds were measured",
+            remedy='say over which speeds the curve shall hold: --speeds "1 mm/s .. 500 mm/s"',
+        )
+    low, high = (float(end) for end in between)
+    if not 0.0 < low < high:
+        raise FitError(
+            f"no curve over speeds from {low:g} to {high:g} m/s",
+            rule="0 < lowest < highest speed",
+            remedy='say over which speeds it shall hold: --speeds "1 mm/s .. 500 mm/s"',
+        )
+    return np.geomspace(low, high, POINTS)
+
+
+def middle_of(given: float | None, measured: object) -> float:
+    """Return the pressure that is asked for, else the middle of the measured ones."""
+    if given is None and isinstance(measured, (list, tuple)):
+        return 0.5 * (float(measured[0]) + float(measured[1]))
+    return given or 0.0
+
+
+def curve_of_fit(
+    fit: HasCurve,
+    gauge_a_pa: float | None = None,
+    gauge_b_pa: float | None = None,
+    speeds_m_s: tuple[float, float] | None = None,
+) -> Curve:
+    """Take the curve of a fit, at the middle of the measured pressures and over the measured speeds if nothing is said.
+
+    Raises
+    ------
+    FitError
+        The fit does not say over which speeds it holds.
+    """
+    return fit.curve(gauge_a_pa, gauge_b_pa, speeds_m_s)
+
+
+#: Tables of a drive's friction -> what is lost with them.
+_TABLES = {
+    "pressure": "dependence on the chamber pressures",
+    "dwell": "growth of the breakaway force in stops (dwell)",
+    "relaxation": "relaxation of held bristles",
+    "position": "variation along the stroke",
+    "direction": "difference between the directions: the curve is the mean of both",
+    "side_load": "side load as a quantity of its own: it is part of the curve",
+}
+
+
+def curve_of_drive(
+    drive: Drive,
+    speeds_m_s: tuple[float, float] | None,
+    gauge_a_pa: float | None = None,
+    gauge_b_pa: float | None = None,
+) -> Curve:
+    """Take the steady curve of a drive's friction law; its speeds have to be said.
+
+    Raises
+    ------
+    FitError
+        No speeds are said.
+    """
+    origins = {
+        key: (value, drive.provenance.get(key)) for key, value in values(drive).items() if key.startswith("friction.")
+    }
+    entries = []
+    for key, (value, origin) in origins.items():
+        ends = origin.bounds_si(value.mark) if origin is not None else (np.nan, np.nan)
+        unit = getattr(value.mark, "si_unit", "") or "1"
+        entries.append(Entry(key.removeprefix("friction."), value.si, unit, *ends, origin.source if origin else ""))
+    speed = speeds_over(speeds_m_s, "drive")
+    return curve_of_friction(drive.friction, drive.name, speed, (gauge_a_pa or 0.0, gauge_b_pa or 0.0), entries)
+
+
+def curve_of_friction(
+    friction: Friction, title: str, speed: Array, gauges_pa: tuple[float, float], entries: Sequence[Entry]
+) -> Curve:
+    """Take the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
+    from pneudrive import _core
+
+    core = friction.core()
+    law, parameters, pressure = core.pop("law"), core.pop("parameters"), core.pop("pressure", None)
+    sides = [
+        np.asarray(_core.steady_friction(law, parameters, sign * speed, *gauges_pa, pressure, core or None)) * sign
+        for sign in (1.0, -1.0)
+    ]
+    lost = [text for key, text in _TABLES.items() if getattr(friction, key) is not None]
+    if friction.law not in ("coulomb", "stribeck"):
+        lost.append(f"presliding and friction that lags behind speed (law {friction.law}): only its steady curve")
+    exponent = friction.parameters.get("stribeck_exponent", 2.0)
+    shape = friction.stribeck_shape or f"exp(-(v/vs)^{exponent:g})"
+    exponent = 1.0 if shape == "exponential" else exponent
+    plain = friction.law == "coulomb" or (exponent == 1.0 and shape not in ("gaussian", "lorentzian"))
+    curve = 0.5 * (sides[0] + sides[1])
+    return Curve(title, law, shape, speed, curve, *gauges_pa, tuple(entries), tuple(lost), plain)
