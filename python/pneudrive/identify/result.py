@@ -302,7 +302,8 @@ class FrictionFit(Fit):
             raise ValueError(f"statistics: {', '.join(STATISTICS)} are numbers of zero and above")
         if "direction" not in found["provenance"]:
             raise KeyError("direction")
-        known = {n for n, entry in cls._entries(content).items() if "standard_error" in entry}  # older files: others too
+        # older files give an interval to what has no value, too
+        known = {n for n, entry in cls._entries(content).items() if "standard_error" in entry}
         found["intervals"] = {n: ends for n, ends in found["intervals"].items() if n in known}
         found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
         return found | {"law": content["law"], "model": model}
