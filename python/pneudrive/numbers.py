@@ -3,6 +3,25 @@
 from __future__ import annotations
 
 import math
+from typing import Any
+
+
+def with_interval(e: Any, factor: float = 1.0, unit: str | None = None) -> str:  # noqa: ANN401
+    """Write what has a value with its 95 % interval; an upper end that lies nowhere as "…".
+
+    Examples
+    --------
+    >>> from pneudrive.characteristics import Estimate
+    >>> with_interval(Estimate(1.2345e-5, 1.1e-5, 1.4e-5, 1e-6, "N/Pa"), 1e5, "N/bar")
+    '1.23 (1.10 … 1.40) N/bar'
+    """
+    if e is None or not math.isfinite(e.value):
+        return "not determined"
+    value, low, high = (factor * float(v) for v in (e.value, e.low, e.high))
+    reach = max(abs(high - value) if math.isfinite(high) else 0.0, abs(value - low), 1e-12)
+    digits = min(max(1 - math.floor(math.log10(reach)), 0), 6) if math.isfinite(reach) else 0
+    top = fixed(high, digits) if math.isfinite(high) else "…"
+    return f"{fixed(value, digits)} ({fixed(low, digits)} … {top}) {e.unit if unit is None else unit}".strip()
 
 
 def with_u(value: float, expanded: float, unit: str = "N") -> str:

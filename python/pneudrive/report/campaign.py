@@ -2,30 +2,49 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.characteristics.basics import PA_PER_BAR
-from pneudrive.numbers import with_u
+from pneudrive.numbers import with_interval, with_u
 from pneudrive.report import campaign_course as course
 from pneudrive.report import campaign_curves as curves
 from pneudrive.report import campaign_run as run
-from pneudrive.report import campaign_stops as stops
 from pneudrive.report import style
-from pneudrive.report.campaign_curves import MM, estimate
+from pneudrive.report.campaign_curves import MM, condition_names
+from pneudrive.report.campaign_stops import stops
 from pneudrive.report.page import Report
 from pneudrive.report.words import plural
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.characteristics.stops.dwell_law import DwellSeries
-    from pneudrive.report.page import Section
+
+#: The sections in their order; each gives None where there are no data for it.
+SECTIONS = (
+    run.what,
+    curves.curves,
+    curves.air,
+    curves.pressure,
+    curves.direction,
+    course.position,
+    stops,
+    course.drift,
+    course.repeatability,
+    course.loops,
+    course.stick_slip,
+    run.said,
+    run.flags,
+    run.budget,
+    run.provenance,
+)
 
 
+@style.applied()
 def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) -> Path:
     """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
 
@@ -45,35 +64,8 @@ def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) ->
     CommandError
         The folder cannot be written to.
     """
-    with style.applied():
-        report = Report(_title(found), list(verdict(found)), sections(found))
-        return report.write(Path(folder))
-
-
-def sections(found: CampaignCharacteristics) -> list[Section]:
-    """All sections for which there are data, in the report's order."""
-    parts = [
-        run.what(found),
-        curves.curves(found),
-        curves.air(found),
-        curves.pressure(found),
-        curves.direction(found),
-        course.position(found),
-        stops.stops(found),
-        course.drift(found),
-        course.repeatability(found),
-        course.loops(found),
-        course.stick_slip(found),
-        run.said(found),
-        run.flags(found),
-        run.budget(found),
-        run.provenance(found),
-    ]
-    return [part for part in parts if part is not None]
-
-
-def _title(found: CampaignCharacteristics) -> str:
-    return f"{'Synthetic friction' if found.synthetic else 'Friction'} campaign: {found.name}"
+    title = f"{'Synthetic friction' if found.synthetic else 'Friction'} campaign: {found.name}"
+    return Report(title, verdict(found), [part(found) for part in SECTIONS], found.synthetic).write(folder)
 
 
 def verdict(found: CampaignCharacteristics) -> Iterator[str]:
@@ -88,8 +80,8 @@ def verdict(found: CampaignCharacteristics) -> Iterator[str]:
         if series.slope is not None:
             best = f"; best law: {series.laws[0].form.title}" if series.laws else ""
             yield (
-                f"Breakaway after a stop ({series.name}) changes by {estimate(series.slope, unit='N')} per decade of "
-                f"duration at {series.reference_s:g} s{_with_pressure(series)}{best}."
+                f"Breakaway after a stop ({series.name}) changes by {with_interval(series.slope, unit='N')} per decade "
+                f"of duration at {series.reference_s:g} s{_with_pressure(series)}{best}."
             )
     yield from _course(found)
     missing = sum(not s.carried for s in found.statements)
@@ -110,39 +102,43 @@ def _friction(found: CampaignCharacteristics) -> Iterator[str]:
         f"{with_u(float(first.friction_n[i]), half[i])} at {MM * first.speed_m_s[i]:.3g} mm/s"
         for i in dict.fromkeys(ends)
     )
-    where = first.condition.label(found.identity.ambient_pressure_pa)
+    where = condition_names(found)(first.condition)
     yield f"Friction at {where}: {said} (± half of the 95 % interval); {plural(len(both), 'condition')} in all."
     for effects in found.pressure:
-        means = (("a", effects.mean_a), ("b", effects.mean_b), ("both chambers together", effects.mean_sum))
-        told = [f"{estimate(m, PA_PER_BAR, 'N/bar')} ({word})" for word, m in means if m is not None]
+        told = _effects(effects, "mean", " ({})", ("a", "b", "both chambers together"))
         if told:
             name = f" ({effects.levels})" if effects.levels else ""
             joint = effects.interaction_n_pa2
-            both = f"; interaction {estimate(joint, PA_PER_BAR**2, 'N/bar²')}" if joint is not None else ""
+            both = f"; interaction {with_interval(joint, PA_PER_BAR**2, 'N/bar²')}" if joint is not None else ""
             yield f"Friction changes with pressure{name}, mean over speeds: {', '.join(told)}{both}."
+
+
+def _effects(of: object, name: str, words: str, chambers: tuple[str, str, str]) -> list[str]:
+    """Write those of the effects of both pressures that are known."""
+    each = zip((getattr(of, f"{name}_{side}") for side in ("a", "b", "sum")), chambers, strict=True)
+    return [with_interval(e, PA_PER_BAR, "N/bar") + words.format(chamber) for e, chamber in each if e is not None]
 
 
 def _air(found: CampaignCharacteristics) -> Iterator[str]:
     separated = [a for a in found.air if a.separated]
     if separated:
         a = max(separated, key=lambda share: share.air_n[-1])
-        where = a.condition.label(found.identity.ambient_pressure_pa)
         half = float(a.air_high_n[-1] - a.air_low_n[-1]) / 2.0
         air = f"{a.air_n[-1]:.2g} of {a.total_n[-1]:.3g} N are air, not seal"
         if abs(a.air_n[-1]) < half:
             air = f"no force of the air is seen in {a.total_n[-1]:.3g} N (± {half:.2g} N)"
-        yield f"At {MM * a.speed_m_s[-1]:.3g} mm/s and {where}, {air}."
+        yield f"At {MM * a.speed_m_s[-1]:.3g} mm/s and {condition_names(found)(a.condition)}, {air}."
     elif found.air:
         yield "Air and seal cannot be told apart: pressures were not measured in the chambers."
 
 
 def _with_pressure(series: DwellSeries) -> str:
     """Say how that slope changes with pressure; "" where one pressure was run."""
-    found = series.pressure
-    if found is None:
-        return ""
-    each = ((found.slope_a, "p_a"), (found.slope_b, "p_b"), (found.slope_sum, "both pressures together"))
-    told = [f"{estimate(e, PA_PER_BAR, 'N/bar')} of {name}" for e, name in each if e is not None]
+    told = (
+        _effects(series.pressure, "slope", " of {}", ("p_a", "p_b", "both pressures together"))
+        if series.pressure
+        else []
+    )
     return f", and that slope by {' and '.join(told)}" if told else ""
 
 

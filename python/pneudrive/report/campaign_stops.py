@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.numbers import with_interval
+from pneudrive.report import axes as draw
 from pneudrive.report import style
-from pneudrive.report.campaign_curves import MM, estimate, picture
-from pneudrive.report.page import Items, Section, Table, Text
+from pneudrive.report.campaign_curves import CHAMBERS, MM, condition_names
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, spread_evenly
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.characteristics.stops.dwell_forms import LawFit
     from pneudrive.characteristics.stops.dwell_law import DwellSeries
     from pneudrive.characteristics.stops.stop import Stop, Trace
+    from pneudrive.report.page import Block, Section
 
 MOST_TRACES = 3
 MOST_SERIES = 4
@@ -35,40 +40,16 @@ def stops(found: CampaignCharacteristics) -> Section | None:
     """Everything on stops; None where none was made."""
     if not found.stops:
         return None
-    blocks: list = [
-        Text(
-            f"{plural(len(found.stops), 'stop')} in the middle of a move, raw samples. Each gives three results: how "
-            "the force relaxes while the piston is held, how much higher the force peaks at the restart than in "
-            "uninterrupted sliding, and how far and how long it takes until the curve is back at the uninterrupted one."
-        ),
-        picture(
-            found,
-            "campaign-stop-traces",
-            "Friction around single stops, with uninterrupted sliding (dashed) and the breakaway peak (ring). Left: "
-            "the whole stop; right: the restart, time from its beginning. The offset of the sensor is in it.",
-            draw_traces(found),
-        ),
-    ]
-    series = [s for s in found.dwell if s.stops]
-    drawn = [s for s in series if s.curve is not None]
-    if drawn:
-        blocks += _dwell_blocks(found, drawn)
-    held = [s for s in found.stops if s.relaxation is not None]
-    if held or any(s.recovery for s in found.stops):
-        blocks.append(
-            picture(
-                found,
-                "campaign-stop-relaxation",
-                "Left: fall of the force while held. Right: travel until the excess over uninterrupted sliding has "
-                "fallen to 5 % of the peak; arrows: the move ended before. Bars: 95 % intervals of single stops.",
-                draw_relaxation(found),
-            )
-        )
-        blocks.append(_summary(found))
-    spoken = tuple(str(s) for s in found.statements if s.topic == "stops")
-    if spoken:
-        blocks += [Text("What the stops carry, and what they do not:"), Items(spoken)]
-    return Section("stops", "Stops", tuple(blocks), synthetic=found.synthetic)
+    topic = Topic("campaign", "stops")
+    series = [s for s in found.dwell if s.stops and s.curve is not None]
+    moved = any(s.relaxation is not None or s.recovery for s in found.stops)
+    return topic.section(
+        topic.text(stops=plural(len(found.stops), "stop")),
+        topic.picture("campaign-stop-traces", draw_traces(found)),
+        *(_dwell_blocks(topic, found, series[:MOST_SERIES]) if series else ()),
+        *(_relaxation_blocks(topic, found) if moved else ()),
+        *topic.listed((str(s) for s in found.statements if s.topic == "stops"), "spoken"),
+    )
 
 
 # --- traces --------------------------------------------------------------------------------------------------------
@@ -81,7 +62,7 @@ def draw_traces(found: CampaignCharacteristics) -> Figure:
     figure = style.new_figure(1.75 * len(chosen) + 0.4)
     grid = figure.subplots(len(chosen), 2, squeeze=False, width_ratios=[3, 2])
     for row, stop in zip(grid, chosen, strict=True):
-        _whole(row[0], stop, found.identity.ambient_pressure_pa)
+        _whole(row[0], stop, condition_names(found)(stop.condition))
         _restart(row[1], stop)
         row[0].set_ylabel("friction / N")
     grid[-1][0].set_xlabel("time since rest / s")
@@ -89,20 +70,18 @@ def draw_traces(found: CampaignCharacteristics) -> Figure:
     return figure
 
 
-def _whole(axis: Axes, stop: Stop, ambient: float) -> None:
+def _whole(axis: Axes, stop: Stop, condition: str) -> None:
     t = stop.trace
     axis.axvspan(0.0, stop.dwell_s, color=style.SHADE, lw=0)
     axis.plot(t.time_s, t.friction_n, color=style.BLACK, lw=0.7)
     axis.axhline(stop.running_n, color=style.BLUE, ls="--", lw=0.9)
     held = "released" if stop.released else "held"
     way = "+x" if stop.direction > 0 else "−x"
-    condition = stop.condition.label(ambient)
     axis.set_title(f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}")
     reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
     # The beginning of the approach may still show the reversal before it.
-    _limits(
-        axis, t, max(APPROACH * t.time_s[0], -0.35 * reach), min(t.time_s[-1], 1.6 * reach + AFTER * stop.loading_s)
-    )
+    begin = max(APPROACH * t.time_s[0], -0.35 * reach)
+    _limits(axis, t, begin, min(t.time_s[-1], 1.6 * reach + AFTER * stop.loading_s))
 
 
 def _restart(axis: Axes, stop: Stop) -> None:
@@ -128,23 +107,15 @@ def _limits(axis: Axes, trace: Trace, begin_s: float, end_s: float) -> None:
 # --- breakaway against duration ------------------------------------------------------------------------------------
 
 
-def _dwell_blocks(found: CampaignCharacteristics, series: list[DwellSeries]) -> list:
-    shown = series[:MOST_SERIES]
-    blocks: list = [
-        picture(
-            found,
-            "campaign-dwell",
-            "Breakaway increment over running friction against stop duration: single stops, the law-free curve with "
-            "its 95 % band, and the best unbounded and the best saturating law at the first condition.",
-            draw_dwell(found, shown),
-        ),
-        _slopes(found, shown),
-    ]
-    blocks += [_laws(s) for s in shown if s.laws]
-    pressures = [s for s in shown if s.pressure is not None]
-    if pressures:
-        blocks.append(_pressures(pressures))
-    return blocks
+def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[DwellSeries]) -> Iterator[Block]:
+    yield topic.picture("campaign-dwell", draw_dwell(found, shown))
+    yield topic.table((row for s in shown for row in _slopes(found, s)), "slopes")
+    for s in shown:
+        if s.laws:
+            yield topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s)
+    under_pressure = [s for s in shown if s.pressure is not None]
+    if under_pressure:
+        yield topic.table((row for s in under_pressure for row in _pressures(s)), "pressures")
 
 
 def best_of(laws: tuple[LawFit, ...], *, saturates: bool) -> LawFit | None:
@@ -154,35 +125,20 @@ def best_of(laws: tuple[LawFit, ...], *, saturates: bool) -> LawFit | None:
 
 def draw_dwell(found: CampaignCharacteristics, shown: list[DwellSeries]) -> Figure:
     """Increment over duration, one panel a series."""
-    columns = min(2, len(shown))
-    figure = style.new_figure(3.2 * -(-len(shown) // columns) + 0.3)
-    axes = style.panels(figure, len(shown), columns)
-    ambient = found.identity.ambient_pressure_pa
+    figure, axes = draw.grid(len(shown), 2, 3.2, 0.3)
     for axis, s in zip(axes, shown, strict=True):
         for index, condition in enumerate(s.conditions[:MOST_CONDITIONS]):
             look = style.look(index)
-            axis.fill_between(s.duration_s, s.low_n[index], s.high_n[index], color=look.color, alpha=0.15, lw=0)
-            axis.plot(s.duration_s, s.increment_n[index], color=look.color, ls=look.linestyle, lw=1.1)
+            draw.band(axis, s.duration_s, s.increment_n[index], (s.low_n[index], s.high_n[index]), look, lw=1.1)
             own = [stop for stop in s.stops if stop.condition == condition]
-            shift = 1.0 + 0.04 * index
-            axis.plot(
-                [stop.dwell_s * shift for stop in own],
-                [stop.increment_n for stop in own],
-                look.marker,
-                color=look.color,
-                mfc="white",
-                ms=3.4,
-                ls="none",
-                label=condition.label(ambient),
-            )
+            durations = [stop.dwell_s * (1.0 + 0.04 * index) for stop in own]
+            label = condition_names(found)(condition)
+            draw.marks(axis, durations, [stop.increment_n for stop in own], look, 3.4, label=label)
         for law, line in ((best_of(s.laws, saturates=False), (0, (6, 2))), (best_of(s.laws, saturates=True), ":")):
             if law is not None:
                 values = law.increment_n(s.duration_s, 0)
                 axis.plot(s.duration_s, values, color=style.ORANGE, ls=line, lw=1.4, label=_law_label(law))
-        style.logarithmic(axis)
-        axis.set_xlabel("stop duration / s")
-        axis.set_ylabel("breakaway increment / N")
-        axis.set_title(s.name)
+        draw.duration_axis(axis, s.name)
         axis.legend(fontsize=6.5)
         style.headroom(axis, above=0.15)
     return figure
@@ -192,60 +148,21 @@ def _law_label(law: LawFit) -> str:
     return f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
 
 
-def _slopes(found: CampaignCharacteristics, shown: list[DwellSeries]) -> Table:
-    rows = []
-    for s in shown:
-        durations = [stop.dwell_s for stop in s.stops]
-        span = f"{min(durations):.3g} to {max(durations):.3g}"
-        for condition, slope, mean in zip(s.conditions, s.slopes, s.mean_slopes, strict=True):
-            rows.append(
-                (
-                    f"{s.name}: {condition.label(found.identity.ambient_pressure_pa)}",
-                    span,
-                    f"{s.reference_s:g}",
-                    estimate(slope, unit=""),
-                    estimate(mean, unit=""),
-                )
-            )
-        if len(s.conditions) > 1:
-            rows.append(
-                (
-                    f"{s.name}: mean",
-                    span,
-                    f"{s.reference_s:g}",
-                    estimate(s.slope, unit=""),
-                    estimate(s.mean_slope, unit=""),
-                )
-            )
-    head = ("series", "stops, s", "at, s", "slope there, N per decade", "mean slope, N per decade")
-    caption = (
-        "Slope of breakaway per decade of stop duration with its 95 % interval, free of any law: at one duration, and "
-        "on average from the shortest to the longest stop"
-    )
-    return Table(head, tuple(rows), caption)
+def _slopes(found: CampaignCharacteristics, s: DwellSeries) -> Iterator[tuple]:
+    durations = [stop.dwell_s for stop in s.stops]
+    span = f"{min(durations):.3g} to {max(durations):.3g}"
+    for condition, slope, mean in zip(s.conditions, s.slopes, s.mean_slopes, strict=True):
+        yield f"{s.name}: {condition_names(found)(condition)}", span, s.reference_s, slope, mean
+    if len(s.conditions) > 1:
+        yield f"{s.name}: mean", span, s.reference_s, s.slope, s.mean_slope
 
 
-def _laws(s: DwellSeries) -> Table:
-    rows = []
+def _laws(s: DwellSeries) -> Iterator[tuple]:
+    least = min(law.bic for law in s.laws)
     for law in s.laws:
-        shape = "; ".join(_shape(law, name, unit) for name, unit in law.form.shape)
+        shape = "; ".join(_shape(law, *one) for one in law.form.shape) or None
         slope = f"{law.slope_n:.3g} ({law.slope_low_n:.3g} … {law.slope_high_n:.3g})"
-        rows.append(
-            (
-                f"{law.form.title}: {law.form.formula}",
-                shape or "–",
-                slope,
-                f"{law.delta:.1f}" if np.isfinite(law.delta) else "–",
-                f"{law.bic - min(x.bic for x in s.laws):.1f}" if np.isfinite(law.bic) else "–",
-                f"{100 * law.weight:.0f} %" if np.isfinite(law.weight) else "–",
-            )
-        )
-    head = ("law", "shape (95 %)", f"slope at {s.reference_s:g} s, N per decade", "ΔAICc", "ΔBIC", "weight")
-    caption = (
-        f"Laws for {s.name}, best first. A difference of AICc beyond 10 leaves a law without support, below 2 none is "
-        "better; beyond the durations that were run every law is an extrapolation"
-    )
-    return Table(head, tuple(rows), caption, numbers_from=2)
+        yield f"{law.form.title}: {law.form.formula}", shape, slope, law.delta, law.bic - least, law.weight
 
 
 def _shape(law: LawFit, name: str, unit: str) -> str:
@@ -255,27 +172,26 @@ def _shape(law: LawFit, name: str, unit: str) -> str:
     return f"{SHAPES[name]} = {law.shape[name]:.2g} ({lower} … {upper}) {unit}".strip()
 
 
-def _pressures(series: list[DwellSeries]) -> Table:
-    rows = []
-    for s in series:
-        p = s.pressure
-        assert p is not None
-        kinds = (
-            ("chamber a", p.slope_a, p.increment_a),
-            ("chamber b", p.slope_b, p.increment_b),
-            ("both together", p.slope_sum, p.increment_sum),
-        )
-        for word, slope, increment in kinds:
-            if slope is not None:
-                on_slope = estimate(slope, PA_PER_BAR, "")
-                rows.append((s.name, word, on_slope, estimate(increment, PA_PER_BAR, "")))
-        if not any(e is not None for _, e, _ in kinds):
-            rows.append((s.name, p.statement, "–", "–"))
-    head = ("series", "pressure", "slope, (N per decade)/bar", "increment, N/bar")
-    return Table(head, tuple(rows), "What pressure does to ageing, at the reference duration, with 95 % intervals", 2)
+def _pressures(s: DwellSeries) -> Iterator[tuple[str | None, ...]]:
+    p = s.pressure
+    assert p is not None
+    slopes, increments = (p.slope_a, p.slope_b, p.slope_sum), (p.increment_a, p.increment_b, p.increment_sum)
+    for word, slope, increment in zip(CHAMBERS, slopes, increments, strict=True):
+        if slope is not None:
+            yield s.name, word, with_interval(slope, PA_PER_BAR, ""), with_interval(increment, PA_PER_BAR, "")
+    if not any(slopes):
+        yield s.name, p.statement, None, None
 
 
 # --- relaxation and way back ---------------------------------------------------------------------------------------
+
+
+def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
+    yield topic.picture("campaign-stop-relaxation", draw_relaxation(found))
+    groups: dict[tuple, list[Stop]] = {}
+    for stop in found.stops:
+        groups.setdefault((stop.speed_m_s, stop.released, stop.stop_s), []).append(stop)
+    yield topic.table((_medians(*key, group) for key, group in sorted(groups.items())), "medians")
 
 
 def draw_relaxation(found: CampaignCharacteristics) -> Figure:
@@ -284,27 +200,20 @@ def draw_relaxation(found: CampaignCharacteristics) -> Figure:
     left, right = figure.subplots(1, 2)
     right.set_visible(any(s.recovery is not None for s in found.stops))
     left.set_visible(any(s.relaxation is not None for s in found.stops))
-    ambient = found.identity.ambient_pressure_pa
     conditions = list(dict.fromkeys(s.condition for s in sorted(found.stops, key=lambda s: s.condition)))
     for index, condition in enumerate(conditions[:MOST_CONDITIONS]):
-        look = style.look(index)
+        look, shift = style.look(index), 1.0 + 0.05 * index
         own = [s for s in found.stops if s.condition == condition]
-        shift = 1.0 + 0.05 * index
-        common = {"fmt": look.marker, "color": look.color, "mfc": "white", "ms": 3.2, "elinewidth": 0.6, "capsize": 0}
-        held = [s for s in own if s.relaxation is not None]
+        common = {"ms": 3.2, "elinewidth": 0.6, "capsize": 0, "label": condition_names(found)(condition)}
+        held = [(s.dwell_s * shift, s.relaxation.amount) for s in own if s.relaxation is not None]
         if held:
-            amount = [s.relaxation.amount for s in held if s.relaxation]
-            value = np.array([e.value for e in amount])
-            reach = np.array([(e.high - e.low) / 2.0 for e in amount])
-            where = [s.dwell_s * shift for s in held]
-            left.errorbar(where, value, yerr=reach, label=condition.label(ambient), **common)
+            value, low, high = draw.arrays(e for _, e in held)
+            draw.bars(left, [t for t, _ in held], value, (high - low) / 2.0, look, **common)
         back = [(s.dwell_s * shift, s.recovery) for s in own if s.recovery is not None]
         whole = [(t, r.distance) for t, r in back if r.complete]
         if whole:
-            value = MM * np.array([e.value for _, e in whole])
-            low, high = (MM * np.array([getattr(e, n) for _, e in whole]) for n in ("low", "high"))
-            right.errorbar([t for t, _ in whole], value, yerr=[np.maximum(value - low, 0), np.maximum(high - value, 0)],
-                           label=condition.label(ambient), **common)  # fmt: skip
+            ends = draw.arrays((e for _, e in whole), MM)
+            draw.bars(right, [t for t, _ in whole], ends[0], draw.spread(*ends), look, **common)
         cut = [(t, r.seen_m) for t, r in back if not r.complete]
         if cut:
             right.plot([t for t, _ in cut], [MM * m for _, m in cut], "^", color=look.color, ms=4, ls="none")
@@ -314,55 +223,35 @@ def draw_relaxation(found: CampaignCharacteristics) -> Figure:
     left.set_ylabel("fall of the force / N")
     right.set_ylabel("way back / mm")
     right.set_ylim(bottom=0)
-    handles = left.get_legend_handles_labels()[0] or right.get_legend_handles_labels()[0]
-    if handles:
-        style.legend_above(figure, handles, columns=min(len(handles), 3))
+    draw.legend_of(figure, left if left.get_legend_handles_labels()[0] else right, most=3)
     return figure
 
 
-def _summary(found: CampaignCharacteristics) -> Table:
+def _medians(speed_m_s: float, released: bool, duration_s: float, group: list[Stop]) -> tuple[object, ...]:
     """Medians over stops of one duration, way of holding and speed."""
-    groups: dict[tuple, list[Stop]] = {}
-    for stop in found.stops:
-        groups.setdefault((stop.speed_m_s, stop.released, stop.stop_s), []).append(stop)
-    rows = []
-    for (speed, released, duration), group in sorted(groups.items()):
-        relaxed = [s.relaxation for s in group if s.relaxation]
-        back = [s.recovery for s in group if s.recovery]
-        whole = [r for r in back if r.complete]
-        forms = [r.form for r in relaxed]
-        rows.append(
-            (
-                f"{duration:g} s, {'released' if released else 'held'}, {MM * speed:.3g} mm/s",
-                str(len(group)),
-                _median([r.amount.value for r in relaxed]),
-                max(set(forms), key=forms.count) if forms else "–",
-                _median([r.per_decade.value for r in relaxed if r.per_decade and _told(r.per_decade)]),
-                _median([s.increment_n for s in group]),
-                _median([s.loading_rate_n_s for s in group]),
-                _median([MM * r.distance.value for r in whole])
-                + (f" ({len(back) - len(whole)} cut)" if len(back) > len(whole) else ""),
-                _median([r.time.value for r in whole]),
-            )
-        )
-    head = (
-        "stop",
-        "number",
-        "fall, N",
-        "form",
-        "fall, N per decade",
-        "increment, N",
-        "loading, N/s",
-        "way back, mm",
-        "time back, s",
+    relaxed = [s.relaxation for s in group if s.relaxation]
+    back = [s.recovery for s in group if s.recovery]
+    whole = [r for r in back if r.complete]
+    forms = [r.form for r in relaxed]
+    distance = _median([MM * r.distance.value for r in whole])
+    cut = f" ({len(back) - len(whole)} cut)" if len(back) > len(whole) else ""
+    return (
+        f"{duration_s:g} s, {'released' if released else 'held'}, {MM * speed_m_s:.3g} mm/s",
+        len(group),
+        _median([r.amount.value for r in relaxed]),
+        max(set(forms), key=forms.count) if forms else None,
+        _median([r.per_decade.value for r in relaxed if r.per_decade and _told(r.per_decade)]),
+        _median([s.increment_n for s in group]),
+        _median([s.loading_rate_n_s for s in group]),
+        f"{'–' if distance is None else format(distance, '.3g')}{cut}",
+        _median([r.time.value for r in whole]),
     )
-    return Table(head, tuple(rows), "Medians over equal stops")
 
 
 def _told(e: Estimate) -> bool:
     return e.high - e.low < 2.0 * abs(e.value)
 
 
-def _median(values: list[float]) -> str:
+def _median(values: list[float]) -> float | None:
     known = [v for v in values if np.isfinite(v)]
-    return f"{np.median(known):.3g}" if known else "–"
+    return float(np.median(known)) if known else None

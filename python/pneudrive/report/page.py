@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO, StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from pneudrive.errors import CommandError, shown
 from pneudrive.report import style
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from matplotlib.figure import Figure
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
@@ -48,34 +50,57 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its file name (without suffix) and caption."""
+    """A figure with its file name (without suffix) and caption; where nothing is said, as synthetic as its section."""
 
     name: str
     caption: str
     figure: Figure
-    synthetic: bool = False
+    synthetic: bool | None = None
+
+
+Block: TypeAlias = Text | Items | Table | Picture
 
 
 @dataclass(frozen=True)
 class Section:
-    """One section of the report."""
+    """One section of the report; where nothing is said, as synthetic as the report."""
 
     key: str
     title: str
-    blocks: tuple[Text | Items | Table | Picture, ...]
-    synthetic: bool = False
+    blocks: tuple[Block, ...]
+    synthetic: bool | None = None
+
+
+def section(key: str, title: str, *blocks: Block | None, synthetic: bool | None = None) -> Section:
+    """Make a section of the blocks that there are."""
+    return Section(key, title, tuple(block for block in blocks if block is not None), synthetic)
+
+
+def _marked(part: Section, synthetic: bool) -> Section:
+    """Say of a section and of its pictures whether they are synthetic."""
+    own = synthetic if part.synthetic is None else part.synthetic
+    blocks = (
+        replace(block, synthetic=own) if isinstance(block, Picture) and block.synthetic is None else block
+        for block in part.blocks
+    )
+    return replace(part, blocks=tuple(blocks), synthetic=own)
 
 
 @dataclass
 class Report:
-    """A report: verdict, sections, and the pictures that were written beside it."""
+    """A report: verdict, those of the sections that there are, and the pictures that were written beside it."""
 
     title: str
-    verdict: list[str]
-    sections: list[Section]
+    verdict: Iterable[str]
+    sections: Sequence[Section | None]
+    synthetic: bool = False
     pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
 
-    def write(self, folder: Path) -> Path:
+    def __post_init__(self) -> None:
+        self.verdict = list(self.verdict)
+        self.sections = [_marked(part, self.synthetic) for part in self.sections if part is not None]
+
+    def write(self, folder: str | Path) -> Path:
         """Write report.html and figures/*.png, *.svg into a folder that is there.
 
         Raises
@@ -83,17 +108,16 @@ class Report:
         CommandError
             The folder cannot be written to.
         """
-        figures = folder / FIGURES
+        figures = Path(folder) / FIGURES
         try:
             figures.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise CommandError(f"{figures} cannot be made", value=error.strerror) from None
-        with style.applied():
-            for section in self.sections:
-                for block in section.blocks:
-                    if isinstance(block, Picture):
-                        self.pictures[block.name] = write_picture(block, figures)
-        target = folder / "report.html"
+        for part in self.sections:
+            for block in part.blocks if part is not None else ():
+                if isinstance(block, Picture):
+                    self.pictures[block.name] = write_picture(block, figures)
+        target = Path(folder) / "report.html"
         with whole(target) as temporary:
             temporary.write_text(self.html(), encoding="utf-8")
         return target
@@ -123,7 +147,7 @@ def _plain(value: object) -> object:
 
 def write_picture(picture: Picture, folder: Path) -> str:
     """Write PNG and SVG; return the SVG as it stands inside a page."""
-    style.finish(picture.figure, synthetic=picture.synthetic)
+    style.finish(picture.figure, synthetic=bool(picture.synthetic))
     png = BytesIO()
     picture.figure.savefig(png, format="png", dpi=style.PNG_DPI)
     picture.figure.set_layout_engine("none")  # laid out once is enough: it is half of the time

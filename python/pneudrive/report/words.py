@@ -65,6 +65,17 @@ def speed_mm_s(level: Level) -> float:
     return 1e3 * level.speed_m_s
 
 
+def chance(p: float) -> str:
+    """Write the probability of as much by chance.
+
+    Examples
+    --------
+    >>> chance(0.0342), chance(1e-5), chance(float("nan"))
+    ('0.034', '< 0.001', '–')
+    """
+    return "–" if not np.isfinite(p) else "< 0.001" if p < 1e-3 else f"{p:.2g}"
+
+
 def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:
     """At most `most` of the items, evenly over all of them."""
     if len(items) <= most:

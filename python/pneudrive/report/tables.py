@@ -1,0 +1,116 @@
+"""Tables of a page, made of records: a column says which field it shows, and how; units come from the field's name."""
+
+from __future__ import annotations
+
+import math
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pneudrive import units
+from pneudrive.numbers import with_interval
+from pneudrive.report.page import Table
+from pneudrive.report.words import chance
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+#: End of a field's name -> SI unit of its value. The longest one that fits counts.
+_ENDINGS = {
+    "_m": "m",
+    "_m_s": "m/s",
+    "_s": "s",
+    "_n": "N",
+    "_n_s": "N/s",
+    "_pa": "Pa",
+}
+NOTHING = "–"
+#: Forms beside those of ``format``.
+_FORMS: Mapping[str, Callable[[Any], str]] = {
+    "chance": chance,
+    "percent": lambda share: f"{100 * share:.0f} %",
+    "plain interval": lambda estimate: with_interval(estimate, unit=""),
+    "shown": lambda yes: "yes" if yes else "not shown",
+}
+
+
+class Column(NamedTuple):
+    """A column of a table.
+
+    Attributes
+    ----------
+    head : str
+        Its words; the unit is added where the field's name ends in one.
+    field : str
+        Of a record (``"stop.speed_m_s"``); "" takes the values of a tuple one after the other.
+    form : str
+        Format of a number, as in ``format``, or one of the named forms.
+    """
+
+    head: str
+    field: str = ""
+    form: str = ""
+
+    @classmethod
+    def read(cls, text: str) -> Column:
+        """Read ``head | field | form``.
+
+        Examples
+        --------
+        >>> Column.read("speed | speed_m_s | .3g"), Column.read("p || chance")
+        (Column(head='speed', field='speed_m_s', form='.3g'), Column(head='p', field='', form='chance'))
+        """
+        return cls(*(part.strip() for part in text.split("|")))
+
+
+def table(caption: str, records: Iterable[Any], columns: Sequence[Column], numbers_from: int = 1) -> Table:
+    """Make a table with a row for each record.
+
+    Parameters
+    ----------
+    caption : str
+    records : iterable
+        Results, or tuples of as many values as there are columns.
+    columns : sequence of Column
+    numbers_from : int
+        First column that is set to the right.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> made = table("", [SimpleNamespace(speed_m_s=0.0204)], [Column("speed", "speed_m_s", ".3g")])
+    >>> made.head, made.rows
+    (('speed, mm/s',), (('20.4',),))
+    """
+    sizes = [quantity(column.field) for column in columns]
+    head = tuple(f"{c.head}, {unit}" if unit else c.head for c, (_, unit) in zip(columns, sizes, strict=True))
+    rows = []
+    for record in records:
+        values = [attrgetter(c.field)(record) if c.field else record[i] for i, c in enumerate(columns)]
+        in_unit = [v if size == 1.0 else v / size for v, (size, _) in zip(values, sizes, strict=True)]
+        rows.append(tuple(cell(value, column.form) for value, column in zip(in_unit, columns, strict=True)))
+    return Table(head, tuple(rows), caption, numbers_from)
+
+
+def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results hold
+    """Write a value: estimates with their interval, what is not known as a dash."""
+    if isinstance(value, str):
+        return value
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return NOTHING
+    if form in _FORMS:
+        return _FORMS[form](value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return with_interval(value) if hasattr(value, "stderr") else format(value, form)
+
+
+def quantity(field: str) -> tuple[float, str]:
+    """Return the unit in which people read a field, with its size in SI, from the name of the field.
+
+    Examples
+    --------
+    >>> quantity("speed_m_s"), quantity("friction_n"), quantity("flags")
+    ((0.001, 'mm/s'), (1.0, 'N'), (1.0, ''))
+    """
+    known = [end for end in _ENDINGS if field.endswith(end)]
+    return units.readable(_ENDINGS[max(known, key=len)]) if known else (1.0, "")

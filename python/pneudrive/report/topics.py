@@ -1,0 +1,70 @@
+"""Sections of a page: their words stand in a table of texts, their numbers and pictures come from results."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.toml import tomllib
+from pneudrive.report.page import Block, Items, Picture, Section, Table, Text
+from pneudrive.report.tables import Column, table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from matplotlib.figure import Figure
+
+TEXTS = Path(__file__).with_name("texts")
+
+
+@lru_cache
+def texts_of(file: Path) -> dict[str, Any]:
+    """Return the texts of a page: topic -> name -> text, with places for numbers as in ``str.format``."""
+    return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+class Topic:
+    """One section of a page.
+
+    Parameters
+    ----------
+    page : str or Path
+        File of its texts: one of the folder ``texts``, without its ending, or one of a study.
+    key : str
+        Topic in the file, and of the section.
+    """
+
+    def __init__(self, page: str | Path, key: str) -> None:
+        file = page if isinstance(page, Path) else TEXTS / f"{page}.toml"
+        self.key, self.texts = key, texts_of(file)[key]
+
+    def say(self, name: str = "text", /, **values: object) -> str:
+        """Return a text, its places filled."""
+        return self.texts[name].format(**values)
+
+    def text(self, name: str = "text", kind: str = "plain", /, **values: object) -> Text:
+        """Return a paragraph."""
+        return Text(self.say(name, **values), kind)
+
+    def listed(self, items: Iterable[str], name: str = "", kind: str = "plain") -> tuple[Block, ...]:
+        """Return a list of sentences behind a paragraph that leads to it; nothing where there is none."""
+        lines = tuple(items)
+        lead = (self.text(name, kind),) if name else ()
+        return (*lead, Items(lines)) if lines else ()
+
+    def picture(self, name: str, figure: Figure, synthetic: bool | None = None, /, **values: object) -> Picture:
+        """Return a picture with its caption."""
+        return Picture(name, self.texts["pictures"][name].format(**values), figure, synthetic)
+
+    def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> Table:
+        """Return a table of records."""
+        said = self.texts[name]
+        read = [Column.read(text) for text in said["columns"]]
+        columns = [column._replace(head=column.head.format(**values)) for column in read]
+        return table(said.get("caption", "").format(**values), records, columns, said.get("numbers_from", 1))
+
+    def section(self, *blocks: Block | None, synthetic: bool | None = None, **values: object) -> Section:
+        """Return the section, of the blocks that there are."""
+        there = tuple(block for block in blocks if block is not None)
+        return Section(self.texts.get("key", self.key), self.say("title", **values), there, synthetic)
