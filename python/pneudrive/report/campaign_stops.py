@@ -188,7 +188,7 @@ def _pressures(s: DwellSeries) -> Iterator[tuple[str | None, ...]]:
 
 def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
     yield topic.picture("campaign-stop-relaxation", draw_relaxation(found))
-    groups: dict[tuple, list[Stop]] = {}
+    groups: dict[tuple[float, bool, float], list[Stop]] = {}
     for stop in found.stops:
         groups.setdefault((stop.speed_m_s, stop.released, stop.stop_s), []).append(stop)
     yield topic.table((_medians(*key, group) for key, group in sorted(groups.items())), "medians")

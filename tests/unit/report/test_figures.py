@@ -3,7 +3,7 @@
 import pytest
 
 from pneudrive.report import style
-from pneudrive.report.page import Picture, svg_text
+from pneudrive.report.page import Picture, Report, svg_text
 from pneudrive.report.write import sections
 
 UNITLESS = {"samples on the rise", "stroke in its direction"}
@@ -13,7 +13,7 @@ UNITLESS = {"samples on the rise", "stroke in its direction"}
 def pictures(real, made):
     found, fits = real
     with style.applied():
-        parts = sections(found, fits, made)
+        parts = Report("", [], sections(found, fits, made)).sections
     return [block for part in parts for block in part.blocks if isinstance(block, Picture)]
 
 
