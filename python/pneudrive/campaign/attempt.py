@@ -6,10 +6,10 @@ import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from pneudrive.campaign.head import plain
 from pneudrive.campaign.lock import now
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.rig.interface import Changeable, Reproducible, Samples
+from pneudrive.rig.plain_data import plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -76,8 +76,15 @@ class Cycle:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Cycle:
+    def from_dict(cls, data: dict[str, Any], where: str | None = None) -> Cycle:
         """Take back what `to_dict` gave.
+
+        Parameters
+        ----------
+        data : dict
+            Without steps and sampling where the writer of a file did not say them.
+        where : str, optional
+            File, for messages.
 
         Raises
         ------
@@ -85,7 +92,12 @@ class Cycle:
             If a key is missing or unknown.
         """
         try:
-            steps = tuple(Move(**step) if "to_m" in step else Hold(**step) for step in data["steps"])
-            return cls(**{**data, "steps": steps, "sampling": Sampling(**data["sampling"])})
-        except (KeyError, TypeError) as error:
-            raise CampaignError("the head of a cycle is not one", value=str(error), rule="see Cycle") from None
+            steps = tuple(Move(**step) if "to_m" in step else Hold(**step) for step in data.get("steps", ()))
+            return cls(**{**data, "steps": steps, "sampling": Sampling(**data.get("sampling", {}))})
+        except TypeError as error:
+            raise CampaignError(
+                "cycle.steps or cycle.sampling has no meaning",
+                where=where,
+                value=str(error),
+                rule="a step has to_m and speed_m_s, or duration_s",
+            ) from None

@@ -22,7 +22,7 @@ import numpy as np
 
 from pneudrive.bulk import many_objects
 from pneudrive.campaign.control import FOLDER as CONTROL
-from pneudrive.campaign.head import SCHEMA, Head, plain, read_identity
+from pneudrive.campaign.head import SCHEMA, Head, check_schema
 from pneudrive.campaign.head import read_head as parse_head
 from pneudrive.campaign.motion import steps_from_motion
 from pneudrive.campaign.storage import PART, clear_errors, make_folder, write_whole
@@ -31,6 +31,7 @@ from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.files.tables import read_columns, read_texts
 from pneudrive.rig.interface import CHANNELS, Identity, Samples
+from pneudrive.rig.plain_data import identity_of, plain
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
@@ -308,15 +309,12 @@ class Campaign(Shown):
                 where=str(folder / CYCLES),
                 remedy="Give it another name; the cycles that were in the folder are lost unless there is a copy.",
             )
-        rig = read_text(folder / RIG, CampaignError)
+        rig = read_json(folder / RIG, CampaignError)
         about = read_json(folder / ABOUT, CampaignError)
         if not isinstance(about, dict):
             raise CampaignError("this is not a JSON object", where=str(folder / ABOUT))
-        if not isinstance(about.get("schema", SCHEMA), int) or about.get("schema", SCHEMA) > SCHEMA:
-            raise CampaignError(
-                f"schema = {about['schema']} is not known", where=str(folder / ABOUT), remedy="Update pneudrive."
-            )
-        identity, notes = read_identity(rig, str(folder / RIG))
+        check_schema(about.get("schema"), str(folder / ABOUT))
+        identity, notes = identity_of(rig, str(folder / RIG), CampaignError)
         return cls(folder, identity, about, tuple(notes))
 
     def _card(self) -> Card:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive.campaign.folder import ABOUT, PROTOCOL
 from pneudrive.errors import CampaignError
-from pneudrive.rig.interface import Envelope
+from pneudrive.rig.plain_data import envelope_of
 
 if TYPE_CHECKING:
     from pneudrive.campaign.folder import Campaign
@@ -40,11 +40,5 @@ def plan_of(campaign: Campaign, *, checked: bool = True) -> Plan:
     from pneudrive.campaign.protocol import parse_protocol
 
     protocol = parse_protocol(text, str(campaign.path / PROTOCOL))
-    try:
-        given: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in limits.items()}
-        envelope = Envelope(**given)
-    except TypeError as error:
-        raise CampaignError(
-            "the rig's envelope is not one", where=str(campaign.path / ABOUT), value=str(error)
-        ) from None
+    envelope = envelope_of(limits, str(campaign.path / ABOUT), CampaignError)
     return (lay_out if checked else draft)(protocol, campaign.identity, envelope)

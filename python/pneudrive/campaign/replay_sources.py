@@ -15,7 +15,8 @@ from pneudrive.campaign.replay import SAME_POSITION_M, ReplayRig, Take, Toleranc
 from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.errors import RecordingError, RigError
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Samples
-from pneudrive.rig.rig_file import RigFile, envelope_of, read_identity, read_limits
+from pneudrive.rig.plain_data import envelope_of
+from pneudrive.rig.rig_file import RigFile, read_identity, read_limits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -116,7 +117,7 @@ def campaign_rig(
         raise RigError("the campaign has no finished cycle to play", where=str(folder))
     identity = identity or campaign.identity
     told = campaign.about.get("envelope")
-    limits = limits or (envelope_of(told) if isinstance(told, dict) else _envelope(takes, identity))
+    limits = limits or (envelope_of(told, str(folder / ABOUT)) if told else _envelope(takes, identity))
     return ReplayRig(takes, identity, limits, pace, tolerance)
 
 

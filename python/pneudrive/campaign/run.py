@@ -14,7 +14,6 @@ from pneudrive.campaign.campaign_run import CampaignRun
 from pneudrive.campaign.control import Requests
 from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
 from pneudrive.campaign.folder_plan import plan_of
-from pneudrive.campaign.head import plain
 from pneudrive.campaign.journal import Journal
 from pneudrive.campaign.live import Guarded, Silent
 from pneudrive.campaign.lock import FolderLock, now
@@ -25,6 +24,7 @@ from pneudrive.campaign.prompt import Terminal
 from pneudrive.campaign.protocol import Protocol, read_protocol
 from pneudrive.campaign.storage import make_folder
 from pneudrive.errors import CampaignError, RigError
+from pneudrive.rig.plain_data import plain
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:

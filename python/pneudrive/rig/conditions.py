@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
-from copy import deepcopy
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from pneudrive.errors import RigError
 from pneudrive.rig.core import core_friction
 from pneudrive.rig.keys import RIGID
+from pneudrive.rig.plain_data import check_fields, is_number, plain
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,24 +78,18 @@ class Past:
         RigError
             If it is something else.
         """
-        names = {entry.name for entry in fields(cls)}
-        if not isinstance(data, dict) or set(data) != names:
-            raise RigError("this is not the memory of a simulated rig", value=data, rule=f"keys: {', '.join(names)}")
-        numbers = [
-            data[n] for n in ("clock_s", "travel_m", "seal_rise_k", "commanded_m", "pressure_a_pa", "pressure_b_pa")
-        ]
-        tables = {"shown": float, "levels": str, "changes": int}
-        state = data["state"] if data["state"] is not None else []
-        good = isinstance(data["key"], str) and isinstance(state, list) and all(map(_is_number, [*numbers, *state]))
-        good = good and all(
-            isinstance(data[name], dict) and all(isinstance(value, (kind, int)) for value in data[name].values())
-            for name, kind in tables.items()
-        )
+        rule = "finite numbers, a key and levels that are texts"
+        try:
+            copy: dict[str, Any] = json.loads(json.dumps(data, allow_nan=False, default=plain))
+            good = not check_fields(copy, cls, "its memory", RigError) and len(copy) == len(fields(cls))
+            good = good and all(map(is_number, [*(copy["state"] or []), *copy["shown"].values()]))
+            good = good and all(isinstance(level, str) for level in copy["levels"].values())
+            good = good and all(isinstance(count, int) for count in copy["changes"].values())
+        except (AttributeError, RigError, TypeError, ValueError):
+            good = False
         if not good:
-            rule = "finite numbers, a key and levels that are texts"
             raise RigError("this is not the memory of a simulated rig", value=data, rule=rule)
-        copies: dict[str, Any] = deepcopy(data)
-        return cls(**copies)
+        return cls(**copy)
 
     def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
         """Let time pass in which friction heats the seal with this power."""
@@ -117,10 +112,6 @@ class Past:
         """Drift of the force sensor's zero with temperature and time."""
         warmer = self.room_k(d, after_s) - d.ambient_temperature_k
         return d.drift["per_k"] * warmer + d.drift["per_s"] * (self.clock_s + after_s)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def stream(seed: int, *words: str) -> np.random.Generator:

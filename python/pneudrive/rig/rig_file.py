@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.characterise.force_calibration import of_json, of_quantities
+from pneudrive.characterise.force_calibration import of_quantities
 from pneudrive.describe import toml
 from pneudrive.describe.geometry import KINDS, piston_areas
 from pneudrive.errors import DescriptionError, Problems, RigError, nearest, together
@@ -250,19 +250,6 @@ def read_limits(file: RigFile, ambient_pa: float) -> Envelope | None:
         problems.add(file.fail("limits.home lies outside limits.position", "limits.home"))
     problems.tell()
     return Envelope(**found, home_m=low if home is None else home)
-
-
-def identity_of(data: dict[str, Any]) -> Identity:
-    """Take an identity back from JSON, which has lists for pairs."""
-    limits = {channel: (low, high) for channel, (low, high) in data.get("limits", {}).items()}
-    curve = data.get("force_calibration")
-    return Identity(**{**data, "limits": limits, "force_calibration": None if curve is None else of_json(curve)})
-
-
-def envelope_of(data: dict[str, Any]) -> Envelope:
-    """Take an envelope back from JSON."""
-    pairs: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
-    return Envelope(**pairs)
 
 
 def _span(file: RigFile, key: str, unit: str, ambient_pa: float) -> tuple[float, float]:

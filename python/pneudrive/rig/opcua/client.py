@@ -19,7 +19,8 @@ from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Sa
 from pneudrive.rig.opcua.access import ACCESS_KEYS, Access, read_access
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
 from pneudrive.rig.opcua.nodes import HOLD, RELEASED, SHUT, NodeMap, Verb, load_map
-from pneudrive.rig.rig_file import RigFile, envelope_of, identity_of, read_identity, read_limits
+from pneudrive.rig.plain_data import envelope_of, identity_of
+from pneudrive.rig.rig_file import RigFile, read_identity, read_limits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -73,9 +74,9 @@ class OpcUaRig:
         self._gone = False
         self._starting = threading.RLock()
         self._told = self._told_name()
-        self._identity = identity or self._described("rig.identity", identity_of)
+        self._identity = identity or identity_of(self._described("rig.identity"), link.url)[0]
         link.ambient_pa = self._identity.ambient_pressure_pa
-        self._limits = limits or self._described("rig.limits", envelope_of)
+        self._limits = limits or envelope_of(self._described("rig.limits"), link.url)
         self._id = secrets.randbelow(COUNTER)  # no other client's, where a server has one place for all
 
     def close(self) -> None:
@@ -265,16 +266,13 @@ class OpcUaRig:
             step.duration_s if isinstance(step, Hold) else (high - low) / max(step.speed_m_s, 1e-9) for step in steps
         )
 
-    def _described(self, name: str, read: Any) -> Any:  # noqa: ANN401 - an identity or an envelope
+    def _described(self, name: str) -> Any:  # noqa: ANN401 - JSON
         table = name.partition(".")[2]
         if name not in self._link.nodes:
             what = f"neither the rig file nor the node map says the rig's {table}"
             raise RigError(what, where=self._link.url, remedy=f"write a table [{table}] in the rig file")
         (text,) = self._link.read(name)
-        try:
-            return read(parse_json(text, self._link.url, RigError))
-        except (ValueError, TypeError, AttributeError) as error:
-            raise RigError(f"the server's {table} cannot be read: {error}", where=self._link.url) from None
+        return parse_json(text, self._link.url, RigError)
 
     def _check_back(self) -> None:
         """Say once that the connection was lost and came back while something else was done."""
@@ -351,7 +349,7 @@ class OpcUaRig:
         """Name that the server gives to the rig, empty where it gives none."""
         if "rig.identity" not in self._link.nodes:
             return ""
-        return self._described("rig.identity", identity_of).name
+        return identity_of(self._described("rig.identity"), self._link.url)[0].name
 
     def _halt(self) -> None:
         """Come to rest now; the pressures stay."""
