@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from campaign.fake_rig import QUICK, FakeRig, protocol, stribeck_n
-from pneudrive.campaign.adaptive import Finished, Point, choose_speed, next_cycle
+from pneudrive.campaign.adaptive import Finished, QuickPoint, choose_speed, next_cycle
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.plan import lay_out
@@ -21,7 +21,7 @@ SUPPORT_M_S = (0.001, 0.012, 0.0335, 0.45)
 
 def sweep(speed_m_s, friction_n, stderr_n=0.1):
     cycle = Cycle(f"b1/sweep/v{speed_m_s}/r1", "sweep", (), Sampling(), 1e5, 1e5, speed_m_s=speed_m_s)
-    return Finished(cycle, {}, Point(friction_n, stderr_n, 5.0))
+    return Finished(cycle, {}, QuickPoint(friction_n, stderr_n, 5.0))
 
 
 def measured(speeds):
@@ -80,19 +80,19 @@ def played(plan, point, flags=None):
 
 def test_without_rules_the_plan_is_run_as_it_is():
     asked = plan("", 2)
-    assert [one.cycle for one in played(asked, lambda cycle: Point())] == list(asked.cycles)
+    assert [one.cycle for one in played(asked, lambda cycle: QuickPoint())] == list(asked.cycles)
 
 
 def test_bad_cycles_are_repeated_but_not_for_ever():
     asked = plan('[adaptive]\nnoise = "1 N"\nsettled_time = "2 s"\nrepeats = 2\n')
-    bad = {"b1/sweep/v2/a0/b0/r1": Point(30.0, 5.0, 9.0), "b1/sweep/v50/a0/b0/r1": Point(30.0, 0.1, 1.0)}
-    good = Point(30.0, 0.1, 9.0)
+    bad = {"b1/sweep/v2/a0/b0/r1": QuickPoint(30.0, 5.0, 9.0), "b1/sweep/v50/a0/b0/r1": QuickPoint(30.0, 0.1, 1.0)}
+    good = QuickPoint(30.0, 0.1, 9.0)
     flags = {"b1/sweep/v200/a0/b0/r1": {"stuck": 40}, "b1/sweep/v10/a0/b0/r1": {"dropped": 1}}
     keys = [one.cycle.key for one in played(asked, lambda cycle: bad.get(cycle.key, good), flags)]
     extra = [key for key in keys if key not in {cycle.key for cycle in asked.cycles}]
     assert extra == ["b1/sweep/v2/a0/b0/again1", "b1/sweep/v50/a0/b0/again1", "b1/sweep/v200/a0/b0/again1"]
     assert keys.index(extra[0]) == keys.index("b1/sweep/v2/a0/b0/r1") + 1
-    always = [one.cycle for one in played(asked, lambda cycle: Point(30.0, 5.0, 9.0))]
+    always = [one.cycle for one in played(asked, lambda cycle: QuickPoint(30.0, 5.0, 9.0))]
     sweeps = [cycle for cycle in always if cycle.kind == "sweep"]
     assert len(sweeps) == 8 * 3
     assert len({cycle.key for cycle in always}) == len(always)
@@ -105,7 +105,7 @@ def test_a_point_that_is_known_is_measured_no_more():
 
     def point(cycle):
         spread = 0.1 if cycle.speed_m_s != 0.002 else 5.0
-        return Point(30.0 + spread * rng.standard_normal(), 0.1, 9.0)
+        return QuickPoint(30.0 + spread * rng.standard_normal(), 0.1, 9.0)
 
     done = played(asked, point)
     counts = {v: sum(one.cycle.speed_m_s == v for one in done) for v in (0.002, 0.01, 0.05, 0.2)}

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from campaign.fake_rig import PROTOCOL, FakeRig, contents, protocol
-from pneudrive.campaign.adaptive import Finished, Point
+from pneudrive.campaign.adaptive import Finished, QuickPoint
 from pneudrive.campaign.lock import FolderLock, holder
 from pneudrive.campaign.plan import lay_out
 from pneudrive.campaign.textplot import text_plot
@@ -141,10 +141,10 @@ def test_a_lock_ends_with_its_process(tmp_path):
 def test_the_live_picture_shows_what_runs():
     from rich.console import Console
 
-    from pneudrive.campaign.live import Screen
+    from pneudrive.campaign.live import ScreenDisplay
 
     out = io.StringIO()
-    screen = Screen(Console(file=out, force_terminal=True, width=100, height=30, color_system=None))
+    screen = ScreenDisplay(Console(file=out, force_terminal=True, width=100, height=30, color_system=None))
     rig, asked = FakeRig(), protocol()
     plan = lay_out(asked.model_copy(update={"name": "seal [/dry]"}), rig.identity(), rig.limits())
     screen.began(plan, [])
@@ -153,7 +153,9 @@ def test_the_live_picture_shows_what_runs():
     for part in rig.acquire(cycle.steps, cycle.sampling):
         screen.part(part)
     for speed, friction in ((2e-3, 40.0), (0.2, 42.0)):
-        done = Finished(next(c for c in plan.cycles if c.speed_m_s == speed), {"stuck": 3}, Point(friction, 0.1, 1.0))
+        done = Finished(
+            next(c for c in plan.cycles if c.speed_m_s == speed), {"stuck": 3}, QuickPoint(friction, 0.1, 1.0)
+        )
         screen.finished(done)
     threading.Event().wait(0.3)
     screen.say("the supply pressure is low")

@@ -20,7 +20,7 @@ from campaign.fake_rig import QUICK, FakeRig, at_rest, contents, on_part, press,
 from pneudrive.campaign import campaign_run, storage
 from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP, ask, wait_for
 from pneudrive.campaign.folder import Campaign
-from pneudrive.campaign.live import Silent
+from pneudrive.campaign.live import Display
 from pneudrive.campaign.lock import FolderLock, holder
 from pneudrive.campaign.run import DONE, ENDED, resume_campaign, run_campaign
 from pneudrive.campaign.status import status_of
@@ -250,7 +250,7 @@ def test_ctrl_c_does_not_break_off_coming_to_rest(tmp_path):
 
 
 def test_a_display_that_fails_does_not_end_the_campaign(tmp_path, undisturbed):
-    class Broken(Silent):
+    class Broken(Display):
         def part(self, samples):
             raise OSError("the terminal is gone")
 

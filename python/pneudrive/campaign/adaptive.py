@@ -41,7 +41,7 @@ WORST_CONDITION = 1e8
 
 
 @dataclass(frozen=True)
-class Point:
+class QuickPoint:
     """What one cycle says about the characteristic, quickly: for decisions and for the live map, not for results.
 
     Attributes
@@ -66,23 +66,23 @@ class Finished:
 
     cycle: Cycle
     flags: dict[str, int]
-    point: Point
+    point: QuickPoint
 
 
-def measure(samples: Samples, cycle: Cycle, identity: Identity) -> Point:
+def measure(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
     """Say what a cycle says; nothing for kinds that are no points of a characteristic."""
     from pneudrive.characterise.extract import extract
     from pneudrive.characterise.settling import Settled
 
     if cycle.kind not in (*LEVELS, "stop"):
-        return Point()
+        return QuickPoint()
     try:
         recording = _recording(samples, cycle, identity)
         if cycle.kind == "stop":
             return _after_stop(samples, cycle, identity)
         found = extract(recording, Settled())
     except RecordingError as error:
-        return Point(why=error.what)
+        return QuickPoint(why=error.what)
     wanted = cycle.speed_m_s or 0.0
     level = min(found.levels, key=lambda one: abs(one.speed_m_s - wanted))
     steps = np.diff(found.recording.time_s, append=found.recording.time_s[-1])
@@ -92,7 +92,7 @@ def measure(samples: Samples, cycle: Cycle, identity: Identity) -> Point:
         )
         for direction in {s.direction for s in level.strokes}
     }
-    return Point(level.friction_n, level.stderr_n, min(times.values()))
+    return QuickPoint(level.friction_n, level.stderr_n, min(times.values()))
 
 
 def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN202 - see Recording
@@ -115,13 +115,13 @@ def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN
     )
 
 
-def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> Point:
+def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
     """Give the greatest force in the move after the longest hold, against that move's direction."""
     holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
     number = max(holds)[1] + 1 if holds else len(cycle.steps) - 2
     part = np.flatnonzero((samples.step == number) & np.isfinite(samples.force_n) & np.isfinite(samples.position_m))
     if part.size < 2:
-        return Point(why="there are no samples after the stop")
+        return QuickPoint(why="there are no samples after the stop")
     ambient = identity.ambient_pressure_pa
     force = (
         samples.force_n[part]
@@ -129,7 +129,7 @@ def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> Point:
         - (samples.pressure_b_pa[part] - ambient) * identity.area_b_m2
     )
     way = samples.position_m[part[-1]] - samples.position_m[part[0]]
-    return Point(float(np.max(np.sign(way) * force)), settled_s=float("inf"))
+    return QuickPoint(float(np.max(np.sign(way) * force)), settled_s=float("inf"))
 
 
 def next_cycle(plan: Plan, finished: Sequence[Finished]) -> tuple[Cycle, str] | None:

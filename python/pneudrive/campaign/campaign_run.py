@@ -10,7 +10,7 @@ import shutil
 import time
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.adaptive import LEVELS, Finished, Point, measure, needless, next_cycle
+from pneudrive.campaign.adaptive import LEVELS, Finished, QuickPoint, measure, needless, next_cycle
 from pneudrive.campaign.attempt import Attempts, GivenUpError, Measured, whats_wrong
 from pneudrive.campaign.checks import arrival_flags, serious
 from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP
@@ -20,7 +20,7 @@ from pneudrive.campaign.lock import now, user
 from pneudrive.campaign.prompt import wait_for_answer
 from pneudrive.campaign.rig_thread import RigThread
 from pneudrive.campaign.storage import REMEDIES
-from pneudrive.campaign.watch import FAULT, NO_ANSWER, Bounds, look
+from pneudrive.campaign.watch import FAULT, NO_ANSWER, MeasuringBounds, look
 from pneudrive.errors import CampaignError, ConnectionLostError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class CampaignRun:
         self.campaign, self.plan, self.options = campaign, plan, options
         self._lock, self._journal, self._display = lock, journal, display
         self._requests, self._prompt, self._subscribers = requests, prompt, subscribers
-        self._bounds = Bounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
+        self._bounds = MeasuringBounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
         self._thread = RigThread(rig)
         self._attempts = Attempts(self._thread, self._bounds.during, display.part)
         self._wants_points = plan.protocol.adaptive is not None or display.wants_points
@@ -106,7 +106,7 @@ class CampaignRun:
     def _of_file(self, file: CycleFile) -> Finished:
         cycle = file.head.cycle
         measured = self._wants_points and cycle.kind in (*LEVELS, "stop")
-        point = measure(file.samples(), cycle, self.campaign.identity) if measured else Point()
+        point = measure(file.samples(), cycle, self.campaign.identity) if measured else QuickPoint()
         return Finished(cycle, file.head.flags, point)
 
     @property
@@ -403,7 +403,7 @@ class CampaignRun:
             write_truth(self.campaign.path, head, measured.truth)
         self._path = write_cycle(self.campaign.path, head, samples)
         self._attempts.finished(cycle, measured.memory)
-        point = measure(samples, cycle, identity) if self._wants_points else Point()
+        point = measure(samples, cycle, identity) if self._wants_points else QuickPoint()
         self.finished.append(Finished(cycle, head.flags, point))
         found = _counted(head.flags)
         self._journal.write(f"{cycle.key} is finished, {len(samples)} samples" + (f"; flags: {found}" if found else ""))

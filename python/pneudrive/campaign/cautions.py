@@ -9,7 +9,7 @@ from pneudrive.campaign.points import Way
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.campaign.plan import Plan
+    from pneudrive.campaign.planned import Plan
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity
 

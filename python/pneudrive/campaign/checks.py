@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.samples import clipped, equal_runs, stuck_position, stuck_runs
 from pneudrive.rig.interface import CHANNELS, Move
 
 if TYPE_CHECKING:
@@ -41,10 +42,6 @@ SERIOUS = frozenset(FLAGS) - {"duplicated", "dropped", "repeated_time"}
 NEIGHBOURS = 8  # intervals on each side that tell the usual one
 LATE = 1.75  # usual intervals until the next sample, at which one is missing
 JITTER = 6.0  # median deviations of the intervals that are allowed on top
-STUCK_RUN, STUCK_SHARE = 20, 0.02  # equal samples in a row, over this share of the cycle's travel
-SATURATED_RUN = 5  # equal samples in a row at the largest or smallest value, where the range is not known
-USUAL_RUN = 0.95  # quantile of the runs of equal samples that coarse steps make by themselves
-UNUSUAL = 4  # times that one is no longer usual
 LEAST_SHARE, LEAST_SAMPLES = 0.1, 20  # of the samples that were asked for, in each move
 MISSED_SHARE, MISSED_M = 0.05, 1e-3  # of the way of a move, and on top
 
@@ -136,59 +133,29 @@ def _planned_interval(time: Array, step: NDArray[np.int64], cycle: Cycle) -> Arr
 
 def _sensors(table: Array, step: NDArray[np.int64], cycle: Cycle, identity: Identity) -> tuple[int, int]:
     """Count saturated and stuck samples over all sensors."""
+    saturated, stuck = np.zeros(step.size, dtype=bool), np.zeros(step.size, dtype=bool)
+    if not step.size:
+        return 0, 0
     position = table[CHANNELS.index("position_m")]
     moves = [number for number, one in enumerate(cycle.steps) if isinstance(one, Move)]
     moving = np.isin(step, moves)
-    saturated, stuck = np.zeros(step.size, dtype=bool), np.zeros(step.size, dtype=bool)
-    travel = float(np.ptp(position[moving])) if moving.any() else 0.0
+    travels = moving.any() and np.ptp(position[moving]) > 0.0
     for name, values in zip(CHANNELS[1:-1], table[1:-1], strict=True):
-        if not values.size:
-            continue
-        full = _saturated(name, values, identity)
+        runs = equal_runs(values)
+        full = np.zeros(step.size, dtype=bool)
+        if name in identity.limits:
+            low, high = identity.limits[name]
+            margin = 0.5 * identity.resolution.get(name, 0.0)
+            full = (values <= low + margin) | (values >= high - margin)
+        elif name == "force_n":
+            full = clipped(values, runs)
         saturated |= full
         if name == "position_m":
-            stuck |= _stuck_position(values, travel)
             stuck |= _constant_in_a_move(values, step, moves)
-        elif name == "force_n" or np.ptp(values) > 0.0:  # a pressure that is not measured never changes
-            stuck |= _stuck(values, position, moving, travel) & ~full
+            stuck |= stuck_position(position, runs) & travels
+        elif travels and (name == "force_n" or np.ptp(values) > 0.0):  # a pressure that is not measured never changes
+            stuck |= stuck_runs(position, runs) & moving & ~full
     return int(saturated.sum()), int(stuck.sum())
-
-
-def _saturated(name: str, values: Array, identity: Identity) -> NDArray[np.bool_]:
-    if name in identity.limits:
-        low, high = identity.limits[name]
-        margin = 0.5 * identity.resolution.get(name, 0.0)
-        return (values <= low + margin) | (values >= high - margin)
-    if name != "force_n":
-        return np.zeros(values.size, dtype=bool)
-    starts, lengths = _runs(values)
-    extreme = (values[starts] == values.max()) | (values[starts] == values.min())
-    long = lengths >= max(SATURATED_RUN, UNUSUAL * _usual_run(lengths))
-    return _filled(values.size, starts, lengths, extreme & long) if lengths.size > 1 else np.zeros(values.size, bool)
-
-
-def _stuck(values: Array, position: Array, moving: NDArray[np.bool_], travel: float) -> NDArray[np.bool_]:
-    """Mark runs of one value over which the axis travelled."""
-    if travel <= 0.0:
-        return np.zeros(values.size, dtype=bool)
-    starts, lengths = _runs(values)
-    if lengths.size == 1:
-        return moving.copy()
-    long = lengths >= max(STUCK_RUN, UNUSUAL * _usual_run(lengths))
-    for run in np.flatnonzero(long):
-        part = slice(starts[run], starts[run] + lengths[run])
-        long[run] = np.ptp(position[part]) > STUCK_SHARE * travel
-    return _filled(values.size, starts, lengths, long) & moving
-
-
-def _stuck_position(position: Array, travel: float) -> NDArray[np.bool_]:
-    """Mark runs of one position that end in a jump: a carriage that stands starts without one."""
-    if travel <= 0.0:
-        return np.zeros(position.size, dtype=bool)
-    starts, lengths = _runs(position)
-    jump = np.zeros(starts.size)
-    jump[:-1] = np.abs(position[starts[1:]] - position[starts[:-1]])
-    return _filled(position.size, starts, lengths, (lengths >= STUCK_RUN) & (jump > STUCK_SHARE * travel))
 
 
 def _constant_in_a_move(values: Array, step: NDArray[np.int64], moves: list[int]) -> NDArray[np.bool_]:
@@ -220,26 +187,6 @@ def _steps(table: Array, step: NDArray[np.int64], cycle: Cycle) -> dict[str, int
             continue
         counts["steps_missing"] += not members.size
     return counts
-
-
-def _runs(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Give start and length of each run of equal samples."""
-    starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1))
-    return starts, np.diff(np.concatenate((starts, [values.size])))
-
-
-def _usual_run(lengths: NDArray[np.intp]) -> float:
-    return float(np.quantile(lengths, USUAL_RUN))
-
-
-def _filled(
-    size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp], chosen: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Mark the samples of the chosen runs."""
-    mask = np.zeros(size, dtype=bool)
-    for start, length in zip(starts[chosen], lengths[chosen], strict=True):
-        mask[start : start + length] = True
-    return mask
 
 
 def serious(flags: Sequence[str] | dict[str, int]) -> list[str]:

@@ -76,7 +76,7 @@ class Family:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class CellProposal:
     """A fraction of a plan.
 
     Attributes
@@ -97,7 +97,7 @@ class _Candidate:
     cost_s: float
 
 
-def write_fraction(protocol: Protocol, proposal: Proposal) -> str:
+def write_fraction(protocol: Protocol, proposal: CellProposal) -> str:
     """Return the protocol's file with the cells of a proposal: its text to the letter, and a table at the end."""
     chosen = ", ".join(f"{f.cells} of {f.of} {f.kind} cells" for f in proposal.families)
     cells = "\n".join(f"    {toml.value_text(name)}," for name in proposal.names)
@@ -105,7 +105,7 @@ def write_fraction(protocol: Protocol, proposal: Proposal) -> str:
     return f"{protocol.text.rstrip()}\n\n{table}"
 
 
-def propose(plan: Plan, limit_s: float) -> Proposal:
+def propose(plan: Plan, limit_s: float) -> CellProposal:
     """Choose cells whose cycles, with all that is done around them, fit into a time.
 
     Where even the fewest cells that keep the model estimable do not fit, these are proposed.
@@ -118,7 +118,7 @@ def propose(plan: Plan, limit_s: float) -> Proposal:
 
     Returns
     -------
-    Proposal
+    CellProposal
 
     Raises
     ------
@@ -134,7 +134,7 @@ def propose(plan: Plan, limit_s: float) -> Proposal:
         chosen, family = _choose(kind, candidates, plan.protocol, share * sum(c.cost_s for c in candidates))
         names += [candidates[i].name for i in chosen]
         families.append(family)
-    return Proposal(tuple(names), tuple(families))
+    return CellProposal(tuple(names), tuple(families))
 
 
 def _candidates(plan: Plan) -> dict[str, list[_Candidate]]:

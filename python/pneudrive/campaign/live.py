@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
 
@@ -26,43 +26,40 @@ REFRESHED_HZ = 5.0
 LINES = 6  # of the latest messages
 
 
-class Display(Protocol):
-    """What a campaign tells whoever watches."""
+class Display:
+    """What a campaign tells whoever watches; this one shows nothing.
 
-    #: Whether quick estimates of the friction are wanted.
-    wants_points: bool
+    Attributes
+    ----------
+    wants_points : bool
+        Whether quick estimates of the friction are wanted.
+    """
+
+    wants_points = False
 
     def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
         """Begin."""
-        ...
 
     def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
         """Tell that a cycle begins."""
-        ...
 
     def part(self, samples: Samples) -> None:
         """Tell what has come; on the rig's thread."""
-        ...
 
     def finished(self, one: Finished) -> None:
         """Tell that a cycle is on the disk."""
-        ...
 
     def say(self, text: str) -> None:
         """Show a line."""
-        ...
 
     def suspend(self) -> None:
         """Give the terminal free for a prompt."""
-        ...
 
     def go_on(self) -> None:
         """Take the terminal back."""
-        ...
 
     def ended(self) -> None:
         """End."""
-        ...
 
 
 class Remaining:
@@ -98,64 +95,25 @@ class Remaining:
         return float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
 
 
-class Guarded:
-    """A display that cannot end a campaign: what it raises goes into the journal.
+def guarded(display: Display, journal: Journal) -> Display:
+    """Keep a display from ending a campaign: what it raises goes into the journal."""
 
-    Parameters
-    ----------
-    display : Display
-    journal : Journal
-    """
+    class Guarded:
+        def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever a display has
+            found = getattr(display, name)
 
-    def __init__(self, display: Display, journal: Journal) -> None:
-        self._display, self._journal = display, journal
+            def call(*arguments: Any) -> None:  # noqa: ANN401
+                try:
+                    found(*arguments)
+                except Exception as error:  # the terminal is gone, or somebody's own display is wrong
+                    journal.write(f"the display failed: {type(error).__name__}: {error}")
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever a display has
-        """Give a method of the display, guarded."""
-        found = getattr(self._display, name)
-        if not callable(found):
-            return found
+            return call if callable(found) else found
 
-        def call(*arguments: Any) -> None:  # noqa: ANN401
-            try:
-                found(*arguments)
-            except Exception as error:  # the terminal is gone, or somebody's own display is wrong
-                self._journal.write(f"the display failed: {type(error).__name__}: {error}")
-
-        return call
+    return cast("Display", Guarded())
 
 
-class Silent:
-    """Shows nothing."""
-
-    wants_points = False
-
-    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
-        """Begin."""
-
-    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
-        """Take note of nothing."""
-
-    def part(self, samples: Samples) -> None:
-        """Take note of nothing."""
-
-    def finished(self, one: Finished) -> None:
-        """Take note of nothing."""
-
-    def say(self, text: str) -> None:
-        """Say nothing."""
-
-    def suspend(self) -> None:
-        """Do nothing."""
-
-    def go_on(self) -> None:
-        """Do nothing."""
-
-    def ended(self) -> None:
-        """Do nothing."""
-
-
-class Lines(Silent):
+class LineDisplay(Display):
     """One line per finished cycle, for files and pipes.
 
     Parameters
@@ -199,7 +157,7 @@ class Lines(Silent):
         self._out.flush()
 
 
-class Screen(Silent):
+class ScreenDisplay(Display):
     """A live picture on a terminal.
 
     Parameters

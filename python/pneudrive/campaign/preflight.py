@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.plan import Plan
+    from pneudrive.campaign.planned import Plan
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity, Rig
     from pneudrive.rig.motion import Limits

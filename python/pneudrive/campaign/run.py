@@ -7,7 +7,7 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from pneudrive import own_code
 from pneudrive.campaign.campaign_run import CampaignRun
@@ -15,7 +15,7 @@ from pneudrive.campaign.control import Requests
 from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
 from pneudrive.campaign.folder_plan import plan_of
 from pneudrive.campaign.journal import Journal
-from pneudrive.campaign.live import Guarded, Silent
+from pneudrive.campaign.live import Display, guarded
 from pneudrive.campaign.lock import FolderLock, now
 from pneudrive.campaign.options import Options
 from pneudrive.campaign.plan import Plan, lay_out
@@ -30,7 +30,6 @@ from pneudrive.show import Shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from pneudrive.campaign.live import Display
     from pneudrive.campaign.prompt import Prompt
     from pneudrive.rig.interface import Identity, Rig
     from pneudrive.watch import Flag
@@ -323,7 +322,7 @@ def _run(
     audience: _Audience,
 ) -> Result:
     journal = Journal(campaign.path / LOG)
-    shown = cast("Display", Guarded(audience.display or Silent(), journal))
+    shown = guarded(audience.display or Display(), journal)
     prompt = audience.prompt or Terminal()
     files, tidied = tidy(campaign)
     for line in tidied:

@@ -21,7 +21,7 @@ FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
 
 
 @dataclass(frozen=True)
-class Bounds:
+class MeasuringBounds:
     """Conditions under which measuring goes on.
 
     Parameters
@@ -41,7 +41,7 @@ class Bounds:
     resume_force_n: float
 
     @classmethod
-    def of(cls, protocol: Protocol, envelope: Envelope, ambient_pa: float) -> Bounds:
+    def of(cls, protocol: Protocol, envelope: Envelope, ambient_pa: float) -> MeasuringBounds:
         """Take the tighter of what the protocol asks for and what the rig says of itself."""
         asked = protocol.conditions
         supply = asked.supply_pressure.absolute_pa(ambient_pa) if asked.supply_pressure is not None else 0.0
@@ -91,7 +91,7 @@ class Bounds:
         return self.broken_by_samples(samples)
 
 
-def look(rig: Rig, bounds: Bounds) -> str:
+def look(rig: Rig, bounds: MeasuringBounds) -> str:
     """Ask the rig whether measuring can go on; say why not, in words. A rig that does not answer is one reason."""
     try:
         return bounds.broken_by(rig.state())

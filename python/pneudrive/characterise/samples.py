@@ -90,13 +90,13 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
         if channel in recording.limits:
             low, high = recording.limits[channel]
             masks["saturated"] |= (values <= low) | (values >= high)
-        runs = _runs(values)
+        runs = equal_runs(values)
         if runs[1].max() < SATURATED_RUN:
             continue
         if channel != "position_m":
-            masks["saturated"] |= _saturated(values, runs)
+            masks["saturated"] |= clipped(values, runs)
         if moves:  # a piston that stands makes every sensor look stuck
-            masks["stuck"] |= _stuck_position(position, runs) if channel == "position_m" else _stuck(position, runs)
+            masks["stuck"] |= stuck_position(position, runs) if channel == "position_m" else stuck_runs(position, runs)
     return masks
 
 
@@ -132,7 +132,7 @@ def _upper(steps: NDArray[np.float64], share: float) -> float:
     return float(np.partition(some, rank)[rank])
 
 
-def _runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def equal_runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Start and length of each run of equal samples."""
     starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0) + 1))
     return starts, np.diff(np.concatenate((starts, [values.size])))
@@ -158,7 +158,7 @@ def _usual_run(lengths: NDArray[np.intp]) -> float:
     return float(np.searchsorted(covered, 0.9 * covered[-1]))
 
 
-def _saturated(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+def clipped(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
     """Mark what lies at the largest or smallest value of a channel that is noisy elsewhere, where long runs do.
 
     A channel near its limit touches it for single samples too: these are as clipped as the runs.
@@ -174,7 +174,7 @@ def _saturated(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArra
     return np.isin(values, np.unique(values[starts[hit]]))
 
 
-def _stuck(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+def stuck_runs(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
     """Mark runs of one value while the piston moved."""
     starts, lengths = runs
     long = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
@@ -185,9 +185,7 @@ def _stuck(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[
     return _fill(position.size, starts[moved], lengths[moved])
 
 
-def _stuck_position(
-    position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]
-) -> NDArray[np.bool_]:
+def stuck_position(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
     """Mark runs of one position that end in a jump: a piston at rest starts without one."""
     starts, lengths = runs
     inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)

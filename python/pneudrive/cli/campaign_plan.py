@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from pneudrive.campaign.fraction import Proposal
+    from pneudrive.campaign.fraction import CellProposal
     from pneudrive.campaign.plan import Plan, Planned
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.campaign.protocol_tables import Pair
@@ -52,7 +52,7 @@ def show(plan: Plan) -> str:
     )
 
 
-def proposal_lines(proposal: Proposal, whole: Plan, part: Plan, file: Path | None) -> list[str]:
+def proposal_lines(proposal: CellProposal, whole: Plan, part: Plan, file: Path | None) -> list[str]:
     """Return what a proposed fraction keeps and what it gives up."""
     limit_s = whole.protocol.limits.time_s
     out = ["", f"A fraction takes {duration(part.time_s)} instead of {duration(whole.time_s)}:"]

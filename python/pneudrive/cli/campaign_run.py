@@ -167,9 +167,9 @@ def _options(operator: str, yes: bool, patience: str) -> Options:
 
 
 def _display() -> Display:
-    from pneudrive.campaign.live import Lines, Screen
+    from pneudrive.campaign.live import LineDisplay, ScreenDisplay
 
-    return Screen() if sys.stdout.isatty() else Lines()
+    return ScreenDisplay() if sys.stdout.isatty() else LineDisplay()
 
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:

@@ -78,7 +78,11 @@ class Past:
         RigError
             If it is something else.
         """
-        rule = "finite numbers, a key and levels that are texts"
+        wrong = RigError(
+            "this is not the memory of a simulated rig",
+            value=data,
+            rule="finite numbers, a key and levels that are texts",
+        )
         try:
             copy: dict[str, Any] = json.loads(json.dumps(data, allow_nan=False, default=plain))
             good = not check_fields(copy, cls, "its memory", RigError) and len(copy) == len(fields(cls))
@@ -86,9 +90,9 @@ class Past:
             good = good and all(isinstance(level, str) for level in copy["levels"].values())
             good = good and all(isinstance(count, int) for count in copy["changes"].values())
         except (AttributeError, RigError, TypeError, ValueError):
-            good = False
+            raise wrong from None
         if not good:
-            raise RigError("this is not the memory of a simulated rig", value=data, rule=rule)
+            raise wrong
         return cls(**copy)
 
     def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:

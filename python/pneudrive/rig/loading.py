@@ -21,7 +21,7 @@ RIGS = Path(__file__).with_name("rigs")
 #: kind -> ``module:function`` that makes such a rig, called as function(source, seed, pace). A kind is the scheme of
 #: an address, ``kind = "..."`` at the top of a TOML file, or ``folder``. Imported on first use.
 LOADERS: dict[str, str] = {
-    "simulated": "pneudrive.rig.session:load_session",
+    "simulated": "pneudrive.rig.simulated:load_session",
     "opc-ua": "pneudrive.rig.opcua.client:load_opcua",
     "opc.tcp": "pneudrive.rig.opcua.client:load_opcua",
     "replay": "pneudrive.campaign.replay_sources:load_replay",

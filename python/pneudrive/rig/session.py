@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from threading import Event, RLock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.rig.description import RigDescription
     from pneudrive.rig.interface import Sampling
     from pneudrive.rig.motion import Motion
-    from pneudrive.rig.simulated import SimulatedRig
 
     Array = NDArray[np.float64]
 
@@ -52,6 +52,19 @@ class _Run:
     seen: dict[str, float] | None = None
 
 
+class Simulated(Protocol):
+    """What a session needs of a `pneudrive.rig.simulated.SimulatedRig`."""
+
+    @property
+    def description(self) -> RigDescription:
+        """What its file says."""
+        ...
+
+    def true_friction(self, speed_m_s: Array, pressure_a_pa: float, pressure_b_pa: float) -> Array:
+        """Friction of steady sliding."""
+        ...
+
+
 class RigSession:
     """A simulated rig in use: `Rig`, `Reproducible` and `Changeable`.
 
@@ -61,14 +74,14 @@ class RigSession:
 
     Parameters
     ----------
-    rig : SimulatedRig
+    rig : pneudrive.rig.SimulatedRig
     seed : int
         Of all that is random: noise, calibration errors, differences between cycles, days, mountings and seals.
     pace : float, optional
         Seconds of the rig per second on the wall; None: as fast as it goes.
     """
 
-    def __init__(self, rig: SimulatedRig, seed: int = 0, pace: float | None = None) -> None:
+    def __init__(self, rig: Simulated, seed: int = 0, pace: float | None = None) -> None:
         if pace is not None and not pace > 0.0:
             raise RigError(f"pace = {pace} is not positive", rule="seconds of the rig per second on the wall")
         self.rig, self.seed, self.pace = rig, seed, pace
@@ -391,10 +404,3 @@ class RigSession:
         """Wait until so many seconds of the rig have passed on the wall, or somebody stops it."""
         if self.pace is not None:
             self._halted.wait(max(0.0, began + until_s / self.pace - time.monotonic()))
-
-
-def load_session(source: str, seed: int, pace: float | None) -> RigSession:
-    """Make the session of a rig file; see `pneudrive.rig.load_rig`."""
-    from pneudrive.rig.simulated import SimulatedRig
-
-    return SimulatedRig.load(source).session(seed, pace)

@@ -273,3 +273,8 @@ def sweep(
         for i, gauge in enumerate(gauges_pa)
         for j, speed in enumerate(speeds)
     ]
+
+
+def load_session(source: str, seed: int, pace: float | None) -> RigSession:
+    """Make the session of a rig file; see `pneudrive.rig.load_rig`."""
+    return SimulatedRig.load(source).session(seed, pace)

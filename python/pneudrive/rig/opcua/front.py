@@ -17,11 +17,15 @@ import time
 from collections import Counter, deque
 from typing import TYPE_CHECKING, Any
 
-from asyncua.common.utils import Buffer
-from asyncua.ua.ua_binary import header_from_binary
+from asyncua.common.connection import TransportLimits
+from asyncua.common.utils import Buffer, ServiceError
+from asyncua.crypto.security_policies import SecurityPolicyNone
+from asyncua.server.uaprocessor import UaProcessor
+from asyncua.ua.ua_binary import header_from_binary, struct_from_binary
 
-from pneudrive.rig.opcua.requests import LARGEST_REQUEST
-from pneudrive.rig.opcua.session import Processor, Session, know_types
+from pneudrive.rig.opcua.access import opcua
+from pneudrive.rig.opcua.requests import CODES, LARGEST_REQUEST, check_header, service_of
+from pneudrive.rig.opcua.session import ServedSession, know_types
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -30,6 +34,8 @@ if TYPE_CHECKING:
     from pneudrive.rig.opcua.session import Served
 
 log = logging.getLogger(__name__)
+ua: Any = opcua("asyncua.ua")
+SMALLEST_CHUNK = 8192  # as OPC UA has it
 MOST_WAITING, MOST_AT_DOOR = 64, 128  # connections without a session, and those that are not yet taken in
 MOST_ASKED = 8  # connections without a session whose requests are still to be served: then nobody is taken in
 IDLE_S, AT_DOOR_S = 0.05, 0.001
@@ -77,7 +83,7 @@ class Front:
         internal.max_monitored_item_queue_size = 100
         internal.max_unacked_messages_per_subscription = 100
         internal.max_subscriptions = MOST_SUBSCRIPTIONS
-        internal.create_session = lambda name, **_: Session(self, name)
+        internal.create_session = lambda name, **_: ServedSession(internal, self.served, name)
         await self.server._setup_server_nodes()
         know_types(internal)
         await internal.start()
@@ -326,3 +332,68 @@ class Connection(asyncio.Protocol):
                 self.front.wake()
 
         self.front.background(do())
+
+
+class ServerLimits(TransportLimits):
+    """What both sides take; who takes less than OPC UA asks for would have every answer cut into crumbs."""
+
+    def create_acknowledge_and_set_limits(self, msg: Any) -> Any:  # noqa: ANN401
+        """Answer a greeting."""
+        if msg.ReceiveBufferSize < SMALLEST_CHUNK:
+            raise ua.UaStatusCodeError(CODES.BadConnectionRejected)
+        return super().create_acknowledge_and_set_limits(msg)
+
+
+class Processor(UaProcessor):
+    """Answers the requests of a connection: those that a rig needs, within bounds, one session."""
+
+    def __init__(self, connection: Connection, transport: Any) -> None:  # noqa: ANN401
+        super().__init__(connection.front.server.iserver, transport, ServerLimits())
+        self.connection, self.front = connection, connection.front
+        self.set_policies(self.front.server._policies)
+
+    def open_secure_channel(self, algohdr: Any, seqhdr: Any, body: Any) -> None:  # noqa: ANN401
+        """Open or renew the channel."""
+        check_header(body)
+        super().open_secure_channel(algohdr, seqhdr, body)
+
+    async def process_message(self, seqhdr: Any, body: Any) -> bool:  # noqa: ANN401
+        """Answer a request."""
+        check_header(body)
+        return bool(await super().process_message(seqhdr, body))
+
+    async def _process_message(self, typeid: Any, requesthdr: Any, seqhdr: Any, body: Any) -> bool:  # noqa: ANN401
+        service = service_of(typeid, body)
+        if not self._connection.is_open():
+            return False
+        if service not in ("GetEndpoints", "FindServers", "CloseSecureChannel"):
+            encrypted = not isinstance(self._connection.security_policy, SecurityPolicyNone)
+            if self.front.protection.certificate is not None and not encrypted:
+                raise ServiceError(CODES.BadSecurityModeInsufficient)
+            if (self.session is None) != (service == "CreateSession"):
+                raise ServiceError(CODES.BadSessionIdInvalid)
+        if service == "ActivateSession":
+            self.connection.beside(lambda: self._log_in(typeid, requesthdr, seqhdr, body))
+            return True
+        return bool(await super()._process_message(typeid, requesthdr, seqhdr, body))
+
+    async def _log_in(self, typeid: Any, requesthdr: Any, seqhdr: Any, body: Any) -> bool:  # noqa: ANN401
+        """Hash the password, which takes its time, in a thread; hang up on who may not come in."""
+        try:
+            token = struct_from_binary(ua.ActivateSessionParameters, body.copy()).UserIdentityToken
+            if isinstance(token, ua.UserNameIdentityToken):
+                user, password = self.iserver.decrypt_user_token(self.session, token)
+                async with self.front.login:
+                    await asyncio.to_thread(self.front.protection.hash_ahead, user, password)
+            good = bool(await super()._process_message(typeid, requesthdr, seqhdr, body))
+        except Exception as error:  # whatever a library raises about what somebody has sent
+            response = ua.ServiceFault()
+            code = getattr(error, "code", CODES.BadIdentityTokenInvalid)
+            response.ResponseHeader.ServiceResult = ua.StatusCode(code)
+            self.send_response(requesthdr.RequestHandle, seqhdr, response)
+            return False
+        self.front.activated(self.connection)
+        return good
+
+    def _should_close_session_on_transport_loss(self) -> bool:
+        return True

@@ -46,7 +46,7 @@ class HungUpError(LinkError):
 
 
 @dataclass(frozen=True)
-class Place:
+class NodePlace:
     """Where a node is on this server: ids (one, or one for each slot), type, length of an array (0: any)."""
 
     node: Node
@@ -55,7 +55,7 @@ class Place:
     length: int
 
 
-class Loop:
+class LoopThread:
     """An event loop in a thread of its own."""
 
     def __init__(self) -> None:
@@ -106,10 +106,10 @@ class Link:
         self.url, self.nodes, self.access = url, nodes, access
         self.ambient_pa = 0.0
         self.timeout_s = max(2.0 * nodes.heartbeat_s, LEAST_TIMEOUT_S)
-        self.places: dict[str, Place] = {}
+        self.places: dict[str, NodePlace] = {}
         self.lost: str | None = "there is no connection yet"
         self.number = 0  # of the connection
-        self._loop = Loop()
+        self._loop = LoopThread()
         self._client: Any = None
         self._heart: asyncio.Task[None] | None = None
         self._stops = 0
@@ -219,14 +219,14 @@ class Link:
                 values[name] = value.Value
         for name, node in self.nodes.nodes.items():
             if not found[name]:
-                self.places[name] = Place(node, (), None, 0)
+                self.places[name] = NodePlace(node, (), None, 0)
                 continue
             variant = values[name]
             if variant is None or variant.VariantType is ua.VariantType.Null:
                 variant = ua.Variant(None, ua.VariantType[node.type])
             kind = variant.VariantType
             length = len(variant.Value) if isinstance(variant.Value, list) else 0
-            self.places[name] = Place(node, found[name], kind, length)
+            self.places[name] = NodePlace(node, found[name], kind, length)
 
     async def _start_heart(self) -> None:
         (self._stops,) = await self._read(("heartbeat.stops",))
@@ -310,14 +310,14 @@ class Link:
             what, where=self.url, rule=status.doc, remedy="check the node map and the server's access rights"
         )
 
-    def _to_si(self, place: Place, raw: Any) -> Any:  # noqa: ANN401
+    def _to_si(self, place: NodePlace, raw: Any) -> Any:  # noqa: ANN401
         kind = place.node.kind
         if kind.type == "Double":
             numbers = np.asarray(raw, dtype=np.float64) if kind.array else float(raw)
             return place.node.scale.to_si(numbers, self.ambient_pa)
         return np.asarray(raw, dtype=np.int64) if kind.array else raw
 
-    def _to_raw(self, place: Place, value: Any) -> Any:  # noqa: ANN401
+    def _to_raw(self, place: NodePlace, value: Any) -> Any:  # noqa: ANN401
         kind = place.node.kind
         if kind.type == "Double":
             value = place.node.scale.from_si(np.asarray(value, dtype=np.float64), self.ambient_pa).tolist()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import RigError
 from pneudrive.rig.opcua.access import Protection, opcua, protect
-from pneudrive.rig.opcua.link import COUNTER, Loop, quieten
+from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
 from pneudrive.rig.opcua.nodes import NodeMap, Verb
 from pneudrive.rig.opcua.space import FAULT, STOPS, Space
 from pneudrive.rig.opcua.worker import CLOSING_S, Command, Worker
@@ -81,7 +81,7 @@ class RigServer:
         self.protection = protection or Protection()
         self.heartbeat_s = heartbeat_s or nodes.heartbeat_s
         self.url = ""
-        self._loop = Loop()
+        self._loop = LoopThread()
         self._front: Front | None = None
         self._space: Any = None
         self._worker = Worker(rig, nodes, self, self.heartbeat_s)

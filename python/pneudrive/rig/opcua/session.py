@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
 import functools
 import math
 import time
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-from asyncua.common.connection import TransportLimits
 from asyncua.common.utils import ServiceError
-from asyncua.crypto.security_policies import SecurityPolicyNone
 from asyncua.server.internal_session import InternalSession, SessionState
-from asyncua.server.uaprocessor import UaProcessor
-from asyncua.ua.ua_binary import struct_from_binary
 
 from pneudrive.rig.opcua.access import opcua
-from pneudrive.rig.opcua.requests import CODES, check_header, service_of
-
-if TYPE_CHECKING:
-    from pneudrive.rig.opcua.front import Connection, Front
+from pneudrive.rig.opcua.requests import CODES
 
 ua: Any = opcua("asyncua.ua")
-SMALLEST_CHUNK = 8192  # as OPC UA has it
 MOST_SUBSCRIPTIONS, MOST_ITEMS = 2, 50  # of a session
 MOST_KINDS = 256  # of references, that are kept
 FASTEST_MS, SLOWEST_MS = 250.0, 60_000.0  # of a subscription
@@ -88,78 +79,12 @@ def know_types(internal: Any) -> None:  # noqa: ANN401 - asyncua's internal serv
     view._get_sub_ref = functools.lru_cache(MOST_KINDS)(lambda kind: frozenset(below(kind)))
 
 
-class Limits(TransportLimits):
-    """What both sides take; who takes less than OPC UA asks for would have every answer cut into crumbs."""
-
-    def create_acknowledge_and_set_limits(self, msg: Any) -> Any:  # noqa: ANN401
-        """Answer a greeting."""
-        if msg.ReceiveBufferSize < SMALLEST_CHUNK:
-            raise ua.UaStatusCodeError(CODES.BadConnectionRejected)
-        return super().create_acknowledge_and_set_limits(msg)
-
-
-class Processor(UaProcessor):
-    """Answers the requests of a connection: those that a rig needs, within bounds, one session."""
-
-    def __init__(self, connection: Connection, transport: Any) -> None:  # noqa: ANN401
-        super().__init__(connection.front.server.iserver, transport, Limits())
-        self.connection, self.front = connection, connection.front
-        self.set_policies(self.front.server._policies)
-
-    def open_secure_channel(self, algohdr: Any, seqhdr: Any, body: Any) -> None:  # noqa: ANN401
-        """Open or renew the channel."""
-        check_header(body)
-        super().open_secure_channel(algohdr, seqhdr, body)
-
-    async def process_message(self, seqhdr: Any, body: Any) -> bool:  # noqa: ANN401
-        """Answer a request."""
-        check_header(body)
-        return bool(await super().process_message(seqhdr, body))
-
-    async def _process_message(self, typeid: Any, requesthdr: Any, seqhdr: Any, body: Any) -> bool:  # noqa: ANN401
-        service = service_of(typeid, body)
-        if not self._connection.is_open():
-            return False
-        if service not in ("GetEndpoints", "FindServers", "CloseSecureChannel"):
-            encrypted = not isinstance(self._connection.security_policy, SecurityPolicyNone)
-            if self.front.protection.certificate is not None and not encrypted:
-                raise ServiceError(CODES.BadSecurityModeInsufficient)
-            if (self.session is None) != (service == "CreateSession"):
-                raise ServiceError(CODES.BadSessionIdInvalid)
-        if service == "ActivateSession":
-            self.connection.beside(lambda: self._log_in(typeid, requesthdr, seqhdr, body))
-            return True
-        return bool(await super()._process_message(typeid, requesthdr, seqhdr, body))
-
-    async def _log_in(self, typeid: Any, requesthdr: Any, seqhdr: Any, body: Any) -> bool:  # noqa: ANN401
-        """Hash the password, which takes its time, in a thread; hang up on who may not come in."""
-        try:
-            token = struct_from_binary(ua.ActivateSessionParameters, body.copy()).UserIdentityToken
-            if isinstance(token, ua.UserNameIdentityToken):
-                user, password = self.iserver.decrypt_user_token(self.session, token)
-                async with self.front.login:
-                    await asyncio.to_thread(self.front.protection.hash_ahead, user, password)
-            good = bool(await super()._process_message(typeid, requesthdr, seqhdr, body))
-        except Exception as error:  # whatever a library raises about what somebody has sent
-            response = ua.ServiceFault()
-            code = getattr(error, "code", CODES.BadIdentityTokenInvalid)
-            response.ResponseHeader.ServiceResult = ua.StatusCode(code)
-            self.send_response(requesthdr.RequestHandle, seqhdr, response)
-            return False
-        self.front.activated(self.connection)
-        return good
-
-    def _should_close_session_on_transport_loss(self) -> bool:
-        return True
-
-
-class Session(InternalSession):
+class ServedSession(InternalSession):
     """A session has its own commands and answers, and touches no subscription of another one."""
 
-    def __init__(self, front: Front, name: Any) -> None:  # noqa: ANN401
-        internal = front.server.iserver
+    def __init__(self, internal: Any, served: Served, name: Any) -> None:  # noqa: ANN401
         super().__init__(internal, internal.aspace, internal.subscription_service, name, external=True)
-        self.served = front.served
+        self.served = served
         self.client = Client(self)
 
     def _mine(self, *ids: int) -> list[Any]:
