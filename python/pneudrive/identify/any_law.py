@@ -15,7 +15,8 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
-from pneudrive.identify.assemble import SINGULAR_SHARE, covariance, internal_covariance, systematic
+from pneudrive.estimate.transforms import intervals
+from pneudrive.identify.assemble import SINGULAR_SHARE, covariance, systematic
 from pneudrive.identify.fit import ambient_of, fingerprint, recordings_of
 from pneudrive.identify.law_fit import LawFit
 from pneudrive.identify.model import AnyLaw
@@ -147,7 +148,9 @@ def _described(
     weak = vt[singular < SINGULAR_SHARE * singular[0]]
     open_ones = dead | found.active | (np.abs(weak) > 0.3).any(axis=0)
     dof = len(data) - len(model.names)
-    low, high = _interval(model, found.q, internal_covariance(found), student(dof))
+    matrix = covariance(model, found)
+    theta, reach = model.natural(found.q), student(dof) * np.sqrt(np.diag(matrix))
+    low, high = intervals(theta, reach, model.transforms.lower)
     statistics = {
         "values": float(len(data)),
         "degrees_of_freedom": float(dof),
@@ -159,25 +162,14 @@ def _described(
     }
     return LawFit(
         model=model,
-        values=dict(zip(model.names, model.natural(found.q).tolist(), strict=True)),
+        values=dict(zip(model.names, theta.tolist(), strict=True)),
         units={entry["key"]: entry["unit"] for entry in model.entries()},
         free=model.names,
         intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
         systematic=dict(zip(model.names, systematic(model, data, found).tolist(), strict=True)),
-        covariance=covariance(model, found),
+        covariance=matrix,
         undetermined=tuple(n for n, is_open in zip(model.names, open_ones, strict=True) if is_open),
         unseen=unseen,
         statistics=statistics,
         provenance={},
-    )
-
-
-def _interval(model: AnyLaw, q: Array, inner: Array, quantile: float) -> tuple[Array, Array]:
-    """First-order intervals: of what is positive, in its logarithm."""
-    theta, jac = model.natural(q), model.natural_jacobian(q)
-    reach = quantile * np.sqrt(np.diag(jac @ inner @ jac.T))
-    safe = np.where(model.positive, theta, 1.0)
-    factor = np.exp(np.minimum(reach / safe, 50.0))
-    return np.where(model.positive, theta / factor, theta - reach), np.where(
-        model.positive, theta * factor, theta + reach
     )

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.estimate.transforms import Transforms
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -101,8 +103,41 @@ def at_conditions(speed_m_s: Array, gauge_a_pa: Array, gauge_b_pa: Array) -> Obs
     )
 
 
+class StaticLaw:
+    """Steady sliding friction as a function of the free parameters of a law."""
+
+    names: Any  # tuple of str
+    stribeck: Any  # whether the law has a Stribeck part and is linear in its forces
+    chosen: Any  # how many numbers the data chose beside the parameters
+    transforms: Any  # `Transforms` of the parameters
+
+    def natural(self, q: Array) -> Array:
+        """Convert internal coordinates to parameters."""
+        return self.transforms.natural(q)
+
+    def internal(self, theta: Array) -> Array:
+        """Convert parameters to internal coordinates."""
+        return self.transforms.internal(theta)
+
+    def natural_jacobian(self, q: Array) -> Array:
+        """Differentiate parameters by internal coordinates, shape (p, p)."""
+        return self.transforms.jacobian(q)
+
+    def bounds(self, data: Observations) -> tuple[Array, Array]:
+        """Lower and upper bounds of the internal coordinates for these data."""
+        raise NotImplementedError
+
+    def value(self, q: Array, data: Observations) -> Array:
+        """Friction at the rows of `data`, shape (n,), N."""
+        return self.value_and_jacobian(q, data)[0]
+
+    def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
+        """Friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class FrictionModel:
+class FrictionModel(StaticLaw):
     """One sliding law with the choice of what is free.
 
     Parameters
@@ -203,39 +238,12 @@ class FrictionModel:
             table.get("knee_pa"),
         )
 
-    # -- internal coordinates: log(Fs - Fc), log vs, log n; the rest as it is ---------------------------------
-
-    def natural(self, q: Array) -> Array:
-        """Convert internal coordinates to natural parameters."""
-        theta = np.array(q, dtype=float)
-        if self.stribeck:
-            theta[1] = q[0] + np.exp(q[1])
-            theta[2] = np.exp(q[2])
-            if self.exponent is None:
-                theta[3] = np.exp(q[3])
-        return theta
-
-    def internal(self, theta: Array) -> Array:
-        """Convert natural parameters to internal coordinates; an excess that is not positive goes to its floor."""
-        q = np.array(theta, dtype=float)
-        if self.stribeck:
-            floor = EXCESS_FLOOR * max(abs(theta[0]), abs(theta[1]), 1e-12)
-            q[1] = np.log(max(theta[1] - theta[0], floor))
-            q[2] = np.log(theta[2])
-            if self.exponent is None:
-                q[3] = np.log(theta[3])
-        return q
-
-    def natural_jacobian(self, q: Array) -> Array:
-        """Differentiate natural parameters by internal coordinates, shape (p, p)."""
-        jac = np.eye(q.size)
-        if self.stribeck:
-            jac[1, 0] = 1.0
-            jac[1, 1] = np.exp(q[1])
-            jac[2, 2] = np.exp(q[2])
-            if self.exponent is None:
-                jac[3, 3] = np.exp(q[3])
-        return jac
+    @cached_property
+    def transforms(self) -> Transforms:
+        """Internal coordinates: log(Fs - Fc), log vs, log n; the rest as it is."""
+        positive = [name.startswith("stribeck_") for name in self.names]
+        excess = 1 if self.stribeck else None
+        return Transforms(np.where(positive, 0.0, -np.inf), excess=excess, over=0, least_excess=EXCESS_FLOOR)
 
     def bounds(self, data: Observations) -> tuple[Array, Array]:
         """Lower and upper bounds of the internal coordinates for these data.
@@ -267,10 +275,6 @@ class FrictionModel:
             if self.exponent is None:
                 exponent = float(np.exp(q[3]))
         return columns(self.law, speed, velocity, exponent, "lorentzian" if self.lorentzian else "free")
-
-    def value(self, q: Array, data: Observations) -> Array:
-        """Friction at the rows of `data`, shape (n,), N."""
-        return self.value_and_jacobian(q, data)[0]
 
     def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
         """Friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
@@ -329,7 +333,7 @@ class FrictionModel:
 
 
 @dataclass(frozen=True)
-class AnyLaw:
+class AnyLaw(StaticLaw):
     """A law of the core as a function of its free parameters; what `estimate` asks of a model.
 
     Parameters
@@ -366,34 +370,16 @@ class AnyLaw:
         return np.array(self.start or [self.friction.parameters[n] for n in self.names])
 
     @cached_property
-    def excess(self) -> tuple[int, int] | None:
-        """Places of Coulomb and breakaway force, where both are free: the coordinate is then ln(Fs - Fc)."""
+    def transforms(self) -> Transforms:
+        """Coordinates: the logarithm of what is positive, and of Fs - Fc where both are free."""
         both = {"coulomb", "breakaway"} <= set(self.names)
-        return (self.names.index("coulomb"), self.names.index("breakaway")) if both else None
-
-    def natural(self, q: Array) -> Array:
-        """Convert coordinates to parameters."""
-        theta = np.where(self.positive, np.exp(np.where(self.positive, q, 0.0)), q)
-        if self.excess is not None:
-            c, s = self.excess
-            theta[s] += theta[c]
-        return theta
+        c, s = (self.names.index(n) if both else 0 for n in ("coulomb", "breakaway"))
+        lower = np.where(self.positive, 0.0, -np.inf)
+        return Transforms(lower, excess=s if both else None, over=c, least_excess=1e-6)
 
     def internal(self, theta: Array) -> Array:
-        """Convert parameters to coordinates."""
-        theta = np.array(theta, dtype=float)
-        if self.excess is not None:
-            c, s = self.excess
-            theta[s] = max(theta[s] - theta[c], 1e-6 * theta[c])
-        return np.where(self.positive, np.log(np.where(self.positive, np.maximum(theta, 1e-12), 1.0)), theta)
-
-    def natural_jacobian(self, q: Array) -> Array:
-        """Differentiate parameters by coordinates, shape (p, p)."""
-        jac = np.diag(np.where(self.positive, np.exp(np.where(self.positive, q, 0.0)), 1.0))
-        if self.excess is not None:
-            c, s = self.excess
-            jac[s, c] = jac[c, c]
-        return jac
+        """Convert parameters to coordinates; what is zero goes to a floor."""
+        return self.transforms.internal(np.where(self.positive, np.maximum(theta, 1e-12), theta))
 
     def bounds(self, data: Observations) -> tuple[Array, Array]:
         """Bounds of the coordinates: the law's own, and six decades about the given values."""
@@ -405,17 +391,13 @@ class AnyLaw:
             if entry["upper"] is not None and np.isfinite(entry["upper"]):
                 top = self.internal(np.full(given.size, float(entry["upper"])))[k]
                 upper[k] = min(upper[k], top)
-        if self.excess is None:  # one of both is fixed and bounds the other
+        if self.transforms.excess is None:  # one of both is fixed and bounds the other
             for k, name in enumerate(self.names):
                 if name == "coulomb" and "breakaway" in self.friction.parameters:
                     upper[k] = min(upper[k], np.log(self.friction.parameters["breakaway"]))
                 if name == "breakaway" and "coulomb" in self.friction.parameters:
                     lower[k] = max(lower[k], np.log(self.friction.parameters["coulomb"]))
         return lower, upper
-
-    def value(self, q: Array, data: Observations) -> Array:
-        """Friction at the rows of `data`, shape (n,), N."""
-        return self.value_and_jacobian(q, data)[0]
 
     def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
         """Friction and its derivative by the coordinates, shapes (n,) and (n, p)."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.characterise.spread import student
+from pneudrive.estimate.transforms import intervals as intervals_at
 from pneudrive.identify.dynamic.model_error import model_errors
-from pneudrive.identify.dynamic.parameters import numbers_of
+from pneudrive.identify.dynamic.parameters import Parameter, numbers_of
 from pneudrive.identify.dynamic.result import DriveFit, Series, fit_hash
-from pneudrive.identify.dynamic.uncertainty import intervals_of
 from pneudrive.identify.dynamic.undetermined import statements
 from pneudrive.numbers import plain
 from pneudrive.units import readable
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.fit import Attempt, Options, Solved
-    from pneudrive.identify.dynamic.parameters import Parameter
     from pneudrive.identify.dynamic.problem import Problem
     from pneudrive.identify.dynamic.search import Watcher
 
@@ -48,10 +47,14 @@ def assembled(
     problem, point, found = solved.problem, solved.point, solved.information
     values = problem.values(point.eta)
     names = problem.names
-    by_coordinate = problem.natural_jacobian(point.eta)
+    by_coordinate = problem.transforms.jacobian(point.eta)
     covariance = by_coordinate @ found.covariance(problem) @ by_coordinate.T
     reach = student(solved.freedom)
-    intervals = intervals_of(parameters, problem, values, reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    every = [*parameters, *problem.sensors]
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    lower = [p.lower if isinstance(p, Parameter) else -np.inf for p in every]
+    low, high = intervals_at(values, reach * spread, lower, [p.upper for p in every])
+    intervals = {n: (float(a), float(b)) for n, a, b in zip(names, low, high, strict=True)}
     statistics = _statistics(problem, solved, watcher)
     fit = DriveFit(
         values=dict(zip(names[: problem.drive_size], values.tolist(), strict=False)),

@@ -12,11 +12,11 @@ from pneudrive.characterise.plausible import check_plausible, refuse_standstill,
 from pneudrive.characterise.spread import robust_deviation, student
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.assemble import assembled
-from pneudrive.identify.dynamic.parameters import Candidates, Coordinates, Parameter, chosen
-from pneudrive.identify.dynamic.problem import Experiment, Point, Problem, sensor_parameters
+from pneudrive.identify.dynamic.parameters import Candidates, Parameter, chosen, transforms_of
+from pneudrive.identify.dynamic.problem import Experiment, Point, Problem
 from pneudrive.identify.dynamic.recordings import CHANNELS, channels_in
 from pneudrive.identify.dynamic.search import Joined, Progress, Watcher, join_segments, linearise, predict_segments
-from pneudrive.identify.dynamic.sensors import Channel, Delay, Sensor, channels_of, command_delay
+from pneudrive.identify.dynamic.sensors import Channel, Delay, Sensor, channels_of, command_delay, sensor_parameters
 from pneudrive.identify.dynamic.shooting import Shooter, segment_starts
 from pneudrive.identify.dynamic.states import measured_starts, observed, white_noise
 from pneudrive.identify.dynamic.uncertainty import Information, bootstrap, information, profile
@@ -304,7 +304,7 @@ def _problem(
     values: Array | None = None,
 ) -> tuple[Problem, Point]:
     """Cut the recordings, find where the segments begin, and put the problem together; `values` are the start's."""
-    coordinates, candidates = Coordinates(parameters, drive), Candidates(drive, parameters)
+    candidates = Candidates(drive, parameters)
     values = np.array([p.value for p in parameters]) if values is None else values
     experiments = []
     for record, names in zip(records, present, strict=True):
@@ -320,15 +320,17 @@ def _problem(
     free_sensors = sensor_parameters(
         list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay.free
     )
-    problem = Problem(coordinates, free_sensors, experiments)
+    transforms = transforms_of(parameters, free_sensors, drive)
+    problem = Problem(parameters, free_sensors, transforms, experiments)
     if options.robust:
         problem.huber_k = HUBER_K
     sensor_start = [
-        {"offset": 0.0, "delay": 0.0, "gain": 1.0}[s.kind] if s.kind != "lag" else np.log(described[s.channel].lag)
+        described[s.channel].lag if s.kind == "lag" else {"offset": 0.0, "delay": 0.0, "gain": 1.0}[s.kind]
         for s in free_sensors
     ]
-    eta = np.r_[coordinates.internal(values), sensor_start]
-    return problem, Point(eta, [e.starts.state.copy() for e in experiments])
+    return problem, Point(
+        transforms.internal(np.r_[values, sensor_start]), [e.starts.state.copy() for e in experiments]
+    )
 
 
 def _least_noise(channel: Channel, rtol: float) -> float:
@@ -435,10 +437,6 @@ def profile_of(solved: Solved, names: list[str]) -> dict[str, tuple[float, float
         )
         both = []
         for end in ends:
-            if not np.isfinite(end):
-                signed = index < problem.drive_size and np.isinf(problem.coordinates.parameters[index].lower)
-                both.append(end if signed or end > 0.0 else 0.0)
-                continue
             eta = solved.point.eta.copy()
             eta[index] = end
             both.append(float(problem.values(eta)[index]))

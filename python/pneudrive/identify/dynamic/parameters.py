@@ -17,6 +17,7 @@ from pneudrive.describe.circuit import compiled as compiled_circuit
 from pneudrive.describe.components import STATED, parameter_quantity
 from pneudrive.describe.derived import derived
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.transforms import Transforms
 from pneudrive.identify.dynamic import lines
 from pneudrive.simulate import compiled
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe import Drive
     from pneudrive.describe.derived import Derived
+    from pneudrive.identify.dynamic.sensors import SensorParameter
 
     Array = NDArray[np.float64]
 
@@ -187,74 +189,28 @@ def _without_unit(key: str) -> tuple[str, str]:
     return key, "1"
 
 
-class Coordinates:
-    """Between the free values and coordinates without bounds.
+def transforms_of(parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive) -> Transforms:
+    """Return the coordinates of free values of a drive and its sensors.
 
-    A positive value is estimated as its logarithm, one between two bounds as the logarithm of the odds, one that may
-    be negative as a multiple of a usual change. The breakaway force is the Coulomb force and an excess, so that it
-    never falls below.
+    The breakaway force is the Coulomb force and an excess, so that it never falls below; one of the two that is held
+    bounds the other.
     """
-
-    def __init__(self, parameters: Sequence[Parameter], drive: Drive) -> None:
-        self.parameters = list(parameters)
-        self.names = [p.name for p in parameters]
-        self._levels = dict(drive.friction.parameters)
-        self._coulomb = self._index("friction.coulomb")
-        self._breakaway = self._index("friction.breakaway")
-        self._upper = [p.upper for p in parameters]
-        if self._coulomb is not None and self._breakaway is None and "breakaway" in self._levels:
-            self._upper[self._coulomb] = self._levels["breakaway"]
-        if (linear := self._index("valve.critical_pressure_ratio")) is not None:
-            self._upper[linear] = drive.valve.linear_above
-
-    def _index(self, name: str) -> int | None:
-        return self.names.index(name) if name in self.names else None
-
-    def _is_excess(self, i: int) -> bool:
-        return i == self._breakaway and "coulomb" in self._levels
-
-    def _coulomb_of(self, values: Array) -> float:
-        return float(values[self._coulomb]) if self._coulomb is not None else self._levels["coulomb"]
-
-    def internal(self, values: Array) -> Array:
-        """Return coordinates of values in SI."""
-        q = np.empty(len(values))
-        for i, (p, value) in enumerate(zip(self.parameters, values, strict=True)):
-            if self._is_excess(i):
-                coulomb = self._coulomb_of(values)
-                q[i] = np.log(max(value - coulomb, _LEAST_EXCESS * coulomb))
-            elif np.isinf(p.lower):
-                q[i] = value / p.size
-            elif np.isfinite(upper := self._upper[i]):
-                inside = np.clip(value, p.lower + 1e-6 * (upper - p.lower), upper - 1e-6 * (upper - p.lower))
-                q[i] = np.log((inside - p.lower) / (upper - inside))
-            else:
-                q[i] = np.log(value - p.lower)
-        return q
-
-    def natural(self, q: Array) -> Array:
-        """Return values in SI."""
-        return self.natural_and_jacobian(q)[0]
-
-    def natural_and_jacobian(self, q: Array) -> tuple[Array, Array]:
-        """Return values in SI, shape (p,), and their derivatives by the coordinates, shape (p, p)."""
-        values, jacobian = np.empty(q.size), np.zeros((q.size, q.size))
-        for i, p in enumerate(self.parameters):
-            if np.isinf(p.lower):
-                values[i], jacobian[i, i] = p.size * q[i], p.size
-            elif np.isfinite(upper := self._upper[i]) and not self._is_excess(i):
-                share = 1.0 / (1.0 + np.exp(-q[i]))
-                values[i] = p.lower + (upper - p.lower) * share
-                jacobian[i, i] = (upper - p.lower) * share * (1.0 - share)
-            else:
-                lower = 0.0 if self._is_excess(i) else p.lower
-                jacobian[i, i] = np.exp(q[i])
-                values[i] = lower + jacobian[i, i]
-        if self._breakaway is not None and self._is_excess(self._breakaway):
-            values[self._breakaway] += self._coulomb_of(values)
-            if self._coulomb is not None:
-                jacobian[self._breakaway, self._coulomb] = jacobian[self._coulomb, self._coulomb]
-        return values, jacobian
+    names, held = [p.name for p in parameters], drive.friction.parameters
+    every = [*parameters, *sensors]
+    upper = np.array([p.upper for p in every])
+    place = {name: names.index(f"friction.{name}") for name in ("coulomb", "breakaway") if f"friction.{name}" in names}
+    if "coulomb" in place and "breakaway" not in place and "breakaway" in held:
+        upper[place["coulomb"]] = held["breakaway"]
+    if "valve.critical_pressure_ratio" in names:
+        upper[names.index("valve.critical_pressure_ratio")] = drive.valve.linear_above
+    return Transforms(
+        [p.lower for p in every],
+        upper,
+        [p.size if np.isinf(p.lower) else 1.0 for p in every],
+        excess=place.get("breakaway") if "coulomb" in held else None,
+        over=place.get("coulomb", held.get("coulomb", 0.0)),
+        least_excess=_LEAST_EXCESS,
+    )
 
 
 #: Relative step over which a derived value is differentiated by what it follows from.

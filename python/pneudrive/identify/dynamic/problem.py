@@ -13,32 +13,13 @@ from pneudrive.identify.dynamic.sensors import lagged
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.dynamic.parameters import Coordinates
-    from pneudrive.identify.dynamic.sensors import Channel
+    from pneudrive.estimate.transforms import Transforms
+    from pneudrive.identify.dynamic.parameters import Parameter
+    from pneudrive.identify.dynamic.sensors import Channel, SensorParameter
     from pneudrive.identify.dynamic.shooting import Shooter, Shot
     from pneudrive.identify.dynamic.states import Starts
 
     Array = NDArray[np.float64]
-
-
-#: Size of a usual delay of a valve, s: the unit of its coordinate (assumed).
-DELAY_SIZE_S = 2e-3
-
-
-@dataclass(frozen=True)
-class SensorParameter:
-    """A free number of a sensor: an offset of one recording or the delay of its command, or a gain or a lag of all.
-
-    The coordinate of an offset or a delay is that over `size`, of a gain the gain, of a lag its logarithm.
-    """
-
-    kind: str
-    channel: str
-    recording: int | None
-    name: str
-    unit: str
-    size: float
-    uncertainty: float
 
 
 @dataclass
@@ -77,15 +58,25 @@ class Problem:
 
     Parameters
     ----------
-    coordinates : Coordinates
-        Of the drive's free values.
+    parameters : list of Parameter
+        Free values of the drive.
     sensors : list of SensorParameter
+        Free values of its sensors.
+    transforms : Transforms
+        Coordinates of both.
     experiments : list of Experiment
     """
 
-    def __init__(self, coordinates: Coordinates, sensors: list[SensorParameter], experiments: list[Experiment]) -> None:
-        self.coordinates, self.sensors, self.experiments = coordinates, sensors, experiments
-        self.drive_size = len(coordinates.names)
+    def __init__(
+        self,
+        parameters: list[Parameter],
+        sensors: list[SensorParameter],
+        transforms: Transforms,
+        experiments: list[Experiment],
+    ) -> None:
+        self.parameters, self.sensors, self.transforms = parameters, sensors, transforms
+        self.experiments = experiments
+        self.drive_size = len(parameters)
         self.size = self.drive_size + len(sensors)
         #: Coordinates that are known before the fit, and how precisely: 0 where nothing is known.
         self.prior_mean = np.zeros(self.size)
@@ -105,20 +96,11 @@ class Problem:
     @property
     def names(self) -> list[str]:
         """Of the global coordinates."""
-        return [*self.coordinates.names, *(s.name for s in self.sensors)]
+        return [p.name for p in (*self.parameters, *self.sensors)]
 
     def values(self, eta: Array) -> Array:
         """Free values of the drive and the sensors, SI."""
-        return np.r_[self.coordinates.natural(eta[: self.drive_size]), self._sensor_values(eta)]
-
-    def natural_jacobian(self, eta: Array) -> Array:
-        """Return the derivatives of the values by the coordinates, shape (size, size)."""
-        out = np.zeros((self.size, self.size))
-        p = self.drive_size
-        out[:p, :p] = self.coordinates.natural_and_jacobian(eta[:p])[1]
-        for i, s in enumerate(self.sensors, start=p):
-            out[i, i] = {"offset": s.size, "delay": s.size, "gain": 1.0, "lag": np.exp(eta[i])}[s.kind]
-        return out
+        return self.transforms.natural(eta)
 
     def prior_cost(self, eta: Array) -> float:
         """Cost of being away from what is known before the fit."""
@@ -146,27 +128,20 @@ class Problem:
                 count[channel.name] = count.get(channel.name, 0.0) + float(experiment.weight[:, c].sum())
         return {name: float(np.sqrt(power[name] / max(count[name], 1.0))) for name in power}
 
-    def _sensor_values(self, eta: Array) -> Array:
-        q = eta[self.drive_size :]
-        return np.array(
-            [
-                q[i] * s.size if s.kind in ("offset", "delay") else np.exp(q[i]) if s.kind == "lag" else q[i]
-                for i, s in enumerate(self.sensors)
-            ]
-        )
-
     def run(self, point: Point, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
         """Run all recordings; a text says why a segment could not be run.
 
         With `reset`, derivatives by the starts are by what nothing measures, as only that is carried over.
         """
-        values = self.coordinates.natural(point.eta[: self.drive_size])
+        values = self.values(point.eta)
         shots = []
         for i, (experiment, states) in enumerate(zip(self.experiments, point.states, strict=True)):
             place = self._delay_of(i)
-            delay_s = None if place is None else float(self._sensor_values(point.eta)[place - self.drive_size])
+            delay_s = None if place is None else float(values[place])
             hidden = np.flatnonzero(~experiment.starts.measured) if reset else None
-            shot = experiment.shooter.run(values, states, derivatives=derivatives, by_start=hidden, delay_s=delay_s)
+            shot = experiment.shooter.run(
+                values[: self.drive_size], states, derivatives=derivatives, by_start=hidden, delay_s=delay_s
+            )
             if shot.failures:
                 j, why = next(iter(shot.failures.items()))
                 record = experiment.shooter.recording
@@ -182,7 +157,7 @@ class Problem:
     def by_coordinates(self, index: int, shot_by_parameter: Array, eta: Array) -> Array:
         """Turn derivatives of a recording by the drive's values and the delay (last axis) into such by coordinates."""
         p = self.drive_size
-        jacobian = self.coordinates.natural_and_jacobian(eta[:p])[1]
+        jacobian = self.transforms.jacobian(eta)[:p, :p]
         out = np.zeros((*shot_by_parameter.shape[:-1], self.size))
         out[..., :p] = shot_by_parameter[..., :p] @ jacobian
         if (place := self._delay_of(index)) is not None:
@@ -215,12 +190,15 @@ class Problem:
         derivatives : ndarray, shape (n, c, P + more)
             Of the model, over the noise.
         """
-        experiment = self.experiments[index]
+        experiment, values = self.experiments[index], self.values(eta)
         time = experiment.shooter.recording.time_s[where]
         model, slopes = np.empty_like(outputs), np.empty_like(derivatives)
         for c, channel in enumerate(experiment.channels):
             number = {s.kind: i for i, s in enumerate(self.sensors) if self._is_of(s, channel.name, index)}
-            gain, lag, offset = (self._sensor(eta, number, k, getattr(channel, k)) for k in ("gain", "lag", "offset"))
+            gain, lag, offset = (
+                float(values[self.drive_size + number[k]]) if k in number else getattr(channel, k)
+                for k in ("gain", "lag", "offset")
+            )
             h = lagged(time, outputs[:, c], lag)
             model[:, c] = gain * h + offset
             slopes[:, c] = gain * lagged(time, derivatives[:, c], lag)
@@ -239,36 +217,3 @@ class Problem:
     @staticmethod
     def _is_of(s: SensorParameter, channel: str, index: int) -> bool:
         return s.channel == channel and s.recording in (None, index)
-
-    def _sensor(self, eta: Array, number: dict[str, int], kind: str, fixed: float) -> float:
-        if kind not in number:
-            return fixed
-        s, q = self.sensors[number[kind]], eta[self.drive_size + number[kind]]
-        return float(q * s.size if kind == "offset" else np.exp(q) if kind == "lag" else q)
-
-
-def sensor_parameters(
-    channels: list[Channel], recordings: list[str], present: list[set[str]], *, delay: bool = False
-) -> list[SensorParameter]:
-    """List the free numbers of the sensors: an offset for each recording that has the channel; gain and lag once.
-
-    With `delay`, that of each recording's command, too.
-    """
-    which = {i: f" [{name}]" if len(recordings) > 1 else "" for i, name in enumerate(recordings)}
-    out = [
-        SensorParameter("delay", "command", i, f"command.delay{of}", "s", DELAY_SIZE_S, np.inf)
-        for i, of in which.items()
-        if delay
-    ]
-    for channel in channels:
-        for i in which:
-            if "offset" in channel.free and channel.name in present[i]:
-                of = f"{channel.name}.offset{which[i]}"
-                size = channel.offset_spread
-                out.append(
-                    SensorParameter("offset", channel.name, i, of, channel.unit, size, channel.offset_uncertainty)
-                )
-        for kind, unit in (("gain", "1"), ("lag", "s")):
-            if kind in channel.free:
-                out.append(SensorParameter(kind, channel.name, None, f"{channel.name}.{kind}", unit, 1.0, np.inf))
-    return out

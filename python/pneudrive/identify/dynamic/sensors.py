@@ -176,6 +176,56 @@ def _made(name: str, given: Sensor | Mapping[str, Any]) -> Sensor:
     return Sensor(**given)
 
 
+#: Size of a usual delay of a valve, s: the unit of its coordinate (assumed).
+DELAY_SIZE_S = 2e-3
+
+
+@dataclass(frozen=True)
+class SensorParameter:
+    """A free number of a sensor: an offset of one recording or the delay of its command, or a gain or a lag of all."""
+
+    kind: str
+    channel: str
+    recording: int | None
+    name: str
+    unit: str
+    size: float
+    uncertainty: float
+    upper: float = np.inf
+
+    @property
+    def lower(self) -> float:
+        """Only a lag has a bound."""
+        return 0.0 if self.kind == "lag" else -np.inf
+
+
+def sensor_parameters(
+    channels: list[Channel], recordings: list[str], present: list[set[str]], *, delay: bool = False
+) -> list[SensorParameter]:
+    """List the free numbers of the sensors: an offset for each recording that has the channel; gain and lag once.
+
+    With `delay`, that of each recording's command, too.
+    """
+    which = {i: f" [{name}]" if len(recordings) > 1 else "" for i, name in enumerate(recordings)}
+    out = [
+        SensorParameter("delay", "command", i, f"command.delay{of}", "s", DELAY_SIZE_S, np.inf)
+        for i, of in which.items()
+        if delay
+    ]
+    for channel in channels:
+        for i in which:
+            if "offset" in channel.free and channel.name in present[i]:
+                of = f"{channel.name}.offset{which[i]}"
+                size = channel.offset_spread
+                out.append(
+                    SensorParameter("offset", channel.name, i, of, channel.unit, size, channel.offset_uncertainty)
+                )
+        for kind, unit in (("gain", "1"), ("lag", "s")):
+            if kind in channel.free:
+                out.append(SensorParameter(kind, channel.name, None, f"{channel.name}.{kind}", unit, 1.0, np.inf))
+    return out
+
+
 def lagged(time_s: Array, values: Array, lag_s: float) -> Array:
     """Pass columns through a lag of first order, exactly for values that are straight between the samples.
 

@@ -13,7 +13,6 @@ from pneudrive.identify.dynamic.search import SINGULAR_SHARE, Joined, join_segme
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.dynamic.parameters import Parameter
     from pneudrive.identify.dynamic.problem import Point, Problem
 
     Array = NDArray[np.float64]
@@ -86,34 +85,6 @@ def information(problem: Problem, at: Joined) -> Information:
             r = residual[weight[:, c] > 0.0, c]
             inflation[i, c] = (float(np.mean(r**2)), correlation_time(r))
     return Information(slopes, at.residuals, matrix, inverse, axes[:, ~good].T, inflation)
-
-
-def intervals_of(
-    parameters: list[Parameter], problem: Problem, values: Array, reach: Array
-) -> dict[str, tuple[float, float]]:
-    """Intervals on the scale on which each value is free: a positive one stays positive.
-
-    Parameters
-    ----------
-    values, reach : ndarray, shape (P,)
-        Free values, SI, and half the widths of their intervals to first order.
-    """
-    out = {}
-    for p, value, r in zip(parameters, values, reach, strict=False):
-        if np.isinf(p.lower):
-            out[p.name] = (value - r, value + r)
-        elif np.isinf(p.upper):
-            above = value - p.lower
-            factor = np.exp(min(r / above, 700.0))
-            out[p.name] = (p.lower + above / factor, p.lower + above * factor)
-        else:
-            odds = (value - p.lower) / (p.upper - value)
-            factor = np.exp(min(r * (p.upper - p.lower) / ((value - p.lower) * (p.upper - value)), 700.0))
-            ends = [o / (1.0 + o) for o in (odds / factor, odds * factor)]
-            out[p.name] = tuple(p.lower + (p.upper - p.lower) * e for e in ends)
-    for s, value, r in zip(problem.sensors, values[len(parameters) :], reach[len(parameters) :], strict=True):
-        out[s.name] = (value - r, value + r)
-    return {n: (float(a), float(b)) for n, (a, b) in out.items()}
 
 
 def correlation_time(residual: Array) -> float:

@@ -1,0 +1,144 @@
+"""Between values within bounds and coordinates without any, in which a search may step freely.
+
+    signed                x = size q
+    above a bound         x = lower + exp(q)
+    between two bounds    x = lower + (upper - lower) / (1 + exp(-q))
+    an excess             x = base + exp(q), base another value or a number
+
+The Jacobians are exact. Intervals to first order are taken on the scale of the coordinate: of a positive value on that
+of its logarithm, of one between two bounds on that of the logarithm of its odds [bates1988].
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+#: Share of the room between two bounds that a coordinate keeps from each.
+MARGIN = 1e-6
+#: Exponents of the factors of an interval stay below this.
+MOST_EXPONENT = 700.0
+
+
+class Transforms:
+    """Coordinates of p values.
+
+    Parameters
+    ----------
+    lower, upper : array_like, shape (p,)
+        Open bounds; a value without a lower one is signed.
+    size : array_like, shape (p,)
+        Size of a usual change of a signed value.
+    excess : int, optional
+        Value whose excess over another one is positive.
+    over : int or float
+        That other one: its place, or a number that stays.
+    least_excess : float
+        Share of that other one to which an excess is raised that is not positive.
+
+    Examples
+    --------
+    >>> scales = Transforms([0.0, 0.0], excess=1, over=0)
+    >>> q = scales.internal([30.0, 40.0])
+    >>> q.round(3), scales.natural(q).round(9)
+    (array([3.401, 2.303]), array([30., 40.]))
+    >>> scales.jacobian(q).round(9)
+    array([[30.,  0.],
+           [30., 10.]])
+    """
+
+    def __init__(
+        self,
+        lower: ArrayLike,
+        upper: ArrayLike = np.inf,
+        size: ArrayLike = 1.0,
+        *,
+        excess: int | None = None,
+        over: float = 0,
+        least_excess: float = 1e-9,
+    ) -> None:
+        lower = np.array(lower, dtype=np.float64)
+        self.lower, self.upper, self.size = (np.array(np.broadcast_to(x, lower.shape)) for x in (lower, upper, size))
+        self.excess, self.over, self.least_excess = excess, over, least_excess
+        if excess is not None:
+            self.lower[excess], self.upper[excess] = 0.0, np.inf
+        self.signed = np.isinf(self.lower)
+        self._odds = ~self.signed & np.isfinite(self.upper)
+        self._log = ~self.signed & ~self._odds
+
+    def _base(self, values: Array) -> float:
+        return float(values[self.over]) if isinstance(self.over, int) else self.over
+
+    def internal(self, values: ArrayLike) -> Array:
+        """Return the coordinates of values, shape (p,)."""
+        x = np.array(values, dtype=np.float64)
+        if self.excess is not None:
+            base = self._base(x)
+            x[self.excess] = max(x[self.excess] - base, self.least_excess * max(abs(base), 1e-12))
+        q = x / self.size
+        q[self._log] = np.log((x - self.lower)[self._log])
+        if self._odds.any():
+            low, high = self.lower[self._odds], self.upper[self._odds]
+            inside = np.clip(x[self._odds], low + MARGIN * (high - low), high - MARGIN * (high - low))
+            q[self._odds] = np.log((inside - low) / (high - inside))
+        return q
+
+    def natural(self, q: Array) -> Array:
+        """Return the values at coordinates, shape (p,)."""
+        x = self.size * q
+        x[self._log] = self.lower[self._log] + np.exp(q[self._log])
+        if self._odds.any():
+            low, high = self.lower[self._odds], self.upper[self._odds]
+            x[self._odds] = low + (high - low) * (1.0 / (1.0 + np.exp(-q[self._odds])))
+        if self.excess is not None:
+            x[self.excess] += self._base(x)
+        return x
+
+    def jacobian(self, q: Array) -> Array:
+        """Return the derivatives of the values by the coordinates, shape (p, p)."""
+        slope = self.size.copy()
+        slope[self._log] = np.exp(q[self._log])
+        if self._odds.any():
+            share = 1.0 / (1.0 + np.exp(-q[self._odds]))
+            slope[self._odds] = (self.upper - self.lower)[self._odds] * share * (1.0 - share)
+        out = np.diag(slope)
+        if self.excess is not None and isinstance(self.over, int):
+            out[self.excess, self.over] = slope[self.over]
+        return out
+
+
+def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = np.inf) -> tuple[Array, Array]:
+    """Return the ends of intervals to first order on the scales of the coordinates, shape (p,) each.
+
+    Parameters
+    ----------
+    values, reach : ndarray, shape (p,)
+        Values within their bounds, and half the widths of their intervals to first order.
+    lower, upper : array_like, shape (p,)
+        Bounds, as of `Transforms`.
+
+    Examples
+    --------
+    >>> low, high = intervals(np.array([10.0, -1.0]), np.array([2.0, 3.0]), [0.0, -np.inf])
+    >>> low.round(3), high.round(3)
+    (array([ 8.187, -4.   ]), array([12.214,  2.   ]))
+    """
+    lower, upper = (np.broadcast_to(np.asarray(x, dtype=np.float64), values.shape) for x in (lower, upper))
+    low, high = values - reach, values + reach
+    for k in np.flatnonzero(np.isfinite(lower)):
+        above = values[k] - lower[k]
+        if np.isinf(upper[k]):
+            factor = np.exp(min(reach[k] / above, MOST_EXPONENT))
+            low[k], high[k] = lower[k] + above / factor, lower[k] + above * factor
+            continue
+        room, below = upper[k] - lower[k], upper[k] - values[k]
+        factor = np.exp(min(reach[k] * room / (above * below), MOST_EXPONENT))
+        odds = above / below
+        low[k], high[k] = (lower[k] + room * (o / (1.0 + o)) for o in (odds / factor, odds * factor))
+    return low, high
