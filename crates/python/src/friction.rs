@@ -2,8 +2,9 @@
 
 use crate::convert::{Table, detached, parse, to_python};
 use circuit::{friction_law, own_law, specification, steady_sensitivity};
+use math::Dual;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
-use physics::friction::{At, LAWS, Meta};
+use physics::friction::{At, Growth, LAWS, Meta};
 use physics::written::Refusal;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -149,4 +150,27 @@ pub fn steady_friction_sensitivity<'py>(
     let (forces, derivatives) = detached(py, |_| steady_sensitivity(&json, &parameters, &names, &places))?;
     let table = PyArray1::from_vec(py, derivatives).reshape([n, names.len()])?;
     Ok((PyArray1::from_vec(py, forces), table))
+}
+
+/// Growth of friction with age (`saturating`, `log`, `hyperbolic`), for an increment of 1, at each age, s, and its
+/// derivatives by age, time and exponent; shape (ages, 4).
+#[pyfunction]
+pub fn dwell_growth<'py>(
+    py: Python<'py>,
+    growth: &str,
+    age: PyReadonlyArray1<'py, f64>,
+    time: f64,
+    exponent: f64,
+) -> PyResult<Table<'py>> {
+    let growth = Growth::ALL
+        .into_iter()
+        .find(|known| known.key() == growth)
+        .ok_or_else(|| PyValueError::new_err(format!("there is no growth {growth:?}")))?;
+    let [time, exponent] = [(time, 1), (exponent, 2)].map(|(value, i)| Dual::<f64, 3>::variable(value, i));
+    let ages = age.as_array();
+    let rows = ages.iter().flat_map(|&age| {
+        let psi = growth.at(Dual::variable(age, 0) / time, exponent);
+        [psi.re, psi.eps[0], psi.eps[1], psi.eps[2]]
+    });
+    PyArray1::from_iter(py, rows).reshape([ages.len(), 4])
 }

@@ -52,6 +52,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(network::formula_component, m)?)?;
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;
     m.add_function(wrap_pyfunction!(friction::formula_law, m)?)?;
+    m.add_function(wrap_pyfunction!(friction::dwell_growth, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction_sensitivity, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;

@@ -161,11 +161,9 @@ def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
     for key, value in table.items():
         if value is None or (isinstance(value, list | tuple | dict) and not len(value)):
             continue
-        if is_dataclass(value) and not isinstance(value, type):
+        if is_dataclass(value) or isinstance(value, dict):
             inner.append((key, _fields(value)))
-        elif isinstance(value, dict):
-            inner.append((key, value))
-        elif isinstance(value, list | tuple) and is_dataclass(value[0]):
+        elif isinstance(value, list | tuple) and (is_dataclass(value[0]) or isinstance(value[0], dict)):
             lists.append((key, [_fields(item) for item in value]))
         else:
             plain.append(f"{_key(key)} = {_value(value)}")
@@ -179,7 +177,7 @@ def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
 
 
 def _fields(value: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the results' dataclasses
-    return {field.name: getattr(value, field.name) for field in fields(value)}
+    return value if isinstance(value, dict) else {field.name: getattr(value, field.name) for field in fields(value)}
 
 
 def _value(value: Any) -> str:  # noqa: ANN401

@@ -1,4 +1,8 @@
-"""Least squares of laws that are linear but for a shape: all shapes of a grid at once."""
+"""Least squares of laws that are linear but for a shape: all shapes of a grid at once, and intervals by their profile.
+
+At each shape the best coefficients follow in one step, so that the profile over the shape needs no repeated fits, and
+an interval is open where the data set no bound.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.estimate.estimates import student
+
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -22,6 +30,7 @@ class Scan:
 
     Attributes
     ----------
+    shape : ndarray, shape (g, k)
     cost : ndarray, shape (g,)
         Sum of squared whitened residuals.
     coefficient : ndarray, shape (g, p)
@@ -29,6 +38,7 @@ class Scan:
         Of the coefficients, for unit variance.
     """
 
+    shape: Array
     cost: Array
     coefficient: Array
     covariance: Array
@@ -38,16 +48,63 @@ class Scan:
         """Index of the best shape."""
         return int(np.argmin(self.cost))
 
+    def scale(self, freedom: float, least: float = 0.0) -> float:
+        """Variance of the whitened residuals, no smaller than `least`."""
+        return max(float(self.cost[self.best]) / freedom, least)
 
-def scan(designs: Array, values: Array) -> Scan:
+    def rise(self, freedom: float, least: float = 0.0) -> float:
+        """Rise of the cost at the ends of the 95 % interval of one quantity."""
+        return self.scale(freedom, least) * student(freedom) ** 2
+
+    def inside(self, rise: float) -> NDArray[np.intp]:
+        """Shapes whose cost is above the least one by no more than `rise`."""
+        return np.flatnonzero(self.cost <= self.cost[self.best] + rise)
+
+    def interval(self, rows: Array, rise: float) -> tuple[float, float]:
+        """Give the ends of a linear function of the coefficients over all shapes that the data allow.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (g, p) or (p,)
+        rise : float
+        """
+        inside = self.inside(rise)
+        rows = np.broadcast_to(rows, self.coefficient.shape)[inside]
+        slack = np.maximum(self.cost[self.best] + rise - self.cost[inside], 0.0)
+        value = np.einsum("gi,gi->g", rows, self.coefficient[inside])
+        variance = np.einsum("gi,gij,gj->g", rows, self.covariance[inside], rows)
+        reach = np.sqrt(slack) * np.sqrt(np.maximum(variance, 0.0))
+        return float((value - reach).min()), float((value + reach).max())
+
+    def shape_interval(self, k: int, rise: float, sought: tuple[float, float]) -> tuple[float, float]:
+        """Give the ends of a number of the shape; 0 or inf where they reach the end of what was sought."""
+        allowed = self.shape[self.inside(rise), k]
+        low, high = float(allowed.min()), float(allowed.max())
+        return (
+            0.0 if low <= sought[0] * (1.0 + 1e-9) else low,
+            float("inf") if high >= sought[1] * (1.0 - 1e-9) else high,
+        )
+
+
+def scan(shape: Array, designs: Array, values: Array) -> Scan:
     """Fit at every shape.
 
     Parameters
     ----------
+    shape : ndarray, shape (g, k)
     designs : ndarray, shape (g, n, p)
         Whitened.
     values : ndarray, shape (n,)
         Whitened.
+
+    Examples
+    --------
+    A decay over a length of 2, among three lengths:
+
+    >>> x, lengths = np.arange(6.0), np.array([[1.0], [2.0], [4.0]])
+    >>> found = scan(lengths, np.exp(-x / lengths)[:, :, None], 3.0 * np.exp(-x / 2.0))
+    >>> found.shape[found.best].tolist(), found.coefficient[found.best].round(6).tolist()
+    ([2.0], [3.0])
     """
     size = np.linalg.norm(designs, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
@@ -57,4 +114,35 @@ def scan(designs: Array, values: Array) -> Scan:
     rest = values - np.einsum("gnp,gp->gn", scaled, found)
     factor = size[:, 0, :]
     covariance = (inverse @ inverse.swapaxes(1, 2)) / (factor[:, :, None] * factor[:, None, :])
-    return Scan(np.einsum("gn,gn->g", rest, rest), found / factor, covariance)
+    return Scan(shape, np.einsum("gn,gn->g", rest, rest), found / factor, covariance)
+
+
+def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callable[[Scan], float]) -> Scan:
+    """Scan over a first number of the shape, then over `count` of them where the first scan allows them.
+
+    Parameters
+    ----------
+    at : callable
+        Numbers -> scan of shapes that begin with them.
+    coarse : ndarray
+        Ascending, in logarithmic steps.
+    count : int
+    rise : callable
+        Scan -> rise of the cost that is allowed.
+    """
+    first = at(coarse)
+    allowed = np.searchsorted(coarse, first.shape[first.inside(rise(first)), 0])
+    low, high = max(int(allowed.min()) - 1, 0), min(int(allowed.max()) + 1, coarse.size - 1)
+    return at(np.geomspace(coarse[low], coarse[high], count))
+
+
+def corrected_criterion(deviance: float, parameters: int, n: int) -> float:
+    """Give Akaike's criterion corrected for few data [burnham2002]; inf where data do not outnumber parameters.
+
+    Examples
+    --------
+    >>> corrected_criterion(10.0, 2, 8)
+    16.4
+    """
+    spare = n - parameters - 1
+    return float(deviance + 2 * parameters + 2 * parameters * (parameters + 1) / spare) if spare > 0 else float("inf")

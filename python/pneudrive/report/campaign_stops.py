@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.characteristics import CampaignCharacteristics, Estimate
-    from pneudrive.characteristics.stops.dwell_forms import LawFit
+    from pneudrive.characteristics.stops.dwell_forms import DwellLawFit
     from pneudrive.characteristics.stops.dwell_law import DwellSeries
     from pneudrive.characteristics.stops.stop import Stop, Trace
     from pneudrive.report.page import Block, Section
@@ -118,7 +118,7 @@ def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[Dwel
         yield topic.table((row for s in under_pressure for row in _pressures(s)), "pressures")
 
 
-def best_of(laws: tuple[LawFit, ...], *, saturates: bool) -> LawFit | None:
+def best_of(laws: tuple[DwellLawFit, ...], *, saturates: bool) -> DwellLawFit | None:
     """Return the best law that saturates, or that does not."""
     return next((law for law in laws if law.form.saturates == saturates and law.name != "none"), None)
 
@@ -144,7 +144,7 @@ def draw_dwell(found: CampaignCharacteristics, shown: list[DwellSeries]) -> Figu
     return figure
 
 
-def _law_label(law: LawFit) -> str:
+def _law_label(law: DwellLawFit) -> str:
     return f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
 
 
@@ -160,12 +160,12 @@ def _slopes(found: CampaignCharacteristics, s: DwellSeries) -> Iterator[tuple]:
 def _laws(s: DwellSeries) -> Iterator[tuple]:
     least = min(law.bic for law in s.laws)
     for law in s.laws:
-        shape = "; ".join(_shape(law, *one) for one in law.form.shape) or None
+        shape = "; ".join(_shape(law, *one) for one in law.form.units.items()) or None
         slope = f"{law.slope_n:.3g} ({law.slope_low_n:.3g} … {law.slope_high_n:.3g})"
         yield f"{law.form.title}: {law.form.formula}", shape, slope, law.delta, law.bic - least, law.weight
 
 
-def _shape(law: LawFit, name: str, unit: str) -> str:
+def _shape(law: DwellLawFit, name: str, unit: str) -> str:
     low, high = law.shape_intervals[name]
     lower = f"{low:.2g}" if low > 0 else "open"
     upper = f"{high:.2g}" if np.isfinite(high) else "open"

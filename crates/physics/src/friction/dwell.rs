@@ -33,6 +33,19 @@ impl Growth {
             Growth::Hyperbolic => "armstrong1994",
         }
     }
+
+    /// Psi at phi/tau; the exponent is that of the saturating growth.
+    #[inline(always)]
+    pub fn at<S: Real>(self, ratio: S, exponent: S) -> S {
+        match self {
+            Growth::Saturating => S::one() - (-ratio.max(S::c(SMALLEST_RATIO)).pow(exponent)).exp(),
+            Growth::Logarithmic => (S::one() + ratio.max(S::zero())).ln(),
+            Growth::Hyperbolic => {
+                let ratio = ratio.max(S::zero());
+                ratio / (ratio + S::one())
+            }
+        }
+    }
 }
 
 /// (phi/tau) below this is taken as this in the saturating growth, whose slope at zero would be infinite: it
@@ -127,17 +140,7 @@ impl<P: Real> Dwell<P> {
     /// Psi(phi).
     #[inline(always)]
     fn growth<S: Over<P>>(&self, age: S) -> S {
-        let ratio = age / S::from(self.time);
-        match self.growth {
-            Growth::Saturating => {
-                S::one() - (-ratio.max(S::c(SMALLEST_RATIO)).pow(S::from(self.exponent))).exp()
-            }
-            Growth::Logarithmic => (S::one() + ratio.max(S::zero())).ln(),
-            Growth::Hyperbolic => {
-                let ratio = ratio.max(S::zero());
-                ratio / (ratio + S::one())
-            }
-        }
+        self.growth.at(age / S::from(self.time), S::from(self.exponent))
     }
 
     /// Fd at the age phi, N.

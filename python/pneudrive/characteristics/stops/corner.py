@@ -113,14 +113,14 @@ def _window(friction: Array, top: int, depth: float) -> slice | None:
 
 
 def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float, float] | None:
-    grid, found, weight = _places(friction, top, many_n)
-    if found.cost[found.best] > FITS * (friction.size - 6.0) * one_n**2 or grid[found.best][1] > SHARP:
+    found, weight = _places(friction, top, many_n)
+    if found.cost[found.best] > FITS * (friction.size - 6.0) * one_n**2 or found.shape[found.best, 1] > SHARP:
         return None
     chosen = np.flatnonzero(weight > 1e-3)
     even = np.linspace(0.0, friction.size - 1.0, FINE * friction.size)
     heights, variances = [], []
     for i in chosen:
-        columns = _columns(np.append(even, grid[i][0]), *grid[i])
+        columns = _columns(np.append(even, found.shape[i, 0]), *found.shape[i])
         values = columns @ found.coefficient[i]
         at = int(np.argmax(values))
         heights.append(float(values[at]))
@@ -130,13 +130,13 @@ def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float,
     return height, float(np.sqrt(share @ (np.array(variances) + (np.array(heights) - height) ** 2)))
 
 
-def _places(friction: Array, top: int, many_n: float) -> tuple[list[tuple[float, float]], Scan, Array]:
+def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
     """Fit corners of all places and roundnesses, the places as close as the samples tell them, and weigh each."""
     low, high = max(top - 6.0, 0.5), top + 6.0
     tried = _scanned(friction, low, high, many_n)
     for _ in range(FINER):
-        grid, _, weight = tried
-        step, corner = (high - low) / (PLACES - 1), np.array([c for c, _ in grid])
+        found, weight = tried
+        step, corner = (high - low) / (PLACES - 1), found.shape[:, 0]
         share = weight / weight.sum()
         middle = float(share @ corner)
         if share @ (corner - middle) ** 2 > (KNOWN * step) ** 2:
@@ -146,11 +146,11 @@ def _places(friction: Array, top: int, many_n: float) -> tuple[list[tuple[float,
     return tried
 
 
-def _scanned(friction: Array, low: float, high: float, many_n: float) -> tuple[list[tuple[float, float]], Scan, Array]:
+def _scanned(friction: Array, low: float, high: float, many_n: float) -> tuple[Scan, Array]:
     t = np.arange(friction.size, dtype=float)
     grid = [(float(c), s) for s in ROUNDNESS for c in np.linspace(low, high, PLACES)]
-    found = scan(np.stack([_columns(t, c, s) for c, s in grid]), friction)
-    return grid, found, np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
+    found = scan(np.array(grid), np.stack([_columns(t, c, s) for c, s in grid]), friction)
+    return found, np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
 
 
 def _columns(t: Array, corner: float, roundness: float) -> Array:

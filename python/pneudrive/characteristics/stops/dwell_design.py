@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.stops.dwell_forms import FORMS
+from pneudrive.characteristics.stops.dwell_forms import FORMS, DwellForm
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.optimal import Candidates, exchange, information
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -102,15 +100,14 @@ def design_stops(
     -------
     StopDesign
     """
-    laws = {one.name: one for one in FORMS if one.shape}
+    laws = {one.name: one for one in FORMS if one.growth}
     if form not in laws:
         raise FitError(f"there is no dwell law {form!r}", remedy=nearest(form, laws))
     if not (0.0 < range_s[0] < range_s[1] and scale_s > 0.0 and factor >= 1.0 and noise_n > 0.0):
         raise FitError("durations, time constant and noise are positive, and a factor is 1 or more")
-    psi, count = laws[form].psi, len(laws[form].shape)
     t = np.geomspace(*range_s, DURATIONS)
     t = np.array([float(f"{v:.{DIGITS}g}") for v in t])
-    gradients = np.array([_gradient(psi, t, scale_s * factor**z, count, increment_n) for z in DRAWS]) / noise_n
+    gradients = np.array([_gradient(laws[form], t, scale_s * factor**z, increment_n) for z in DRAWS]) / noise_n
     size = gradients.shape[2]
     candidates = Candidates(gradients, np.zeros((DRAWS.size, size, size)))
     chosen = exchange(candidates, max(stops, size))
@@ -129,13 +126,9 @@ def design_stops(
     )
 
 
-def _gradient(psi: Callable[..., Array], t: Array, scale: float, count: int, increment: float) -> Array:
+def _gradient(form: DwellForm, t: Array, scale: float, increment: float) -> Array:
     """Differentiate by level, increment, ln of the time constant and ln of the exponent, shape (c, p)."""
-    shape = (scale,) if count == 1 else (scale, KATO_M)
-    columns = [np.ones(t.size), psi(t, *shape)]
-    h = 1e-5
-    for k in range(count):
-        up = [s * np.exp(h * (i == k)) for i, s in enumerate(shape)]
-        down = [s * np.exp(-h * (i == k)) for i, s in enumerate(shape)]
-        columns.append(increment * (psi(t, *up) - psi(t, *down)) / (2.0 * h))
-    return np.column_stack(columns)
+    shape = (scale, KATO_M)[: len(form.units)]
+    psi, _, by_time, by_exponent = form.derivatives(t, *shape).T
+    logarithmic = [increment * d * s for d, s in zip((by_time, by_exponent), shape, strict=False)]
+    return np.column_stack([np.ones(t.size), psi, *logarithmic])

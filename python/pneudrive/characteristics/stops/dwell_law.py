@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.characteristics.sentences import say
 from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
-from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, LawFit, fit_forms
+from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, DwellLawFit, fit_forms
 from pneudrive.characteristics.stops.stop import SPOILING
 from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.show import Shown
@@ -93,7 +93,7 @@ class DwellSeries(Shown):
         For the curves below.
     increment_n, low_n, high_n : ndarray, shape (C, m)
         Law-free curve with its pointwise 95 % band at each condition.
-    laws : tuple of LawFit
+    laws : tuple of DwellLawFit
         Best first; empty where fewer than three durations were run.
     pressure : DwellPressure or None
     scatter_n, block_n : float
@@ -121,7 +121,7 @@ class DwellSeries(Shown):
     increment_n: Array
     low_n: Array
     high_n: Array
-    laws: tuple[LawFit, ...]
+    laws: tuple[DwellLawFit, ...]
     pressure: DwellPressure | None
     scatter_n: float
     block_n: float

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import Estimate, student
-from pneudrive.estimate.separable import Scan, scan
+from pneudrive.estimate.separable import Scan, refined, scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -132,25 +132,22 @@ def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery
     start = float(np.average(y[first], weights=sigma[first] ** -2))
     if start < SIGNIFICANT * float(np.hypot(sigma[first].min(), running_stderr_n)):
         return None
-    limits = float(s[0]), 3.0 * float(s[-1])
-    lengths, found = _near(s, y, sigma, limits)
-    best, costs = found.best, found.cost
     freedom = s.size - 3
-    scale = max(float(costs[best]) / freedom, 1.0)
-    inside = costs <= costs[best] + scale * student(freedom) ** 2
+    coarse = np.geomspace(float(s[0]), 3.0 * float(s[-1]), LENGTHS)
+    found = refined(lambda at: _scan(s, y, sigma, at), coarse, LENGTHS, lambda one: one.rise(freedom, 1.0))
+    lengths = found.shape[:, 0]
     back = lengths * np.log(1.0 / BACK)
-    seen = float(s[-1])
-    low, high = float(back[inside].min()), float(back[inside].max())
-    rest = y - np.c_[np.exp(-s / lengths[best]), np.ones(s.size)] @ found.coefficient[best]
-    strange = float(costs[best]) > freedom + 3.0 * np.sqrt(2.0 * freedom)
+    inside = back[found.inside(found.rise(freedom, 1.0))]
+    best, cost, (drop, left) = found.best, float(found.cost[found.best]), found.coefficient[found.best].tolist()
+    rest = y - drop * np.exp(-s / lengths[best]) - left
+    strange = cost > freedom + 3.0 * np.sqrt(2.0 * freedom)
     exponential = not (strange and float(np.sqrt(np.mean(rest**2))) > MISFIT * start)
-    value = float(back[best])
+    value, low, high, seen = float(back[best]), float(inside.min()), float(inside.max()), float(s[-1])
     if not exponential:
-        value, low, high = _by_bins(bins, float(found.coefficient[best, 1]))
+        value, low, high = _by_bins(bins, left)
     complete = high <= seen
     high = high if complete else float("inf")
-    level = float(np.hypot(np.sqrt(scale * found.covariance[best, 1, 1]), running_stderr_n))
-    left = float(found.coefficient[best, 1])
+    level = float(np.hypot(np.sqrt(found.scale(freedom, 1.0) * found.covariance[best, 1, 1]), running_stderr_n))
     reach = student(freedom) * level
     to_time = np.r_[0.0, s], np.r_[0.0, bins.time_s]
     at, early, late, last = (_time(x, *to_time, speed_m_s) for x in (value, low, high, 2 * seen))
@@ -165,20 +162,9 @@ def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery
     )
 
 
-def _near(s: Array, y: Array, sigma: Array, limits: tuple[float, float]) -> tuple[Array, Scan]:
-    """Scan lengths over all of the way, then closely where the first scan allows them."""
-    lengths = np.geomspace(*limits, LENGTHS)
-    costs = _scan(s, y, sigma, lengths).cost
-    scale = max(float(costs.min()) / (s.size - 3), 1.0)
-    allowed = np.flatnonzero(costs <= costs.min() + scale * student(s.size - 3) ** 2)
-    low, high = max(int(allowed[0]) - 1, 0), min(int(allowed[-1]) + 1, LENGTHS - 1)
-    fine = np.geomspace(lengths[low], lengths[high], LENGTHS)
-    return fine, _scan(s, y, sigma, fine)
-
-
 def _scan(s: Array, y: Array, sigma: Array, lengths: Array) -> Scan:
     decay = np.exp(-s[None, :] / lengths[:, None])
-    return scan(np.stack([decay, np.ones_like(decay)], axis=2) / sigma[None, :, None], y / sigma)
+    return scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[None, :, None], y / sigma)
 
 
 def _by_bins(bins: Excess, left_n: float) -> tuple[float, float, float]:

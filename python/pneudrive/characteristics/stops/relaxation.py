@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import noise_level
-from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
-from pneudrive.estimate.separable import Scan, scan
+from pneudrive.estimate.estimates import NORMAL_95, Estimate
+from pneudrive.estimate.separable import Scan, corrected_criterion, scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,6 +32,7 @@ LEAST_SAMPLES = 3
 #: Times are sought from the first bin, divided by this, to the last one, times this.
 REACH = 5.0
 TIMES = 60
+CHI_SQUARE_95 = 3.84  # of one quantity
 
 
 @dataclass(frozen=True)
@@ -144,26 +145,28 @@ def _forms(bins: _Bins, amount: Estimate, held_n: float) -> Relaxation:
     single = [(float(t),) for t in grid]
     candidates = {"none": [()], "exponential": single, "log": single, "two times": pairs}
     n = bins.time_s.size
-    fits = {}
-    for form, shapes in candidates.items():
-        found = _scan(bins, weight, form, shapes)
-        count = 1 + (0 if form == "none" else 2 * len(shapes[0]))
-        spare = n - count - 1
-        least = float(found.cost[found.best])
-        aicc = least + 2 * count + 2 * count * (count + 1) / spare if spare > 0 else np.inf
-        fits[form] = (aicc, shapes, found)
-    least = min(f[0] for f in fits.values())
-    form = min(fits, key=lambda name: fits[name][0])
-    _, shapes, found = fits[form]
+    fits = {form: _scan(bins, weight, form, shapes) for form, shapes in candidates.items()}
+    aicc = {
+        form: corrected_criterion(float(found.cost[found.best]), 1 + 2 * found.shape.shape[1], n)
+        for form, found in fits.items()
+    }
+    form = min(aicc, key=lambda name: aicc[name])
+    best, log, freedom = fits[form], fits["log"], max(n - 3, 1)
+    per_decade = None
+    if np.isfinite(aicc["log"]):
+        low, high = log.interval(np.array([0.0, 1.0]), log.rise(freedom, 1.0))
+        stderr = float(np.sqrt(log.scale(freedom, 1.0) * log.covariance[log.best, 1, 1]))
+        per_decade = Estimate(float(log.coefficient[log.best, 1]), low, high, stderr, "N", float(freedom))
+    single = form in {"log", "exponential"}
     return Relaxation(
         amount=amount,
         held_n=held_n,
         form=form,
-        times_s=shapes[found.best],
-        time_intervals_s=_time_interval(shapes, found.cost, grid) if form in ("log", "exponential") else (),
-        amplitudes_n=tuple(float(c) for c in found.coefficient[found.best, 1:]),
-        per_decade=_per_decade(fits["log"], n),
-        aicc={name: f[0] - least for name, f in fits.items() if np.isfinite(f[0])},
+        times_s=tuple(best.shape[best.best].tolist()),
+        time_intervals_s=(best.shape_interval(0, CHI_SQUARE_95, (grid[0], grid[-1])),) if single else (),
+        amplitudes_n=tuple(best.coefficient[best.best, 1:].tolist()),
+        per_decade=per_decade,
+        aicc={name: value - aicc[form] for name, value in aicc.items() if np.isfinite(value)},
     )
 
 
@@ -181,25 +184,5 @@ def _scan(bins: _Bins, weight: Array, form: str, shapes: list[tuple[float, ...]]
     root = np.sqrt(weight)
     basis = np.array([_basis(form, bins.time_s, shape) for shape in shapes])
     ones = np.ones((len(shapes), bins.time_s.size, 1))
-    return scan(np.concatenate([ones, -basis], axis=2) * root[None, :, None], bins.force_n * root)
-
-
-def _time_interval(shapes: list[tuple[float, ...]], costs: Array, grid: Array) -> tuple[tuple[float, float], ...]:
-    allowed = [s[0] for s, c in zip(shapes, costs, strict=True) if c <= costs.min() + 3.84]  # chi-square, 95 %
-    low = 0.0 if allowed[0] <= grid[0] else allowed[0]
-    return ((low, float("inf") if allowed[-1] >= grid[-1] else allowed[-1]),)
-
-
-def _per_decade(fit: tuple[float, list, Scan], n: int) -> Estimate | None:
-    """R of the log with its profile interval."""
-    aicc, _, found = fit
-    if not np.isfinite(aicc):
-        return None
-    best, freedom = found.best, max(n - 3, 1)
-    scale = max(float(found.cost[best]) / freedom, 1.0)
-    slack = scale * student(freedom) ** 2 + found.cost[best] - found.cost
-    inside = slack >= 0
-    value, variance = found.coefficient[:, 1], found.covariance[:, 1, 1]
-    reach = np.sqrt(np.maximum(slack, 0.0) * variance)
-    low, high = float((value - reach)[inside].min()), float((value + reach)[inside].max())
-    return Estimate(float(value[best]), low, high, float(np.sqrt(scale * variance[best])), "N", float(freedom))
+    shape = np.array(shapes).reshape(len(shapes), -1)
+    return scan(shape, np.concatenate([ones, -basis], axis=2) * root[None, :, None], bins.force_n * root)
