@@ -1,0 +1,34 @@
+//! Contracts of circuits, in one program: their generic code is compiled once.
+
+mod along;
+mod closed_forms;
+mod cylinder;
+mod ends;
+mod flows;
+mod formula;
+mod formula_components;
+mod friction_bounds;
+mod inputs;
+mod lanes;
+mod ledgers;
+mod line;
+mod lugre1995;
+mod mechanics;
+mod memory;
+mod mirror;
+mod network;
+mod numbers;
+mod published_lugre;
+mod published_sticking;
+mod refusals;
+mod rig;
+mod same_bits;
+mod sensitivities;
+mod set_going;
+mod stationarity;
+mod stribeck;
+mod support;
+mod sweep;
+mod two_drives_one_tank;
+mod valves;
+mod virial;
