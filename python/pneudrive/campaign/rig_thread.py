@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 from concurrent.futures import Future, wait
 from typing import TYPE_CHECKING, Any
+
+from pneudrive.rig.job_thread import JobThread
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,18 +34,8 @@ class RigThread:
         self.rig = rig
         self.interrupted = threading.Event()
         self._at_rest = False
-        self._jobs: queue.SimpleQueue[tuple[Future[Any], Callable[[Rig], Any]] | None] = queue.SimpleQueue()
-        self._last: Future[Any] = Future()
-        self._last.set_result(None)
-        threading.Thread(target=self._work, name="pneudrive-rig", daemon=True).start()
-
-    def _work(self) -> None:
-        while (given := self._jobs.get()) is not None:
-            future, job = given
-            try:
-                future.set_result(job(self.rig))
-            except BaseException as error:  # whatever a lab's own code raises: the caller is told
-                future.set_exception(error)
+        self._thread = JobThread("pneudrive-rig")
+        self._last: Future[Any] = self._thread.start(lambda: None)
 
     def start(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
         """Run a job after the one before it.
@@ -58,8 +49,7 @@ class RigThread:
         """
         self.interrupted.clear()
         self._at_rest = self._at_rest and not moves
-        self._last = Future()
-        self._jobs.put((self._last, job))
+        self._last = self._thread.start(lambda: job(self.rig))
         return self._last
 
     def rest(self) -> str:
@@ -84,21 +74,17 @@ class RigThread:
 
     def close(self) -> None:
         """End the thread when its work is done."""
-        self._jobs.put(None)
+        self._thread.close()
 
 
 def _call_within(seconds: float, call: Callable[[], None]) -> str:
     """Call, but do not wait for ever; say what went wrong."""
-    trouble = [f"the rig has not answered within {seconds:g} s"]
-
-    def run() -> None:
-        try:
-            call()
-            trouble[0] = ""
-        except Exception as error:  # whatever a lab's own code raises: it must not keep us from going on
-            trouble[0] = str(error) or type(error).__name__
-
-    thread = threading.Thread(target=run, name="pneudrive-stop", daemon=True)
-    thread.start()
-    thread.join(seconds)
-    return trouble[0]
+    thread = JobThread("pneudrive-stop")
+    answer = thread.start(call)
+    thread.close()
+    try:
+        answer.result(seconds)
+    except Exception as error:  # whatever a lab's own code raises: it must not keep us from going on
+        silent = f"the rig has not answered within {seconds:g} s"
+        return (str(error) or type(error).__name__) if answer.done() else silent
+    return ""

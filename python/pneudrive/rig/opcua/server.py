@@ -7,20 +7,22 @@ import contextlib
 import gc
 import logging
 import time
+from concurrent.futures import Future, wait
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import RigError
+from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, opcua, protect
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
 from pneudrive.rig.opcua.nodes import NodeMap, Verb
 from pneudrive.rig.opcua.space import FAULT, STOPS, Space
-from pneudrive.rig.opcua.worker import CLOSING_S, Command, Worker
+from pneudrive.rig.opcua.verbs import Command, Interrupted, Verbs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.rig.interface import Rig
+    from pneudrive.rig.interface import Rig, Samples
     from pneudrive.rig.opcua.front import Front
     from pneudrive.rig.opcua.session import Client
 
@@ -29,6 +31,10 @@ SILENT_SHARE = 0.75  # of the heartbeat time: the axis is stopped then, so that 
 WATCH_SHARE = 0.02
 STATE_S = 0.05  # how often the state is shown while something may change
 STATE_PATIENCE_S = 0.2
+STOPPING_S = 10.0  # how long a rig that runs on is told to stop again
+AGAIN_S = 0.1
+GENTLE_S = 0.2  # how long an acquisition that is halted has to end by itself
+CLOSING_S = 2.0
 LEAST_REQUEST, BYTES_A_STEP = 1 << 16, 64
 STATE_FIELDS = {
     "position": "position_m",
@@ -39,6 +45,15 @@ STATE_FIELDS = {
     "temperature": "temperature_k",
     "time": "time_s",
     "moving": "moving",
+}
+SAMPLE_FIELDS = {
+    "time": "time_s",
+    "position": "position_m",
+    "force": "force_n",
+    "pressure_a": "pressure_a_pa",
+    "pressure_b": "pressure_b_pa",
+    "temperature": "temperature_k",
+    "step": "step",
 }
 
 
@@ -84,8 +99,23 @@ class RigServer:
         self._loop = LoopThread()
         self._front: Front | None = None
         self._space: Any = None
-        self._worker = Worker(rig, nodes, self, self.heartbeat_s)
+        self._verbs = Verbs(
+            rig,
+            simulated="simulation.answer" in nodes,
+            chunk=nodes.chunk,
+            put=lambda chunk: self._loop.run(self._put(chunk)),
+            answer=lambda command, text: self._loop.run(
+                self._write({"simulation.answer": text}, client=command.client)
+            ),
+        )
+        # The verbs run on one thread, the rig is stopped on another, so that neither keeps the other.
+        self._verb_thread, self._stop_thread = JobThread("rig"), JobThread("stop")
+        self._verb: Future[str] = Future()  # that runs, or ran last
+        self._verb.set_result("")
+        self._interrupted = ""  # why what was taken is to end
         # On the loop's thread:
+        self._room = asyncio.Event()  # the ring may have room, or what runs is to end
+        self._samples_written = self._samples_taken = 0  # chunks
         self._commander: Client | None = None
         self._since = ""
         self._open: Command | None = None  # taken, and its verb has not ended
@@ -108,12 +138,14 @@ class RigServer:
             self._loop.close()
             raise
         gc.freeze()  # the standard nodes are many small objects: to look through them takes a quarter of a second
-        self._worker.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         """Bring the axis to rest, release the pressure and end."""
-        self._worker.close()
+        self._loop.loop.call_soon_threadsafe(self._interrupt, "the server ends")
+        self._stop_thread.start(self._stop_rig)
+        self._stop_thread.close(CLOSING_S)
+        self._verb_thread.close(CLOSING_S)
         if self._front is not None:
             with contextlib.suppress(Exception):  # of the library, while connections break
                 self._loop.run(self._front.stop(), CLOSING_S)
@@ -172,7 +204,8 @@ class RigServer:
         if name == "heartbeat.client" and (before is None or before.Value.Value != value.Value.Value):
             client.beat_at = time.monotonic()
         elif name == "samples.acknowledged" and client is self._commander:
-            self._worker.acknowledge(int(value.Value.Value))
+            self._samples_taken = min(int(value.Value.Value), self._samples_written)
+            self._room.set()
         elif name == "command.id":
             await self._command(client, int(value.Value.Value))
         return ua.StatusCode()
@@ -215,13 +248,49 @@ class RigServer:
             return f"{self._commander} commands this rig since {self._since}; others may look on, and stop it"
         if client.beat_at is None or time.monotonic() - client.beat_at > self.heartbeat_s:
             return "there is no heartbeat: heartbeat.client must count up first"
-        if self._held is not None or (self._open is not None and not self._worker.interrupted):
+        if self._held is not None or (self._open is not None and not self._interrupted):
             return "another command is running; halt or stop it first"
         return ""
 
     def _begin(self, command: Command) -> None:
-        self._open = command
-        self._worker.begin(command)
+        self._open, self._interrupted = command, ""
+        self._verb = self._verb_thread.start(lambda: self._run(command))
+        self._soon(self._end(command, self._verb))
+
+    def _run(self, command: Command) -> str:
+        """Run a command, on the thread of verbs; give its fault."""
+        try:
+            fault = "" if self._interrupted else self._verbs.run(command)
+        except Interrupted:
+            fault = ""
+        return self._interrupted or fault  # by which the rig may have ended it
+
+    async def _end(self, command: Command, verb: Future[str]) -> None:
+        """Answer a command when its verb has ended."""
+        fault = await asyncio.wrap_future(verb)
+        await self._show_state()
+        self._open = None
+        await self._finish(command, fault)
+        if self._stops_asked is None:
+            self._next()
+
+    async def _put(self, chunk: Samples) -> None:
+        """Wait for a free slot of the ring and write samples there."""
+        while self._samples_written - self._samples_taken >= self.nodes.slots and not self._interrupted:
+            self._room.clear()
+            await self._room.wait()
+        if self._interrupted:
+            raise Interrupted
+        self._samples_written += 1
+        values = {f"samples.{name}": getattr(chunk, field) for name, field in SAMPLE_FIELDS.items()}
+        slot = self.nodes.slot_of(self._samples_written)
+        await self._write({**values, "samples.count": len(chunk), "samples.sequence": self._samples_written}, slot)
+        await self._write({"samples.written": self._samples_written})
+
+    def _interrupt(self, why: str) -> None:
+        """End what runs, or is about to."""
+        self._interrupted = why
+        self._room.set()
 
     def _stop(self, command: Command | None, why: str = "it was ended by halt or stop") -> None:
         """End what runs; who asked for it is answered when the axis is at rest."""
@@ -231,7 +300,7 @@ class RigServer:
             self._commander.dismissed = f"{why}; to command again, connect anew"
             self._commander = None
             self._told(why)
-        self._worker.interrupt(why)
+        self._interrupt(why)
         if self._held is not None:
             self._end_soon(self._held, why)
             self._held = None
@@ -244,16 +313,24 @@ class RigServer:
         # An acquisition can be left; any other verb can only be stopped. Where nothing runs, halting does nothing.
         asked, open_ = self._stops_asked or [], self._open
         gently = bool(asked) and all(one.verb == Verb.HALT for one in asked)
-        gently = gently and (open_ is None or open_.verb == Verb.ACQUIRE)
-        self._worker.stop(gently)
+        self._soon(self._bring_to_rest(gently and (open_ is None or open_.verb == Verb.ACQUIRE), self._verb))
 
-    async def _stopped(self, gently: bool, fault: str) -> None:
-        """Answer who asked; go on with what was held."""
+    async def _bring_to_rest(self, gently: bool, verb: Future[str]) -> None:
+        """Stop the rig, which may block, and answer who asked; then go on with what was held.
+
+        Gently: what runs ends by itself, if it does so soon, and the pressures stay.
+        """
+        fault = ""
+        try:
+            if not (gently and await _ends_within(GENTLE_S, verb)):
+                await asyncio.wrap_future(self._stop_thread.start(self._stop_rig))
+        except Exception as error:
+            log.exception("the rig does not stop")
+            fault = f"the rig does not stop: {error}"
+            self._told(fault)
         asked = self._stops_asked or []
         left = [one for one in asked if gently and one.verb != Verb.HALT]
         self._stops_asked = left or None
-        if fault:
-            self._told(fault)
         await self._show_state()
         for one in asked:
             if one not in left:
@@ -262,6 +339,20 @@ class RigServer:
             self._start_stopping()
         elif self._open is None:
             self._next()
+        await self._stop_again(verb)
+
+    def _stop_rig(self) -> None:
+        """Stop the rig, on the thread for that; again where a verb had been about to begin."""
+        self.rig.stop()
+        if wait([self._verb], AGAIN_S).not_done:
+            self.rig.stop()
+
+    async def _stop_again(self, verb: Future[str]) -> None:
+        """Stop the rig again and again where a verb had been about to begin, or runs on."""
+        until = time.monotonic() + STOPPING_S
+        while time.monotonic() < until and not await _ends_within(AGAIN_S, verb):
+            with contextlib.suppress(Exception):  # which was told when it was stopped first
+                await asyncio.wrap_future(self._stop_thread.start(self.rig.stop))
 
     def _next(self) -> None:
         held, self._held = self._held, None
@@ -337,25 +428,6 @@ class RigServer:
 
     # --- answers ------------------------------------------------------------------------------
 
-    def show(self, values: dict[str, Any], slot: int = 0, client: Client | None = None) -> None:
-        """Show values, to all or to one client: for the worker's threads."""
-        self._loop.run(self._write(values, slot, client))
-
-    def ended(self, command: Command, fault: str) -> None:
-        """Answer a command whose verb has ended: for the worker's threads."""
-        self._loop.run(self._ended(command, fault))
-
-    def stopped(self, gently: bool, fault: str) -> None:
-        """Answer who has asked for a stop: for the worker's threads."""
-        self._loop.run(self._stopped(gently, fault))
-
-    async def _ended(self, command: Command, fault: str) -> None:
-        await self._show_state()
-        self._open = None
-        await self._finish(command, fault)
-        if self._stops_asked is None:
-            self._next()
-
     async def _finish(self, command: Command, fault: str) -> None:
         """Answer, unless the client has asked for something else meanwhile."""
         if command.client.identity == command.identity:
@@ -380,6 +452,13 @@ class RigServer:
                 client.values[name] = data
             if client is None or self._commander in (None, client):
                 await self._space.show(name, data, slot)
+
+
+async def _ends_within(seconds: float, verb: Future[str]) -> bool:
+    """Wait for a verb, but not longer than so many seconds."""
+    if not verb.done():
+        await asyncio.wait([asyncio.wrap_future(verb)], timeout=seconds)
+    return verb.done()
 
 
 def _another(identity: int) -> int:

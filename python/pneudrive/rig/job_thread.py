@@ -1,0 +1,51 @@
+"""A thread that a rig is used from, or stopped from: one job after the other, each with its result."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Answer = TypeVar("Answer")
+
+
+class JobThread:
+    """Runs one job after the other; a job that never returns does not keep the process from ending.
+
+    Parameters
+    ----------
+    name : str
+        Of the thread, which begins with the first job.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._jobs: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+
+    def _work(self) -> None:
+        while (given := self._jobs.get()) is not None:
+            future, job = given
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                future.set_result(job())
+            except BaseException as error:  # whatever a lab's own code raises: the caller is told
+                future.set_exception(error)
+
+    def start(self, job: Callable[[], Answer]) -> Future[Answer]:
+        """Run a job after the one before it."""
+        if self._thread.ident is None:
+            self._thread.start()
+        future: Future[Answer] = Future()
+        self._jobs.put((future, job))
+        return future
+
+    def close(self, wait_s: float = 0.0) -> None:
+        """End the thread when its work is done; wait so long for that."""
+        self._jobs.put(None)
+        if self._thread.ident is not None:
+            self._thread.join(wait_s)

@@ -1,0 +1,128 @@
+"""The verbs of a served rig, as a client asks for them."""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.errors import PneudriveError, RigError
+from pneudrive.files.content import parse_json
+from pneudrive.rig.interface import Hold, Move, Samples
+from pneudrive.rig.opcua.nodes import Verb
+from pneudrive.rig.opcua.program import check_size, first_step, program_of, sampling_of, simulated_argument
+from pneudrive.rig.opcua.space import SIMULATED
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pneudrive.rig.interface import Rig
+    from pneudrive.rig.opcua.session import Client
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a client asks for."""
+
+    client: Client
+    identity: int
+    verb: int
+    arguments: dict[str, Any]
+
+
+class Interrupted(Exception):  # noqa: N818 - no error: halt, stop or a silent client
+    """What runs is to end now."""
+
+
+class Verbs:
+    """What a rig can be asked to do.
+
+    Parameters
+    ----------
+    rig : Rig
+    simulated : bool
+        Whether there are nodes for the verbs of simulated rigs.
+    chunk : int
+        Most samples that are put at once.
+    put : callable
+        Takes samples when there is room for them; raises `Interrupted`.
+    answer : callable
+        Takes a command and what a verb of simulated rigs has given, as JSON.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        *,
+        simulated: bool,
+        chunk: int,
+        put: Callable[[Samples], None],
+        answer: Callable[[Command, str], None],
+    ) -> None:
+        self._rig, self._chunk, self._put, self._answer = rig, chunk, put, answer
+        low, high = rig.limits().position_m
+        self._longest_m = high - low
+        self._known: dict[int, Callable[[Command], object]] = {
+            Verb.HOME: lambda _: rig.home(),
+            Verb.MOVE: self._move,
+            Verb.HOLD: self._hold,
+            Verb.SET_PRESSURE: lambda c: rig.set_pressure(
+                c.arguments["command.pressure_a"], c.arguments["command.pressure_b"]
+            ),
+            Verb.ACQUIRE: self._acquire,
+        }
+        for verb, ability in SIMULATED.items():
+            if simulated and isinstance(rig, ability):
+                self._known[verb] = self._simulate
+
+    def run(self, command: Command) -> str:
+        """Run a command; give its fault, empty where there is none.
+
+        Raises
+        ------
+        Interrupted
+            It was ended.
+        """
+        try:
+            if command.verb not in self._known:
+                raise RigError(f"verb {command.verb} is not known to this rig")
+            self._known[command.verb](command)
+        except Interrupted:
+            raise
+        except PneudriveError as error:
+            return str(error)
+        except Exception as error:
+            log.exception("a verb of the rig failed")
+            return f"{type(error).__name__}: {error}"
+        return ""
+
+    def _move(self, command: Command) -> None:
+        step: Move = first_step(command.arguments, Move, self._longest_m)
+        self._rig.move(step.to_m, step.speed_m_s)
+
+    def _hold(self, command: Command) -> None:
+        step: Hold = first_step(command.arguments, Hold, self._longest_m)
+        self._rig.hold(step.duration_s, step.released)
+
+    def _simulate(self, command: Command) -> None:
+        verb, text = Verb(command.verb), command.arguments["simulation.text"]
+        argument = simulated_argument(verb, parse_json(text or "null", "simulation.text", RigError))
+        self._answer(command, json.dumps(getattr(self._rig, verb.name.lower())(*argument)))
+
+    def _acquire(self, command: Command) -> None:
+        """Run the program and put its samples into the ring."""
+        steps, sampling = program_of(command.arguments, self._longest_m), sampling_of(command.arguments)
+        check_size(steps, sampling)
+        parts = self._rig.acquire(steps, sampling)
+        try:
+            for given in parts:
+                part = Samples.of(given)
+                for start in range(0, len(part), self._chunk):
+                    self._put(part.rows(slice(start, start + self._chunk)))
+        finally:
+            close = getattr(parts, "close", None)  # of a generator: come to rest now
+            if close is not None:
+                close()
