@@ -63,6 +63,9 @@ class VolumeRecording:
         inlet = {} if self.inlet_pressure_pa is None else {"inlet_pressure_pa": self.inlet_pressure_pa}
         return {"pressure_pa": self.pressure_pa} | inlet
 
+    def __getitem__(self, column: str) -> Array:
+        return self.measured[column]
+
     def at(self, keep: NDArray[np.bool_]) -> VolumeRecording:
         """Return the recording at some of its samples."""
         inlet = self.inlet_pressure_pa

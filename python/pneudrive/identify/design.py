@@ -9,10 +9,10 @@ import numpy as np
 
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
 from pneudrive.identify.base import shown_in
 from pneudrive.identify.laws import CANDIDATES
 from pneudrive.identify.model import FrictionModel, at_conditions, unit_of
-from pneudrive.identify.optimal import Candidates, exchange, information, within_budget
 from pneudrive.identify.result import FrictionFit
 from pneudrive.show import Shown
 
@@ -265,7 +265,7 @@ def design(
     noise = _noise(source) if noise_n is None else noise_n
     _check(limits, criterion, points, seconds, noise)
     grid = _grid(limits, SPEEDS if seconds is None else SPEEDS_IN_TIME)
-    candidates = Candidates(
+    candidates = DesignSpace(
         _gradients(prior, grid) / noise, prior.known, _region(prior, over or limits) if criterion == "I" else None
     )
     cost = limits.seconds(grid.speed_m_s)

@@ -11,9 +11,9 @@ from pneudrive import __version__
 from pneudrive.characterise.pressure_line import CONFOUNDED
 from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.losses import LOSSES
 from pneudrive.identify.assemble import assembled
 from pneudrive.identify.diagnose import choose_model, diagnose
-from pneudrive.identify.losses import LOSSES
 from pneudrive.identify.model import PRESSURE_FORMS, STRIBECK_SHAPES, FrictionModel, Observations
 from pneudrive.identify.observations import observations
 from pneudrive.identify.support import Support, shrunk_to_the_data, with_knee

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.spread import robust_deviation
-from pneudrive.identify.losses import LINEAR, LOSSES, Loss
+from pneudrive.estimate.losses import LINEAR, LOSSES, Loss
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

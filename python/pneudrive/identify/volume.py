@@ -1,30 +1,35 @@
 """Identification of a fixed volume from pressures: conductance, critical ratio, heat transfer, leak, tube friction.
 
-The core simulates the tank under the recorded opening of its line; weighted least squares find what is free and the
-pressure at the start of each recording. Derivatives are exact (dual numbers through the integrator). Every value is
-estimated as its logarithm, the critical pressure ratio as the logarithm of its odds. An interval comes from the
-profile of the cost: how far the value can go, all others following, until the cost has grown by Student's t squared
-times the variance of the residuals; a side on which it never does is open, and the value is not determined there.
+The core simulates the tank under the recorded opening of its line, and the search of `identify` finds what is free and
+the pressure at the start of each recording. Every value is estimated as its logarithm, the critical pressure ratio as
+the logarithm of its odds. An interval comes from the profile of the cost: how far the value can go, all others
+following, until the cost has grown by Student's t squared times the variance of the residuals; a side on which it never
+does is open, and the value is not determined there.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.characterise.motion import noise_level
-from pneudrive.characterise.spread import student
 from pneudrive.characterise.volume_recording import VolumeRecording, read_volume_recordings
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.transforms import Transforms
 from pneudrive.identify.base import Undetermined
+from pneudrive.identify.dynamic.fit import Attempt, Options, noise_of, profile_of, solve
+from pneudrive.identify.dynamic.parameters import Family, Parameter
+from pneudrive.identify.dynamic.problem import Experiment, Point, Problem
+from pneudrive.identify.dynamic.search import Watcher, join_segments
+from pneudrive.identify.dynamic.sensors import Channel
+from pneudrive.identify.dynamic.shooting import Shooter
+from pneudrive.identify.dynamic.states import Starts
 from pneudrive.identify.volume_result import VolumeFit
 from pneudrive.numbers import plain
 from pneudrive.units import readable
-from pneudrive.watch import Watch
+from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -67,20 +72,14 @@ NUMBERS: dict[str, tuple[str, str, str]] = {
 #: A leak that is given as none begins here, as a share of the line's conductance, or of volume over time and pressure.
 LEAK_SHARE = 1e-3
 RTOL = 1e-7
-#: A profile is followed so far, as a factor on the value; in this many halvings it is found to 1 % of that.
-FARTHEST, HALVINGS = 1e4, 12
-#: Steps of one search; where a step would gain less than this share of the variance of one sample, it ends.
-MOST_STEPS, SMALL_GAIN = 60, 1e-2
 #: What bends the course of the pressure, and how far apart its starts are, as logarithms.
 BENDS = ("line.critical_pressure_ratio", "volume.heat_transfer", "volume.leakage")
 STARTS_APART = 1.5
 ENOUGH_TO_START = 500
-#: Directions of the scaled normal equations below this are rounding.
-ROUNDING = 1e-10
+#: What the start of a recording is believed to be before the fit: any pressure, Pa; the temperature is held, K.
+BELIEF = np.array([1e5, 1e-6])
 #: A value whose interval reaches further than this share of it is not determined.
 LARGEST_REACH = 0.5
-#: Residuals above this multiple of the noise from sample to sample are no noise (assumed).
-MISFIT = 2.0
 #: Correlation time of the residuals, in samples, of which a note is made.
 CORRELATED = 10.0
 
@@ -127,9 +126,12 @@ def identify_volume(
     watch = Watch(progress, cancel)
     records = read_volume_recordings(recordings, layout)
     names, held = _free(tank, records, free)
-    problem = _Problem(tank, records, names)
-    found = problem.solve(_best_start(tank, records, names, watch), watch)
-    return _result(problem, found, held, watch)
+    watcher = Watcher(lambda at: watch.tell(at.step, 0, "steps of the search"), watch)
+    point = _best_start(tank, records, names, watcher)
+    problem, _ = _problem(tank, records, names, watch)
+    options = Options(None, robust=False, rtol=RTOL, threads=1)
+    stated = [np.zeros(e.noise.size, dtype=bool) for e in problem.experiments]
+    return _result(tank, records, solve(problem, point, stated, options, watcher), held)
 
 
 def _free(
@@ -157,21 +159,71 @@ def _free(
     return names, []
 
 
-def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], watch: Watch) -> Array:
+class TankFamily(Family):
+    """The core's tank for any values of the free numbers."""
+
+    def __init__(self, tank: Tank, names: Sequence[str], longest_s: float) -> None:
+        super().__init__(tank.core_form(), [NUMBERS[name][0] for name in names])
+        line, volume = self._form["line"], self._form["volume"]
+        leak = (
+            0.1 * volume["volume_m3"] / (1e5 * longest_s) if line is None else LEAK_SHARE * line["conductance_m3_s_pa"]
+        )
+        for table, key in map(self._place, self.paths):  # a value of zero has no logarithm
+            if table[key] <= 0.0:
+                table[key] = 1e-2 if key == "heat_transfer_w_k" else leak
+
+    def core(self, values: Array) -> Any:  # noqa: ANN401 - the core's tank
+        """Return what the core shoots, with these values."""
+        return _core.Tank(self.json(values))
+
+
+def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch: Watch) -> tuple[Problem, Point]:
+    """Put the problem together; the point is that of the tank as it is."""
+    family = TankFamily(tank, names, max(r.duration_s for r in records))
+    values = [family.get(path) for path in family.paths]
+    parameters = [
+        Parameter(name, path, NUMBERS[name][1], value, 0.0, _upper(tank, name), value)
+        for name, path, value in zip(names, family.paths, values, strict=True)
+    ]
+    experiments = []
+    for record in records:
+        channels = [
+            Channel(column.removesuffix("_pa"), column, "Pa", None, 0.0, np.inf, 1.0, 0.0, 0.0, frozenset())
+            for column in record.measured
+        ]
+        shooter = Shooter(record, list(record.measured), np.zeros(1, np.int64), family, RTOL, 1, watch=watch)
+        state = np.array([[float(np.median(record.pressure_pa[:3])), tank.start_temperature_k]])
+        nowhere = np.full(2, np.inf)
+        starts = Starts(state, BELIEF, np.array([1e4, 10.0]), np.zeros(2, dtype=bool), (-nowhere, nowhere))
+        experiments.append(
+            Experiment(shooter, channels, starts, np.array([noise_of(c, record, RTOL) for c in channels]))
+        )
+    transforms = Transforms([p.lower for p in parameters], [p.upper for p in parameters])
+    point = Point(transforms.internal(values), [e.starts.state for e in experiments])
+    return Problem(parameters, [], transforms, experiments), point
+
+
+def _upper(tank: Tank, name: str) -> float:
+    is_ratio = name == "line.critical_pressure_ratio" and tank.line is not None
+    return tank.core_form()["line"]["linear_above"] if is_ratio else np.inf
+
+
+def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher) -> Point:
     """Search from several starts over some of the samples: what bends the curve has more than one minimum."""
-    few = [_thinned(r) for r in records]
-    problem = _Problem(tank, few, names)
-    start = problem.start()
     bends = [i for i, name in enumerate(names) if name in BENDS]
+    problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
     found = []
     for signs in [(0,) * len(bends), *product((-1, 1), repeat=len(bends))]:
-        q = start.copy()
-        q[bends] += STARTS_APART * np.array(signs)
-        if problem.at(q, watch) is not None:
-            found.append(problem.solve(q, watch))
+        eta = first.eta.copy()
+        eta[bends] += STARTS_APART * np.array(signs)
+        try:
+            point, at, _ = join_segments(problem, Point(eta, first.states), first.states, watcher)
+        except FitError:
+            continue
+        found.append((at.cost, point))
     if not found:
         raise FitError("the tank cannot be simulated at the start values", remedy="give other start values")
-    return min(found, key=lambda one: one.cost).q
+    return min(found, key=lambda one: one[0])[1]
 
 
 def _thinned(record: VolumeRecording) -> VolumeRecording:
@@ -183,261 +235,60 @@ def _thinned(record: VolumeRecording) -> VolumeRecording:
     return record.at(keep)
 
 
-@dataclass
-class _Found:
-    """A solution: coordinates, residuals in Pa one recording after the other, and their derivatives."""
-
-    q: Array
-    residual: Array
-    jacobian: Array
-    converged: bool
-
-    @property
-    def cost(self) -> float:
-        return float(self.residual @ self.residual)
-
-
-class _Problem:
-    """Free values and the starts of the recordings, as coordinates; residuals at a point."""
-
-    def __init__(self, tank: Tank, records: list[VolumeRecording], names: list[str]) -> None:
-        self.tank, self.records, self.names = tank, records, names
-        self.form = tank.core_form()
-        self.paths = [NUMBERS[name][0] for name in names]
-        for path in self.paths:  # a value of zero has no logarithm: a small one begins the search
-            table, key = path.split(".")
-            if self.form[table][key] <= 0.0:
-                self.form[table][key] = self._smallest(path)
-
-    def _smallest(self, path: str) -> float:
-        line = self.form["line"]
-        if path.endswith("heat_transfer_w_k"):
-            return 1e-2
-        if line is not None:
-            return LEAK_SHARE * line["conductance_m3_s_pa"]
-        longest = max(r.duration_s for r in self.records)
-        return 0.1 * self.form["volume"]["volume_m3"] / (1e5 * longest)
-
-    def start(self) -> Array:
-        """Coordinates of the start: free values, then the logarithm of each recording's first pressure."""
-        values = [self.form[table][key] for table, key in (path.split(".") for path in self.paths)]
-        first = [float(np.median(r.pressure_pa[:3])) for r in self.records]
-        return np.array([self._inward(n, v) for n, v in zip(self.names, values, strict=True)] + list(np.log(first)))
-
-    def _upper(self, name: str) -> float:
-        return self.form["line"]["linear_above"] if name == "line.critical_pressure_ratio" else np.inf
-
-    def _inward(self, name: str, value: float) -> float:
-        upper = self._upper(name)
-        return float(np.log(value / (upper - value)) if np.isfinite(upper) else np.log(value))
-
-    def value(self, i: int, q: float) -> float:
-        """Value of a free number at a coordinate, SI."""
-        upper = self._upper(self.names[i])
-        return float(upper / (1.0 + np.exp(-q)) if np.isfinite(upper) else np.exp(q))
-
-    def _slope(self, i: int, q: float) -> float:
-        value, upper = self.value(i, q), self._upper(self.names[i])
-        return value * (1.0 - value / upper) if np.isfinite(upper) else value
-
-    def values(self, q: Array) -> Array:
-        """Free values, SI."""
-        return np.array([self.value(i, q[i]) for i in range(len(self.names))])
-
-    def at(self, q: Array, watch: Watch) -> _Found | None:
-        """Residuals (measured - model), Pa, and their derivatives by the coordinates; None where no run is possible."""
-        p = len(self.names)
-        for path, value in zip(self.paths, self.values(q), strict=True):
-            table, key = path.split(".")
-            self.form[table][key] = float(value)
-        core = _core.Tank(_json(self.form))
-        by_value = np.array([self._slope(i, q[i]) for i in range(p)])
-        residuals, slopes = [], []
-        for j, record in enumerate(self.records):
-            times, openings = record.steps
-            initial = np.array([[np.exp(q[p + j]), self.tank.start_temperature_k]])
-            asked: _core.Shooting = {
-                "times": times,
-                "commands": openings,
-                "sample_times": record.time_s,
-                "starts": [0],
-                "initial": initial,
-                "parameters": self.paths,
-                "with_initial": [0],
-                "outputs": list(record.measured),
-                "rtol": RTOL,
-                "threads": 1,
-            }
-            shot = core.shoot(asked, lambda _: watch.look())
-            if shot["failures"][0] is not None:
-                return None
-            for place, measured in enumerate(record.measured.values()):
-                by = shot["sensitivities"][:, place, :]
-                slope = np.zeros((len(by), q.size))
-                slope[:, :p] = by[:, :p] * by_value
-                slope[:, p + j] = by[:, p] * initial[0, 0]
-                residuals.append(measured - shot["values"][:, place])
-                slopes.append(slope)
-        return _Found(q, np.concatenate(residuals), np.concatenate(slopes), converged=False)
-
-    def solve(self, q: Array, watch: Watch, held: int | None = None) -> _Found:
-        """Gauss-Newton with Levenberg's and Marquardt's damping; one coordinate may be held."""
-        at = self.at(q, watch)
-        if at is None:
-            raise FitError("the tank cannot be simulated at the start values", remedy="give other start values")
-        use = np.array([i != held for i in range(q.size)])
-        damping = 1e-3
-        for step in range(MOST_STEPS):
-            watch.tell(step, 0, "steps of the search")
-            scale = np.linalg.norm(at.jacobian[:, use], axis=0) + 1e-12 * np.linalg.norm(at.residual)
-            scaled = at.jacobian[:, use] / np.where(scale > 0.0, scale, 1.0)
-            normal, gradient = scaled.T @ scaled, scaled.T @ at.residual
-            # What an undamped step would gain: a step that is short for its damping alone ends nothing.
-            to_gain = float(gradient @ np.linalg.solve(normal + ROUNDING * np.eye(len(gradient)), gradient))
-            if to_gain <= SMALL_GAIN * at.cost / max(at.residual.size, 1):
-                at.converged = True
-                return at
-            while True:
-                move = np.zeros(q.size)
-                move[use] = np.linalg.solve(normal + damping * np.eye(len(gradient)), gradient) / scale
-                move = np.clip(move, -1.0, 1.0)
-                after = self.at(at.q + move, watch)
-                if after is not None and after.cost <= at.cost:
-                    break
-                damping *= 10.0
-                if damping > 1e8:
-                    at.converged = True  # no step lowers the cost any more
-                    return at
-            at, damping = after, max(damping / 10.0, ROUNDING)
-        return at
-
-
-def _json(form: dict[str, Any]) -> str:
-    import json
-
-    return json.dumps(form, sort_keys=True)
-
-
-def _intervals(problem: _Problem, found: _Found, reach: float, watch: Watch) -> dict[str, tuple[float, float]]:
-    """Intervals by profile, SI: a bound that is not found within `FARTHEST` is 0 or infinite."""
-    out = {}
-    for i, name in enumerate(problem.names):
-        ends = [_end(problem, found, i, sign, reach, watch) for sign in (-1.0, 1.0)]
-        upper = problem._upper(name)
-        low, high = (problem.value(i, q) if np.isfinite(q) else (0.0 if q < 0 else upper) for q in ends)
-        out[name] = (low, high)
-    return out
-
-
-def _end(problem: _Problem, found: _Found, i: int, sign: float, reach: float, watch: Watch) -> float:
-    """Coordinate at which the profile of the cost has grown by `reach`, on one side; infinite where it never does."""
-
-    def too_far(distance: float) -> bool:
-        nonlocal near
-        q = near.q.copy()
-        q[i] = found.q[i] + sign * distance
-        try:
-            at = problem.solve(q, watch, held=i)
-        except FitError:
-            return True
-        grown = at.cost - found.cost > reach
-        near = at if not grown else near
-        return grown
-
-    near = found
-    usual = np.sqrt(reach / max(float(found.jacobian[:, i] @ found.jacobian[:, i]), 1e-300))
-    inside, outside = 0.0, float(np.clip(usual, 1e-6, np.log(FARTHEST)))
-    while not too_far(outside):
-        if outside >= np.log(FARTHEST):
-            return sign * np.inf
-        inside, outside = outside, min(2.0 * outside, float(np.log(FARTHEST)))
-    for _ in range(HALVINGS):
-        middle = 0.5 * (inside + outside)
-        inside, outside = (inside, middle) if too_far(middle) else (middle, outside)
-        if outside - inside < 0.01 * outside:
-            break
-    return float(found.q[i] + sign * outside)
-
-
-def _correlation_time(residual: Array) -> float:
-    """Return the samples after which residuals are independent.
-
-    1 + 2 sum of the autocorrelation until it first falls below zero.
-    """
-    away = residual - residual.mean()
-    power = float(away @ away)
-    total = 1.0
-    for lag in range(1, away.size // 2):
-        r = float(away[lag:] @ away[:-lag]) / power if power > 0.0 else 0.0
-        if r <= 0.0:
-            break
-        total += 2.0 * r
-    return total
-
-
-def _result(problem: _Problem, found: _Found, held: list[Undetermined], watch: Watch) -> VolumeFit:
-    measured = [(record, pressure) for record in problem.records for pressure in record.measured.values()]
-    samples = [slice(a, b) for a, b in _bounds([pressure.size for _, pressure in measured])]
-    parts = [found.residual[part] for part in samples]
-    freedom = max(found.residual.size - found.q.size, 1)
-    tau = float(np.median([_correlation_time(part) for part in parts]))
-    variance = found.cost / freedom * tau
-    exact = max(float(pressure.max()) for _, pressure in measured) * RTOL
-    reach = student(max(freedom / tau, 1.0)) ** 2 * max(variance, exact**2)
-    intervals = _intervals(problem, found, reach, watch) if found.converged else {}
-    values = dict(zip(problem.names, problem.values(found.q).tolist(), strict=True))
-    undetermined = [
-        *held,
-        *(u for n in problem.names if n in intervals if (u := _lost(problem, n, values[n], *intervals[n]))),
-    ]
-    notes = _notes(problem, [(*one, part) for one, part in zip(measured, parts, strict=True)], tau)
-    if not found.converged:
-        notes.insert(0, "the search has not converged: there are no intervals; give other start values")
+def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: list[Undetermined]) -> VolumeFit:
+    solved = attempt.solved
+    problem, at, found = solved.problem, solved.at, solved.information
+    values = dict(zip(problem.names, problem.values(solved.point.eta).tolist(), strict=True))
+    intervals = profile_of(solved, problem.names) if attempt.converged else {}
+    lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
+    series, rests, shares = {}, [], []
+    for experiment, residual, record in zip(problem.experiments, at.residuals, records, strict=True):
+        experiment.shooter.watch = UNWATCHED
+        for c, pressure in enumerate(record.measured.values()):
+            rest = residual[:, c] * experiment.noise[c]
+            name = record.name if pressure is record.pressure_pa else f"{record.name}, inlet"
+            series[name] = (record.time_s, pressure, pressure - rest)
+            rests.append(rest)
+            shares.append(float(np.sqrt(np.mean(rest**2))) / float(np.ptp(pressure) or 1.0))
+    off = np.concatenate(rests)
+    tau = float(np.median([tau for _, tau in found.inflation.values()]))
+    jacobian = problem.transforms.jacobian(solved.point.eta)
     return VolumeFit(
         values=values,
         units={name: NUMBERS[name][1] for name in values},
         free=tuple(values),
-        covariance=np.zeros((0, 0)),
+        covariance=jacobian @ found.covariance(problem) @ jacobian.T,
         intervals=intervals,
-        undetermined=tuple(undetermined),
-        notes=tuple(notes),
+        undetermined=(*held, *lost),
+        notes=tuple(_notes(tank, attempt, tau)),
         statistics={
-            "samples": float(found.residual.size),
-            "rms.pressure": float(np.sqrt(found.cost / found.residual.size)),
-            "rms_share.pressure": max(
-                float(np.sqrt(np.mean(part**2))) / float(np.ptp(pressure) or 1.0)
-                for part, (_, pressure) in zip(parts, measured, strict=True)
-            ),
-            "noise.pressure": float(np.sqrt(found.cost / freedom)),
+            "samples": float(off.size),
+            "rms.pressure": float(np.sqrt(np.mean(off**2))),
+            "rms_share.pressure": max(shares),
+            "noise.pressure": float(np.sqrt(np.sum(off**2) / solved.freedom)),
             "correlation_time.samples": tau,
         },
-        converged=found.converged,
-        starts_pa={r.name: float(np.exp(found.q[len(values) + j])) for j, r in enumerate(problem.records)},
+        converged=attempt.converged,
+        starts_pa={r.name: float(state[0, 0]) for r, state in zip(records, solved.point.states, strict=True)},
         provenance={
             "version": __version__,
             "method": "output error, profile likelihood",
-            "tank": problem.tank.name,
+            "tank": tank.name,
             "recordings": [
                 {"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s}
-                for r in problem.records
+                for r in records
             ],
         },
-        start=problem.tank,
-        series={
-            r.name if pressure is r.pressure_pa else f"{r.name}, inlet": (r.time_s, pressure, pressure - part)
-            for part, (r, pressure) in zip(parts, measured, strict=True)
-        },
+        start=tank,
+        series=series,
     )
 
 
-def _bounds(sizes: list[int]) -> list[tuple[int, int]]:
-    edges = np.cumsum([0, *sizes]).tolist()
-    return list(pairwise(edges))
-
-
-def _lost(problem: _Problem, name: str, value: float, low: float, high: float) -> Undetermined | None:
+def _lost(
+    tank: Tank, records: list[VolumeRecording], name: str, value: float, low: float, high: float
+) -> Undetermined | None:
     """Say that a value is not determined, and which limit the recordings give all the same."""
-    upper = problem._upper(name)
+    upper = _upper(tank, name)
     is_ratio = name == "line.critical_pressure_ratio"
     if max(value - low, high - value) <= LARGEST_REACH * (1.0 if is_ratio else value):
         return None
@@ -454,28 +305,26 @@ def _lost(problem: _Problem, name: str, value: float, low: float, high: float) -
         reason += ": none can be told from little" if name in ("volume.leakage", "volume.heat_transfer") else ""
     else:
         reason = f"anything from {below} to {above} {unit} fits"
-    if is_ratio and problem.form["line"] is not None:
-        other = problem.form["line"]["pressure_pa"]
-        ratios = [np.minimum(r.pressure_pa / other, other / r.pressure_pa) for r in problem.records]
+    if is_ratio:
+        other = tank.core_form()["line"]["pressure_pa"]
+        ratios = [np.minimum(r.pressure_pa / other, other / r.pressure_pa) for r in records]
         reason += (
             f"; the pressures on both sides of the line were in ratios up to {max(float(x.max()) for x in ratios):.2f}"
         )
     return Undetermined(name, reason, NUMBERS[name][2])
 
 
-def _notes(problem: _Problem, measured: list[tuple[VolumeRecording, Array, Array]], tau: float) -> list[str]:
+def _notes(tank: Tank, attempt: Attempt, tau: float) -> list[str]:
     notes = []
-    if problem.tank.volume.start_temperature_k is None:
+    if not attempt.converged:
+        notes.append("the search has not converged: there are no intervals; give other start values")
+    if tank.volume.start_temperature_k is None:
+        notes.append(f"assumed: the gas has {tank.start_temperature_k:g} K, that of the wall, where a recording begins")
+    if attempt.missed:
         notes.append(
-            f"assumed: the gas has {problem.tank.start_temperature_k:g} K, that of the wall, where a recording begins"
-        )
-    ratios = [float(np.sqrt(np.mean(part**2))) / max(noise_level(p), 1e-300) for _, p, part in measured]
-    if max(ratios) > MISFIT:
-        worst = measured[int(np.argmax(ratios))][0].name
-        notes.append(
-            f"the model does not fit {worst}: residuals are {max(ratios):.2g} times the noise from sample to sample. "
-            "Values and intervals make up for what it lacks: look at the opening, the volume, the pressure on the "
-            "other side, and the zero of the transducer"
+            f"the model does not fit: residuals are {max(attempt.missed.values()):.2g} times the noise from sample to "
+            "sample. Values and intervals make up for what it lacks: look at the opening, the volume, the pressure on "
+            "the other side, and the zero of the transducer"
         )
     elif tau > CORRELATED:
         notes.append(f"residuals are correlated over {tau:.0f} samples; intervals are widened for it")

@@ -7,10 +7,10 @@ import pytest
 
 from pneudrive import _core
 from pneudrive.errors import FitError
+from pneudrive.estimate.design import DesignSpace, exchange, information, prediction_variance
 from pneudrive.identify import fit_friction
 from pneudrive.identify.design import Limits, Prior, design, expected_half_widths
 from pneudrive.identify.model import at_conditions
-from pneudrive.identify.optimal import Candidates, exchange, information, prediction_variance
 
 RANGE = (1e-3, 0.45)
 
@@ -19,13 +19,13 @@ def candidates(truth, law, speeds):
     prior = Prior.of_law(law, truth)
     gradients = prior.model.value_and_jacobian(prior.draws[0], at_conditions(speeds, 0 * speeds, 0 * speeds))[1]
     size = gradients.shape[1]
-    return Candidates(gradients[None] / 0.5, np.zeros((1, size, size)))
+    return DesignSpace(gradients[None] / 0.5, np.zeros((1, size, size)))
 
 
 def d_optimal_weights(candidates):
     """Weights of sum one that are D-optimal: each times its variance over p, until none has a variance above p."""
     gradients = candidates.gradients / candidates.scale
-    tried = Candidates(gradients, np.zeros_like(candidates.known))
+    tried = DesignSpace(gradients, np.zeros_like(candidates.known))
     size = gradients.shape[2]
     weight = np.full(gradients.shape[1], 1.0 / gradients.shape[1])
     while (variance := prediction_variance(tried, information(tried, weight))).max() > size * 1.001:

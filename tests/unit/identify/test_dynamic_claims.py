@@ -16,7 +16,7 @@ import pneudrive as pn
 from oracle.drive_records import record
 from pneudrive import _core
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
-from pneudrive.identify.dynamic.parameters import Candidates, chosen
+from pneudrive.identify.dynamic.parameters import chosen, family_of
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.dynamic.shooting import Shooter
 
@@ -51,31 +51,31 @@ def test_defaults_that_follow_from_the_guess_move_with_it_and_the_mass_is_not_of
 
 def test_a_default_that_was_given_stays() -> None:
     guess = plain_drive("2 kg", "15 N", damping_fade_velocity="0.29 m/s")
-    moving = Candidates(guess, chosen(guess, ["friction.coulomb"])).moving
+    moving = family_of(guess, chosen(guess, ["friction.coulomb"])).moving
     assert "friction.damping_fade_velocity" not in [one.name for one in moving]
 
 
 def test_derivatives_go_through_what_follows() -> None:
     """Breakaway -> stiffness -> damping -> fade, and coulomb -> fade: against differences of the core's form."""
     guess = plain_drive("2 kg", "15 N")
-    candidates = Candidates(guess, chosen(guess, ["friction.coulomb", "friction.breakaway"]))
+    family = family_of(guess, chosen(guess, ["friction.coulomb", "friction.breakaway"]))
     at = np.array([16.0, 42.0])
-    by_free = candidates.by_free(at)
+    by_free = family.by_free(at)
     for k in range(2):
         step = np.zeros(2)
         step[k] = 1e-4
         ends = []
         for sign in (1.0, -1.0):
-            candidates.json(at + sign * step)
-            ends.append(np.array([candidates.get(path) for path in candidates.paths]))
+            family.json(at + sign * step)
+            ends.append(np.array([family.get(path) for path in family.paths]))
         assert by_free[:, k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-5, abs=1e-9)
-    assert len(candidates.paths) == 5
+    assert len(family.paths) == 5
 
 
 def test_the_temperature_of_the_supply_follows_that_of_the_room() -> None:
     drive = pn.Drive.load("catalogue:reference")
-    candidates = Candidates(drive, chosen(drive, ["ambient.temperature"]))
-    assert '"supply": {"pressure_pa": 700000.0, "temperature_k": 300.0}' in candidates.json(np.array([300.0]))
+    family = family_of(drive, chosen(drive, ["ambient.temperature"]))
+    assert '"supply": {"pressure_pa": 700000.0, "temperature_k": 300.0}' in family.json(np.array([300.0]))
 
 
 @pytest.fixture(scope="module")

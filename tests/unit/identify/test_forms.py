@@ -8,9 +8,9 @@ from scipy.integrate import quad
 
 from pneudrive import Drive, _core
 from pneudrive.errors import FitError
+from pneudrive.estimate.losses import LOSSES
 from pneudrive.identify import FrictionFit, fit_friction
 from pneudrive.identify.laws import compare_laws
-from pneudrive.identify.losses import LOSSES
 from pneudrive.identify.model import FrictionModel, Observations
 
 SPEED = np.geomspace(1e-3, 0.45, 20)

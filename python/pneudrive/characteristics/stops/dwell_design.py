@@ -9,8 +9,8 @@ import numpy as np
 
 from pneudrive.characteristics.stops.dwell_forms import FORMS, DwellForm
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
-from pneudrive.identify.optimal import Candidates, exchange, information
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def design_stops(
     t = np.array([float(f"{v:.{DIGITS}g}") for v in t])
     gradients = np.array([_gradient(laws[form], t, scale_s * factor**z, increment_n) for z in DRAWS]) / noise_n
     size = gradients.shape[2]
-    candidates = Candidates(gradients, np.zeros((DRAWS.size, size, size)))
+    candidates = DesignSpace(gradients, np.zeros((DRAWS.size, size, size)))
     chosen = exchange(candidates, max(stops, size))
     counts = np.bincount(chosen, minlength=t.size).astype(float)
     covariance = np.linalg.inv(information(candidates, counts))

@@ -95,7 +95,7 @@ def _notes(
             notes.append("the search has not converged: look at the residuals, or try shorter segments")
         notes.append("no interval is given: intervals hold at the end of a search alone")
     units = numbers_of(drive)
-    moved = problem.experiments[0].shooter.candidates.derived_values(problem.values(solved.point.eta))
+    moved = problem.experiments[0].shooter.family.derived_values(problem.values(solved.point.eta))
     notes += [
         f"{_written(name, value, units[name].unit)} follows from what is free, as nobody gives it"
         for name, value in moved.items()

@@ -12,7 +12,7 @@ from pneudrive.characterise.plausible import check_plausible, refuse_standstill,
 from pneudrive.characterise.spread import robust_deviation, student
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.assemble import assembled
-from pneudrive.identify.dynamic.parameters import Candidates, Parameter, chosen, transforms_of
+from pneudrive.identify.dynamic.parameters import Parameter, chosen, family_of, transforms_of
 from pneudrive.identify.dynamic.problem import Experiment, Point, Problem
 from pneudrive.identify.dynamic.recordings import CHANNELS, channels_in
 from pneudrive.identify.dynamic.search import Joined, Progress, Watcher, join_segments, linearise, predict_segments
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive
     from pneudrive.identify.base import Undetermined
     from pneudrive.identify.dynamic.result import DriveFit
+    from pneudrive.identify.dynamic.shooting import Recorded
     from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
@@ -217,7 +218,7 @@ def identify(
     def attempt(values: Array | None) -> Attempt:
         start = None if values is None else values[: len(parameters)]
         problem, point = _problem(drive, parameters, records, present, described, options, watcher.watch, start)
-        return _solve(problem, point, stated, options, watcher)
+        return solve(problem, point, stated, options, watcher)
 
     best = _best_of_attempts(attempt, options)
     for experiment in best.solved.problem.experiments:
@@ -304,7 +305,7 @@ def _problem(
     values: Array | None = None,
 ) -> tuple[Problem, Point]:
     """Cut the recordings, find where the segments begin, and put the problem together; `values` are the start's."""
-    candidates = Candidates(drive, parameters)
+    family = family_of(drive, parameters)
     values = np.array([p.value for p in parameters]) if values is None else values
     experiments = []
     for record, names in zip(records, present, strict=True):
@@ -312,8 +313,8 @@ def _problem(
         starts = segment_starts(record.time_s, options.first_segment_s(record))
         outputs = [c.column for c in own]
         delay_s, threads = options.delay.value_s, options.threads
-        shooter = Shooter(record, outputs, starts, candidates, options.rtol, threads, delay_s, watch)
-        noise = np.array([_noise(c, record, options.rtol) for c in own])
+        shooter = Shooter(record, outputs, starts, family, options.rtol, threads, delay_s, watch)
+        noise = np.array([noise_of(c, record, options.rtol) for c in own])
         inner = shooter.inner_states(values)
         state, spread = measured_starts(record, own, noise, starts, drive, inner, watch)
         experiments.append(Experiment(shooter, own, observed(shooter, values, state, spread, inner), noise))
@@ -338,12 +339,13 @@ def _least_noise(channel: Channel, rtol: float) -> float:
     return float(np.hypot(channel.resolution / np.sqrt(12.0), rtol * _SCALE.get(channel.unit, 1.0)))
 
 
-def _noise(channel: Channel, record: DriveRecording, rtol: float) -> float:
+def noise_of(channel: Channel, record: Recorded, rtol: float) -> float:
+    """Return the standard deviation of a channel to begin with: what is stated, or that from sample to sample."""
     white = white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
 
-def _solve(
+def solve(
     problem: Problem, point: Point, stated: list[NDArray[np.bool_]], options: Options, watcher: Watcher
 ) -> Attempt:
     """Search, and take the noise of the sensors from the residuals until it stays.
@@ -352,7 +354,7 @@ def _solve(
     """
     converged = False
     watcher.point, at = point, None
-    candidates = problem.experiments[0].shooter.candidates
+    family = problem.experiments[0].shooter.family
     believed = [s.copy() for s in point.states]
     try:
         if options.segment_s is not None:
@@ -363,7 +365,7 @@ def _solve(
             point, at, converged = join_segments(problem, point, believed, watcher)
             if not (converged or options.last_attempt) or not _renew_noise(problem, at, stated, options.rtol):
                 break
-        if converged and candidates.settle(problem.values(point.eta)[: problem.drive_size]):
+        if converged and family.settle(problem.values(point.eta)[: problem.drive_size]):
             point, at, converged = join_segments(problem, point, believed, watcher)
     except KeyboardInterrupt:
         options.interrupted = True

@@ -79,25 +79,18 @@ def derived_in_circuit(drive: Drive) -> Iterator[Derived]:
             yield replace(one, path=path, sources=tuple(source for source in sources if source is not None))
 
 
-class LinesForm:
-    """The core's form of a drive's circuit, whose numbers are found by their paths there."""
-
-    def __init__(self, drive: Drive) -> None:
-        self.table = json.loads(drive.circuit.core_json())
-        self._components = {one["name"]: one for one in self.table["components"]}
-
-    def place(self, path: str) -> tuple[dict[str, Any], str]:
-        """Return the table in which a number lies, and its key there."""
-        own, _, key = path.partition(".")
-        if own not in self._components:
-            return self.table[own], key
-        if not path.startswith(_FRICTION):
-            return self._components[own]["numbers"], key
-        at: dict[str, Any] = self._components[own]
-        *tables, key = key.split(".")
-        for table in tables:
-            at = at[table]
-        return at, key
+def place(form: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
+    """Return the table of a circuit's form in which the number at a path lies, and its key there."""
+    own, _, key = path.partition(".")
+    component = next((one for one in form["components"] if one["name"] == own), None)
+    if component is None:
+        return form[own], key
+    if not path.startswith(_FRICTION):
+        return component["numbers"], key
+    *tables, key = key.split(".")
+    for table in tables:
+        component = component[table]
+    return component, key
 
 
 class Lines:

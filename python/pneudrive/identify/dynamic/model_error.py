@@ -20,7 +20,7 @@ import numpy as np
 
 from pneudrive.describe.valve_flow import openings
 from pneudrive.errors import PneudriveError
-from pneudrive.identify.dynamic.parameters import Candidates, numbers_of
+from pneudrive.identify.dynamic.parameters import Family, family_of, numbers_of
 from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:
@@ -48,16 +48,14 @@ def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> d
     found = solved.problem.values(solved.point.eta)[: len(parameters)]
     free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]
     held = _held(drive, free, solved)
-    candidates = Candidates(drive, [*free, *held])
+    family = family_of(drive, [*free, *held])
     values = np.array([p.value for p in (*free, *held)])
     steps = np.array([MODEL_SHARE * max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held)])
     try:
         motions = [_motion(solved, index) for index in range(len(solved.problem.experiments))]
-        at = [_balances(candidates, values, motion) for motion in motions]
+        at = [_balances(family, values, motion) for motion in motions]
         scale = np.sqrt([sum(np.sum(one[1][b] ** 2) for one in at) for b in range(3)])
-        columns = np.column_stack(
-            [_change(candidates, values, k, steps[k], motions, scale) for k in range(values.size)]
-        )
+        columns = np.column_stack([_change(family, values, k, steps[k], motions, scale) for k in range(values.size)])
     except (PneudriveError, ValueError):
         return {}
     if not np.isfinite(columns).all():
@@ -73,9 +71,9 @@ def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> d
 
 def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter]:
     """Numbers of the drive that were held and do not follow from free ones, with the values that they were held at."""
-    candidates = solved.problem.experiments[0].shooter.candidates
-    known = {*candidates.paths, *(one.path for one in candidates.settled), *(p.core for p in free)}
-    every = [replace(p, value=candidates.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
+    family = solved.problem.experiments[0].shooter.family
+    known = {*family.paths, *(one.path for one in family.settled), *(p.core for p in free)}
+    every = [replace(p, value=family.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
     return [p for p in every if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
 
 
@@ -91,9 +89,9 @@ def _motion(solved: Solved, index: int) -> dict[str, Array]:
     return motion | {"time_s": recording.time_s, "command": recording["command"], "temperatures": start[[3, 5]]}
 
 
-def _balances(candidates: Candidates, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
+def _balances(family: Family, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
     """Return what the equations give along a motion, and its terms: force in sliding, N, and pressure rates, Pa/s."""
-    out = compiled(candidates.json(values)).along(
+    out = compiled(family.json(values)).along(
         motion["time_s"],
         motion["position_m"],
         motion["velocity_m_s"],
@@ -107,7 +105,7 @@ def _balances(candidates: Candidates, values: Array, motion: dict[str, Array]) -
         motion["slides"] = (speed > SLIDES * speed.max()) & (out["end_stop_force_n"] == 0.0)
     slides = motion["slides"]
     pushed, friction = out["force_n"] * slides, out["friction_n"] * slides
-    mass = candidates.get("cylinder.moving_mass_kg") + candidates.get("load.mass_kg")
+    mass = family.get("cylinder.moving_mass_kg") + family.get("load.mass_kg")
     if "inertia_n_kg" not in motion:
         motion["inertia_n_kg"] = (pushed - friction) / mass
     residual = mass * motion["inertia_n_kg"] - pushed + friction
@@ -115,18 +113,16 @@ def _balances(candidates: Candidates, values: Array, motion: dict[str, Array]) -
     return [residual, *rates], [np.hypot(pushed, friction), *rates]
 
 
-def _change(
-    candidates: Candidates, values: Array, k: int, step: float, motions: list[dict[str, Array]], scale: Array
-) -> Array:
+def _change(family: Family, values: Array, k: int, step: float, motions: list[dict[str, Array]], scale: Array) -> Array:
     """Change of all balances, each over the size of its terms, as one number of the drive changes by a step."""
     parts = []
     for motion in motions:
-        here = _balances(candidates, values, motion)[0]
+        here = _balances(family, values, motion)[0]
         for sign in (1.0, -1.0):  # a number at the edge of what is possible goes the other way
             beside = values.copy()
             beside[k] += sign * step
             try:
-                there = _balances(candidates, beside, motion)[0]
+                there = _balances(family, beside, motion)[0]
             except PneudriveError:
                 if sign < 0.0:
                     raise

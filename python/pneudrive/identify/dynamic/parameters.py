@@ -22,7 +22,7 @@ from pneudrive.identify.dynamic import lines
 from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -217,8 +217,17 @@ def transforms_of(parameters: Sequence[Parameter], sensors: Sequence[SensorParam
 _STEP = 1e-6
 
 
-class Candidates:
-    """The core's drive for any values of the free parameters, and of what follows from them.
+class Family:
+    """What the core runs, for any values of its free numbers and of what follows from them.
+
+    Parameters
+    ----------
+    form : dict
+        The core's form of a drive, a circuit or a tank.
+    free : sequence of str
+        Paths of the free numbers in it.
+    every : iterable of Derived
+        What follows from other values.
 
     Attributes
     ----------
@@ -228,16 +237,13 @@ class Candidates:
         These.
     """
 
-    def __init__(self, drive: Drive, parameters: Sequence[Parameter]) -> None:
-        self._lines = lines.LinesForm(drive) if drive.has_lines else None
-        self._form = json.loads(drive.core_json()) if self._lines is None else self._lines.table
-        free = [p.core for p in parameters]
+    def __init__(self, form: dict[str, Any], free: Sequence[str], every: Iterable[Derived] = ()) -> None:
+        self._form, self.size = form, len(free)
         self.moving: list[Derived] = []
-        for one in derived(drive) if self._lines is None else lines.derived_in_circuit(drive):
+        for one in every:
             if one.path not in free and {*free, *(m.path for m in self.moving)}.intersection(one.sources):
                 self.moving.append(one)
         self.settled: list[Derived] = []
-        self.size = len(free)
         self.paths = [*free, *(m.path for m in self.moving)]
 
     def core(self, values: Array) -> Any:  # noqa: ANN401 - the core's drive, or what is as one
@@ -248,11 +254,9 @@ class Candidates:
         DescriptionError
             The core refuses it.
         """
-        return compiled(self.json(values)) if self._lines is None else lines.Lines(compiled_circuit(self.json(values)))
+        return compiled(self.json(values))
 
     def _place(self, path: str) -> tuple[dict[str, Any], str]:
-        if self._lines is not None:
-            return self._lines.place(path)
         *tables, key = path.split(".")
         at = self._form
         for table in tables:
@@ -308,3 +312,22 @@ class Candidates:
                 ends = [one.value(*at[:k], at[k] + sign * step, *at[k + 1 :]) for sign in (1.0, -1.0)]
                 out[row] += (ends[0] - ends[1]) / (2.0 * step) * out[self.paths.index(path)]
         return out
+
+
+class LinesFamily(Family):
+    """A drive with tubes or flow controls, as its circuit."""
+
+    def core(self, values: Array) -> Any:  # noqa: ANN401 - shoots as the core's drive does
+        """Return what the core shoots, with these values."""
+        return lines.Lines(compiled_circuit(self.json(values)))
+
+    def _place(self, path: str) -> tuple[dict[str, Any], str]:
+        return lines.place(self._form, path)
+
+
+def family_of(drive: Drive, parameters: Sequence[Parameter]) -> Family:
+    """Return the drives that differ from one by some free parameters."""
+    free = [p.core for p in parameters]
+    if drive.has_lines:
+        return LinesFamily(json.loads(drive.circuit.core_json()), free, lines.derived_in_circuit(drive))
+    return Family(json.loads(drive.core_json()), free, derived(drive))

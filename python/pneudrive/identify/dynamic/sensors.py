@@ -58,9 +58,10 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Channel:
-    """A sensor in SI; `free` names which of offset, gain and lag are sought."""
+    """A sensor in SI; `column` is the model's output, `free` names which of offset, gain and lag are sought."""
 
     name: str
+    column: str
     unit: str
     noise: float | None
     offset: float
@@ -76,11 +77,6 @@ class Channel:
         if "offset" not in self.free:
             return 0.0
         return self.offset_uncertainty if np.isfinite(self.offset_uncertainty) else 5.0 * OFFSET_SIZE[self.unit]
-
-    @property
-    def column(self) -> str:
-        """Name of the model's output."""
-        return CHANNELS[self.name]
 
 
 #: Lag from which the search for a free one starts, s (assumed: that of a pressure transducer with its tube).
@@ -106,6 +102,7 @@ def channel(name: str, sensor: Sensor) -> Channel:
     stated = sensor.offset_uncertainty is not None
     return Channel(
         name=name,
+        column=CHANNELS[name],
         unit=unit,
         noise=None if sensor.noise is None else si("noise", unit),
         offset=0.0 if "offset" in free else si("offset", unit, least=-np.inf),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive._core import Shooting
-    from pneudrive.characterise.drive_recording import DriveRecording
-    from pneudrive.identify.dynamic.parameters import Candidates
+    from pneudrive.identify.dynamic.parameters import Family
     from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]
@@ -52,6 +51,29 @@ class Shot:
     failures: dict[int, str]
 
 
+class Recorded(Protocol):
+    """What a recording has to have."""
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        ...
+
+    @property
+    def time_s(self) -> Array:
+        """Times of the samples, shape (n,)."""
+        ...
+
+    def __getitem__(self, column: str) -> Array:
+        """Return a column, SI."""
+        ...
+
+    @property
+    def steps(self) -> tuple[Array, Array]:
+        """Times at which the command changes, and what it changes to."""
+        ...
+
+
 #: Half of the difference over which outputs are differentiated by the delay of the command, s: above what the solver's
 #: error shows at, below what a valve's flow changes over.
 DELAY_STEP_S = 1e-4
@@ -62,12 +84,12 @@ class Shooter:
 
     Parameters
     ----------
-    recording : DriveRecording
+    recording : Recorded
     outputs : sequence of str
         Columns of the core that are wanted.
     starts : ndarray of int, shape (k,)
         Samples at which segments begin.
-    candidates : Candidates
+    family : Family
     rtol : float
     threads : int
     delay_s : float
@@ -78,22 +100,22 @@ class Shooter:
 
     def __init__(
         self,
-        recording: DriveRecording,
+        recording: Recorded,
         outputs: Sequence[str],
         starts: NDArray[np.int64],
-        candidates: Candidates,
+        family: Family,
         rtol: float,
         threads: int,
         delay_s: float = 0.0,
         watch: Watch = UNWATCHED,
     ) -> None:
         self.recording, self.outputs, self.starts = recording, list(outputs), starts
-        self.candidates, self._rtol, self._threads = candidates, rtol, threads
+        self.family, self._rtol, self._threads = family, rtol, threads
         self._delay_s, self.watch = delay_s, watch
 
     def inner_states(self, values: Array) -> list[str]:
         """Name what a start has beside the piston and its chambers: states of friction, gas of tubes."""
-        return list(self.candidates.core(values).start_names[6:])
+        return list(self.family.core(values).start_names[6:])
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
         """Return the same with segments that begin at other samples."""
@@ -138,20 +160,20 @@ class Shooter:
             The core refuses the drive.
         """
         try:
-            core = self.candidates.core(values)
+            core = self.family.core(values)
             found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start)
             beside = [] if delay_s is None or not derivatives else [delay_s + DELAY_STEP_S, delay_s - DELAY_STEP_S]
             shifted = [self._shoot(core, initial, delay) for delay in beside]
         except ValueError as error:
             raise FitError(f"the core refuses a drive of the search: {error}") from None
-        p = self.candidates.size if derivatives else 0
+        p = self.family.size if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
         if derivatives:
-            paths = len(self.candidates.paths)
+            paths = len(self.family.paths)
             if by_start is not None:
                 sensitivities, ends = (_spread(d, paths, by_start, initial.shape[1]) for d in (sensitivities, ends))
             if paths > p:
-                by_free = self.candidates.by_free(values)
+                by_free = self.family.by_free(values)
                 sensitivities, ends = (_chained(d, by_free) for d in (sensitivities, ends))
         if shifted:
             later, sooner = shifted
@@ -185,7 +207,7 @@ class Shooter:
             "sample_times": self.recording.time_s,
             "starts": self.starts.tolist(),
             "initial": np.ascontiguousarray(initial),
-            "parameters": self.candidates.paths if derivatives else [],
+            "parameters": self.family.paths if derivatives else [],
             "with_initial": derivatives if by_start is None or not derivatives else by_start.tolist(),
             "outputs": self.outputs,
             "rtol": self._rtol,

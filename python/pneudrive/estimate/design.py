@@ -1,4 +1,4 @@
-"""Optimal designs over a list of candidate points: algorithms that know nothing of friction.
+"""Optimal designs over a list of points that could be measured.
 
 A candidate is a gradient g of its expected value by the parameters, divided by its standard deviation: measured once it
 adds g g' to the information. A nonlinear law has other gradients at other parameters, so there is one set for each
@@ -34,7 +34,7 @@ LEAST_GAIN = 1e-10
 
 
 @dataclass(frozen=True)
-class Candidates:
+class DesignSpace:
     """Points that could be measured.
 
     Attributes
@@ -57,28 +57,28 @@ class Candidates:
         size = np.sqrt(np.mean(self.gradients**2, axis=(0, 1)))
         return np.where(size > 0.0, size, 1.0)
 
-    def scaled(self) -> Candidates:
+    def scaled(self) -> DesignSpace:
         """Return the same candidates with columns of size one, and a ridge that makes every matrix regular."""
         s = self.scale
         known = self.known / np.outer(s, s) + RIDGE * self.gradients.shape[1] * np.eye(s.size)
         region = None if self.region is None else self.region / np.outer(s, s)
-        return Candidates(self.gradients / s, known, region)
+        return DesignSpace(self.gradients / s, known, region)
 
 
-def information(candidates: Candidates, counts: Array) -> Array:
+def information(candidates: DesignSpace, counts: Array) -> Array:
     """Information of each draw with `counts` (c,) measurements of each candidate, shape (d, p, p)."""
     g = candidates.gradients
     return candidates.known + np.einsum("c,dci,dcj->dij", counts, g, g)
 
 
-def prediction_variance(candidates: Candidates, matrix: Array) -> Array:
+def prediction_variance(candidates: DesignSpace, matrix: Array) -> Array:
     """Mean over the draws of g' M^-1 g at each candidate, shape (c,)."""
     g = candidates.gradients
     solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))
     return np.mean(np.einsum("dci,dic->dc", g, solved), axis=0)
 
 
-def exchange(candidates: Candidates, count: int, criterion: str = "D") -> NDArray[np.int64]:
+def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> NDArray[np.int64]:
     """Choose `count` measurements, repeats allowed: the best one each time, then exchanges as long as they improve.
 
     Returns
@@ -106,7 +106,7 @@ def exchange(candidates: Candidates, count: int, criterion: str = "D") -> NDArra
 
 
 def within_budget(
-    candidates: Candidates, cost: Array, budget: float, criterion: str = "D"
+    candidates: DesignSpace, cost: Array, budget: float, criterion: str = "D"
 ) -> tuple[NDArray[np.int64], int]:
     """Choose measurements one after the other by gain for their cost (c,), as long as the budget lasts.
 
@@ -122,7 +122,7 @@ def within_budget(
     scaled = candidates.scaled()
     best, most = (np.zeros(0, dtype=np.int64), 1), -np.inf
     for repeats in range(1, min(MOST_REPEATS, int(budget // cost.min())) + 1):
-        repeated = Candidates(scaled.gradients * np.sqrt(repeats), scaled.known, scaled.region)
+        repeated = DesignSpace(scaled.gradients * np.sqrt(repeats), scaled.known, scaled.region)
         matrix, chosen, left = scaled.known.copy(), [], budget / repeats
         free = cost <= left
         while free.any():
@@ -137,7 +137,7 @@ def within_budget(
     return best
 
 
-def _criterion(candidates: Candidates, matrix: Array, criterion: str) -> float:
+def _criterion(candidates: DesignSpace, matrix: Array, criterion: str) -> float:
     """Give what is to be large: the mean of ln det M, or minus that of trace(M^-1 W)."""
     if criterion == "D":
         return float(np.mean(np.linalg.slogdet(matrix)[1]))
@@ -145,12 +145,12 @@ def _criterion(candidates: Candidates, matrix: Array, criterion: str) -> float:
     return -float(np.mean(np.trace(np.linalg.solve(matrix, candidates.region), axis1=1, axis2=2)))
 
 
-def _outer(candidates: Candidates, index: int) -> Array:
+def _outer(candidates: DesignSpace, index: int) -> Array:
     g = candidates.gradients[:, index]
     return g[:, :, None] * g[:, None, :]
 
 
-def _gain(candidates: Candidates, matrix: Array, criterion: str) -> Array:
+def _gain(candidates: DesignSpace, matrix: Array, criterion: str) -> Array:
     """Give what measuring each candidate once more adds to the criterion, shape (c,)."""
     g = candidates.gradients
     solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))  # (d, p, c)
