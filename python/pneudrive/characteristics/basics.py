@@ -26,6 +26,16 @@ class Condition:
     seal: str = ""
     drive: str = ""
 
+    @property
+    def levels(self) -> tuple[str, str, str]:
+        """Mounting, seal, drive."""
+        return self.mounting, self.seal, self.drive
+
+    @property
+    def title(self) -> str:
+        """Levels that there are, in words."""
+        return ", ".join(level for level in self.levels if level)
+
     def label(self, ambient_pressure_pa: float) -> str:
         """Name it as people say it: gauge pressures, then the levels that there are.
 
@@ -36,7 +46,7 @@ class Condition:
         """
         a, b = ((p - ambient_pressure_pa) / PA_PER_BAR for p in (self.pressure_a_pa, self.pressure_b_pa))
         pressures = f"{_tidy(a)} bar in both" if abs(a - b) < 1e-3 else f"a {_tidy(a)} bar, b {_tidy(b)} bar"
-        return ", ".join([pressures, *(level for level in (self.mounting, self.seal, self.drive) if level)])
+        return f"{pressures}, {self.title}" if self.title else pressures
 
 
 def _tidy(bar: float) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.curves import by_chance, curve_speeds, kept_conditions, systematic
+from pneudrive.characteristics.curves import by_chance, curve_speeds, systematic
 from pneudrive.characteristics.gain import GROWING
 from pneudrive.characteristics.result import Source
 from pneudrive.estimate.estimates import NORMAL_95
@@ -27,13 +27,10 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Sou
     """List the sources: root mean square over the measured points of all curves, N."""
     points = fits.points
     scatter, gains, turns, places, zeros = [], [], [], [], []
-    for number, condition in enumerate(kept_conditions(points)):
-        index = points.conditions.index(condition)
-        speeds, measured, counts = curve_speeds(points, index)
-        speeds, counts = speeds[measured], counts[measured]
-        value, low, high = by_chance(fits, fits.friction, number, speeds, counts)
-        offset = fits.offset.at(number, speeds)
-        shared = systematic(fits, value, offset.mean, index)
+    for at in (one.only_measured() for one in curve_speeds(points)):
+        value, low, high = by_chance(fits, fits.friction, at)
+        offset = fits.offset.at(at.number, at.speed_m_s)
+        shared = systematic(fits, value, offset.mean, at.index)
         scatter.append((high - low) / (2.0 * NORMAL_95))
         gains.append(shared.gain_n)
         turns.append(shared.hysteresis_n)
@@ -61,7 +58,7 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Sou
 
 def _named(fits: Fits) -> dict[str, float]:
     """Parts of the force sensor that its calibration names, root mean square over the cycles, N."""
-    data = [d for d, used in zip(fits.points.reduced.data, fits.points.use, strict=True) if used]
+    data = fits.points.cycles(fits.points.use)
     names = (name for name in (*GROWING, *CONSTANT) if name in data[0].u_force_n)
     found = {name: _rms([np.array([d.u_force_n[name] for d in data])]) for name in names}
     return {name: u for name, u in found.items() if u > 0.0}

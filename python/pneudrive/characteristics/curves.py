@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characteristics.basics import BOTH
 from pneudrive.characteristics.condense import grouped
-from pneudrive.characteristics.outliers import WILD, WILD_SPREAD, Chance, wild_cycles
+from pneudrive.characteristics.outliers import WILD, WILD_SPREAD, wild_cycles
 from pneudrive.characteristics.plausible import OUTLIER, implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint
@@ -90,6 +90,10 @@ class Points:
         """Cycles that are points of F(v)."""
         return np.array([not reason for reason in self.reasons], dtype=bool)
 
+    def cycles(self, members: NDArray[np.bool_]) -> list[CycleData]:
+        """Give the cycles that are marked."""
+        return [d for d, member in zip(self.reduced.data, members, strict=True) if member]
+
     def __len__(self) -> int:
         """Give the number of cycles with both directions."""
         return len(self.reduced.data)
@@ -163,9 +167,6 @@ class Fits:
         Of half the sum, with the tares.
     drift_share : float
         Share of a steady drift that the design cannot tell from the curves.
-    blocks : ndarray or None, shape (used, blocks)
-        Share of each block, or day, in each point: the friction's model contains their deviations. None where the
-        design does not carry them.
     block_kind : str
         block, day, or "" where there is none.
     doubtful : tuple of int
@@ -176,13 +177,17 @@ class Fits:
     friction: CurveFit
     offset: CurveFit
     drift_share: float
-    blocks: Array | None
     block_kind: str
     doubtful: tuple[int, ...] = ()
 
     def rest(self) -> Array:
         """Give what cycles in use are off their curves, drift taken out, in the response's unit, shape (used,)."""
         return self.friction.data.y - self.friction.drift - self.friction.steady()
+
+    @property
+    def blocks(self) -> Array | None:
+        """Share of each block, or day, in each point; None where the design does not carry their deviations."""
+        return self.friction.data.blocks
 
     @property
     def has_zero(self) -> bool:
@@ -201,21 +206,17 @@ def fit_points(reading: Reading, points: Points) -> Fits | None:
     fits = _fit_points(reading, points)
     if fits is None:
         return None
-    fit = fits.friction
-    chance = Chance(fit.logarithmic, "drift" in fit.sources, fits.blocks)
     rows = np.flatnonzero(points.use)
-    found, readings = wild_cycles(fit.data, chance)
+    found, readings = wild_cycles(fits.friction.data)
     if found:
         wild = set(rows[found].tolist())
         kept = tuple(OUTLIER if i in wild else reason for i, reason in enumerate(points.reasons))
         fits = _fit_points(reading, replace(points, reasons=kept))
     if fits is None or not readings:
         return fits
-    fit = fits.friction
-    spread = WILD_SPREAD * (1.0 if fit.logarithmic else float(np.median(np.abs(fit.data.y))))
     left = np.flatnonzero(fits.points.use)
     among = [np.searchsorted(left, rows[some]) for some in readings]
-    both = with_doubt(fit, among, spread, WILD / (1.0 - WILD))
+    both = with_doubt(fits.friction, among, WILD_SPREAD * fits.friction.data.level, WILD / (1.0 - WILD))
     return replace(fits, friction=both, doubtful=tuple(rows[readings[-1]].tolist()))
 
 
@@ -259,10 +260,10 @@ def condensed(points: Points) -> Points:
 def _stretches(points: Points) -> NDArray[np.int64]:
     """Count each cycle's block among those of the same mounting, seal and drive, from 0."""
     data = points.reduced.data
-    ranks: dict[tuple[str, str, str], dict[int, int]] = {}
+    ranks: dict[tuple[str, ...], dict[int, int]] = {}
     found = []
     for d in data:
-        same = ranks.setdefault((d.condition.mounting, d.condition.seal, d.condition.drive), {})
+        same = ranks.setdefault(d.condition.levels, {})
         found.append(same.setdefault(d.head.cycle.block, len(same)))
     return np.array(found, dtype=np.int64)
 
@@ -276,20 +277,15 @@ def _fit_points(reading: Reading, points: Points) -> Fits | None:
     kept = sorted(set(points.condition[use]))
     curve = np.array([kept.index(c) if c in kept else 0 for c in points.condition], dtype=np.int64)
     blocks, kind = block_shares(reading, points)
-
-    def data(y: Array, stderr: Array) -> CurveData:
-        ones = np.ones(int(use.sum()))
-        return CurveData(
-            y[use], stderr[use] ** 2, reduced.speed_m_s[use], curve[use], order[use], points.count[use], ones
-        )
-
-    friction = data(reduced.friction_n, reduced.friction_stderr_n)
+    ones = np.ones(int(use.sum()))
+    alike = (reduced.speed_m_s[use], curve[use], order[use], points.count[use], ones)
+    friction = CurveData(reduced.friction_n[use], reduced.friction_stderr_n[use] ** 2, *alike, blocks)
     share = carried_drift(friction)
-    fitted = _better(friction, drift=share < CARRIED, blocks=blocks)
-    offset = _with_tares(reading, data(reduced.offset_n, reduced.offset_stderr_n))
-    tares = (offset.curve < 0).sum()
-    carries = carried_drift(offset) < CARRIED or tares > 1
-    return Fits(points, fitted, fit_curves(offset, logarithmic=False, drift=carries), share, blocks, kind)
+    fitted = _better(replace(friction, drift=share < CARRIED))
+    offset = CurveData(reduced.offset_n[use], reduced.offset_stderr_n[use] ** 2, *alike)
+    offset = _with_tares(reading, offset)
+    carries = carried_drift(offset) < CARRIED or (offset.curve < 0).sum() > 1
+    return Fits(points, fitted, fit_curves(replace(offset, drift=carries)), share, kind)
 
 
 def fit_response(reading: Reading, fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFit:
@@ -305,17 +301,10 @@ def fit_response(reading: Reading, fits: Fits, y: Array, stderr: Array, *, drift
     drift : bool
         Whether it may drift as friction does.
     """
-    use = fits.points.use
-    order = np.array([reading.order(d.head) for d in fits.points.reduced.data])
-    like = fits.friction.data
-    data = replace(like, y=y[use], noise=stderr[use] ** 2, order=order[use])
-    blocks = fits.blocks if drift else None
-    return fit_curves(data, logarithmic=False, drift=drift and fits.drift_share < CARRIED, blocks=blocks)
-
-
-def kept_conditions(points: Points) -> list[Condition]:
-    """Give the conditions of the curves, in the order of the models' numbers."""
-    return [points.conditions[i] for i in sorted(set(points.condition[points.use].tolist()))]
+    use, like = fits.points.use, fits.friction.data
+    order = np.array([reading.order(d.head) for d in fits.points.reduced.data])[use]
+    data = replace(like, y=y[use], noise=stderr[use] ** 2, order=order, logarithmic=False)
+    return fit_curves(data if drift else replace(data, drift=False, blocks=None))
 
 
 def block_shares(reading: Reading, points: Points) -> tuple[Array | None, str]:
@@ -329,7 +318,7 @@ def block_shares(reading: Reading, points: Points) -> tuple[Array | None, str]:
         block, day, or "" where there is none.
     """
     members = [some for some, use in zip(points.members, points.use, strict=True) if use]
-    named = [(some[0].condition.mounting, some[0].condition.seal, some[0].condition.drive) for some in members]
+    named = [some[0].condition.levels for some in members]
     levels = np.array([named.index(name) for name in named])
     days = reading.days()
     kinds = {
@@ -353,39 +342,34 @@ def shares_of(labels: Sequence[Sequence[int]]) -> Array:
     return shares / shares.sum(axis=1, keepdims=True)
 
 
-def _better(data: CurveData, *, drift: bool, blocks: Array | None) -> CurveFit:
+def _better(data: CurveData) -> CurveFit:
     """Fit friction or its logarithm, whichever makes the observations more likely, with chance of either kind."""
-    plain = fit_curves(data, logarithmic=False, drift=drift, blocks=blocks)
+    plain = fit_curves(data)
     if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
         return plain
-    relative = fit_curves(_logarithmic(data), logarithmic=True, drift=drift, blocks=blocks)
+    relative = fit_curves(data.logarithms())
     # Densities of y and of ln y differ by a factor y for each degree of freedom of the restricted likelihood.
     freedom = len(data) - plain.fit.model.x.shape[1]
     likelier = relative.fit.log_likelihood() - freedom * float(np.mean(np.log(data.y)))
     better = relative if likelier > plain.fit.log_likelihood() else plain
     del plain, relative  # the other one goes before a third one comes: each takes much memory
-    return either_chance(better, blocks)
-
-
-def _logarithmic(data: CurveData) -> CurveData:
-    return replace(data, y=np.log(data.y), noise=data.noise / data.y**2)
+    return either_chance(better)
 
 
 def _with_tares(reading: Reading, data: CurveData) -> CurveData:
     """Add the tares: observations of the zero alone, on no curve."""
     tares = reading.tares
-    if not tares:
-        return data
-    count = len(tares)
-    return CurveData(
-        np.concatenate([data.y, [t.standing_n for t in tares]]),
-        np.concatenate([data.noise, [t.standing_stderr_n**2 for t in tares]]),
-        np.concatenate([data.speed_m_s, np.full(count, np.nan)]),
-        np.concatenate([data.curve, np.full(count, -1, dtype=np.int64)]),
-        np.concatenate([data.order, [reading.order(t.head) for t in tares]]),
-        np.concatenate([data.count, np.ones(count)]),
-        np.concatenate([data.chance, np.ones(count)]),
-    )
+    ones = np.ones(len(tares))
+    added = {
+        "y": np.array([t.standing_n for t in tares]),
+        "noise": np.array([t.standing_stderr_n**2 for t in tares]),
+        "speed_m_s": np.nan * ones,
+        "curve": np.full(len(tares), -1, dtype=np.int64),
+        "order": np.array([reading.order(t.head) for t in tares]),
+        "count": ones,
+        "chance": ones,
+    }
+    return replace(data, **{name: np.concatenate([getattr(data, name), values]) for name, values in added.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -415,7 +399,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     """State what all points share, at these frictions and half sums (without zero where tares show it)."""
     points = fits.points
     members = points.use & (points.condition == condition)
-    data = [d for d, member in zip(points.reduced.data, members, strict=True) if member]
+    data = points.cycles(members)
     level = float(np.mean(points.reduced.friction_n[members]))
     gain = float(np.mean([d.u_gain_n for d in data])) / max(abs(level), 1e-12)
     spread = float(np.std(fits.friction.drift))
@@ -436,15 +420,12 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
 
 def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
     """Give the curves of all conditions: half the difference of both directions, then +x and -x."""
-    points = fits.points
     curves: list[Curve] = []
-    for number, condition in enumerate(kept_conditions(points)):
-        index = points.conditions.index(condition)
-        speeds, measured, counts = curve_speeds(points, index)
-        value, low, high = by_chance(fits, fits.friction, number, speeds, counts)
-        offset = fits.offset.at(number, speeds)
-        shared = systematic(fits, value, offset.mean, index)
-        excluded = _excluded(points, index)
+    for at in curve_speeds(fits.points):
+        value, low, high = by_chance(fits, fits.friction, at)
+        offset = fits.offset.at(at.number, at.speed_m_s)
+        shared = systematic(fits, value, offset.mean, at.index)
+        excluded = _excluded(fits.points, at.index)
         for direction in (BOTH, 1, -1):
             centre, below, above = value, value - low, high - value
             u = shared.friction_n() if direction == BOTH else shared.direction_n()
@@ -455,16 +436,16 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
             curves.append(
                 Curve(
-                    condition=condition,
+                    condition=at.condition,
                     direction=direction,
-                    speed_m_s=speeds,
+                    speed_m_s=at.speed_m_s,
                     friction_n=centre,
                     low_n=centre - np.hypot(below, NORMAL_95 * u),
                     high_n=centre + np.hypot(above, NORMAL_95 * u),
                     stderr_n=(below + above) / (2.0 * NORMAL_95),
                     u_systematic_n=u,
-                    measured=measured,
-                    cycles=counts,
+                    measured=at.measured,
+                    cycles=at.cycles,
                     excluded=excluded,
                     contains_air=contains_air,
                     complete=fits.drift_share < CARRIED,
@@ -481,35 +462,65 @@ def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
     return found.mean, found.mean - half, found.mean + half
 
 
-def by_chance(
-    fits: Fits, fit: CurveFit, number: int, speed_m_s: Array, cycles: NDArray[np.int64]
-) -> tuple[Array, Array, Array]:
+def by_chance(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Array]:
     """Value, low and high of the 95 % interval by chance, N; no narrower than a share of how cycles there scatter.
 
     Neighbouring speeds and other pressures count too, so that the model may be surer of a point than its own cycles
-    make it. That is believed down to `OWN_SHARE`. `cycles` is 0 between the measured speeds: there it is interpolated.
+    make it. That is believed down to `OWN_SHARE`. Between the measured speeds the number of cycles is interpolated.
     """
-    value, low, high = in_newton(fit, fit.at(number, speed_m_s))
-    known, u = cycles > 0, np.log(speed_m_s)
-    among = np.interp(u, u[known], cycles[known])
+    value, low, high = in_newton(fit, fit.at(at.number, at.speed_m_s))
+    known, u = at.cycles > 0, np.log(at.speed_m_s)
+    among = np.interp(u, u[known], at.cycles[known])
     least = OWN_SHARE * NORMAL_95 * deviation_n(fits, "cycle", value) / np.sqrt(among)
     return value, np.minimum(low, value - least), np.maximum(high, value + least)
 
 
-def curve_speeds(points: Points, condition: int) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
-    """Speeds of a curve: the measured ones and some between, which of them are measured, and by how many cycles."""
-    members = points.use & (points.condition == condition)
-    levels = sorted(set(points.level[members]))
-    speeds = np.array([points.reduced.speed_m_s[members & (points.level == k)].mean() for k in levels])
-    counts = np.array([points.count[members & (points.level == k)].sum() for k in levels], dtype=np.int64)
+@dataclass(frozen=True, eq=False)
+class CurveSpeeds:
+    """Speeds of one curve: the measured ones and some between, shape (m,) each.
+
+    Attributes
+    ----------
+    number, index : int
+        Of the curve in the models, and of its condition among those of the points.
+    condition : Condition
+    speed_m_s : ndarray
+    measured : ndarray of bool
+    cycles : ndarray of int
+        0 between the measured speeds.
+    """
+
+    number: int
+    index: int
+    condition: Condition
+    speed_m_s: Array
+    measured: NDArray[np.bool_]
+    cycles: NDArray[np.int64]
+
+    def only_measured(self) -> CurveSpeeds:
+        """Leave out the speeds between."""
+        arrays = {name: getattr(self, name)[self.measured] for name in ("speed_m_s", "measured", "cycles")}
+        return replace(self, **arrays)
+
+
+def curve_speeds(points: Points) -> tuple[CurveSpeeds, ...]:
+    """Give the speeds of all curves, in the order of the models' numbers."""
+    kept = sorted(set(points.condition[points.use].tolist()))
+    return tuple(_speeds(points, number, index) for number, index in enumerate(kept))
+
+
+def _speeds(points: Points, number: int, index: int) -> CurveSpeeds:
+    members = points.use & (points.condition == index)
+    levels = [members & (points.level == k) for k in sorted(set(points.level[members]))]
+    speeds = np.array([points.reduced.speed_m_s[level].mean() for level in levels])
+    counts = np.array([points.count[level].sum() for level in levels], dtype=np.int64)
     between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
-    apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0 if between.size else []
-    between = between[apart] if between.size else between
-    every = np.concatenate([speeds, between])
+    apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0
+    every = np.concatenate([speeds, between[apart]])
+    cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
     order = np.argsort(every)
-    measured = np.concatenate([np.ones(speeds.size, dtype=bool), np.zeros(between.size, dtype=bool)])
-    number = np.concatenate([counts, np.zeros(between.size, dtype=np.int64)])
-    return every[order], measured[order], number[order]
+    measured = order < speeds.size
+    return CurveSpeeds(number, index, points.conditions[index], every[order], measured, cycles[order])
 
 
 def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
@@ -527,6 +538,6 @@ def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     """Give the standard deviation that a source of chance adds to a single cycle, at these frictions, N."""
     fit = fits.friction
     level = float(fits.points.reduced.friction_n[fits.points.use].mean())
-    sd = fit.sd(source) * (level if fit.logarithmic else 1.0)
+    sd = fit.fit.most_probable_sd(source) * (level if fit.logarithmic else 1.0)
     relative = fit.relative if source == "cycle" else float(fit.logarithmic)
     return sd * np.sqrt(relative * (friction_n / level) ** 2 + 1.0 - relative)

@@ -46,8 +46,7 @@ class Causes:
 
 def causes(reading: Reading, fits: Fits) -> Causes:
     """Collect the possible causes of a drift."""
-    use = fits.points.use
-    data = [d for d, u in zip(fits.points.reduced.data, use, strict=True) if u]
+    data = fits.points.cycles(fits.points.use)
     hours = np.array([d.head.began_s for d in data]) / HOUR_S
     travel = np.array([reading.travel_m[d.head.cycle.key] for d in data])
     kelvin = np.array([d.temperature_k for d in data])
@@ -93,7 +92,7 @@ def drift_of(reading: Reading, fits: Fits, found: Causes) -> Drift:
     """Describe the drift; effects are None where the design does not carry them."""
     points, fit = fits.points, fits.friction
     use = points.use
-    data = [d for d, u in zip(points.reduced.data, use, strict=True) if u]
+    data = points.cycles(use)
     level = float(points.reduced.friction_n[use].mean())
     scale = level if fit.logarithmic else 1.0
     first = min(head.began_s for head in reading.heads)

@@ -10,7 +10,7 @@ it. Where the data leave open whether a cycle is wild, it is told as doubtful.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characteristics.smooth import CurveData
-    from pneudrive.estimate.mixed import MixedModel
 
     Array = NDArray[np.float64]
 
@@ -49,16 +48,7 @@ class _Taken:
     cost: float
 
 
-@dataclass(frozen=True)
-class Chance:
-    """What the model of the curves has beside them, see `fit_curves`."""
-
-    logarithmic: bool
-    drift: bool
-    blocks: Array | None
-
-
-def wild_cycles(data: CurveData, chance: Chance) -> tuple[list[int], list[list[int]]]:
+def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
     """Find the cycles that are none of the others, as rows of the data.
 
     Returns
@@ -71,33 +61,33 @@ def wild_cycles(data: CurveData, chance: Chance) -> tuple[list[int], list[list[i
     """
     if len(data) < ENOUGH:
         return [], []
-    path = _path(data, chance)
+    path = _path(data)
     least_cost = min(one.cost for one in path)
     possible = [one for one in path if one.cost < least_cost + OPEN]
     taken, sd = list(possible[0].rows), possible[0].sd
     while taken:
-        own = [_against(data, chance, taken, i, sd) for i in taken]
+        own = [_against(data, taken, i, sd) for i in taken]
         least = int(np.argmin(own))
         if own[least] > SURE:
             break
         taken.pop(least)
-        sd, _ = _deviations(data, chance, taken, sd)
+        sd, _ = _deviations(data, taken, sd)
     readings = [sorted(set(one.rows) - set(taken)) for one in possible]
     return sorted(taken), [rows for rows in readings if rows]
 
 
-def _path(data: CurveData, chance: Chance) -> list[_Taken]:
+def _path(data: CurveData) -> list[_Taken]:
     """Take cycles out, each time the one without which the others are likeliest; none first, most last."""
     size = len(data)
     most = max(2, int(MOST_SHARE * size))
-    price = _price(data, chance)
-    path = [_Taken([], *_deviations(data, chance, [], None))]
+    price = _price(data)
+    path = [_Taken([], *_deviations(data, [], None))]
     while len(path[-1].rows) < most:
         taken, sd = path[-1].rows, path[-1].sd
-        rows, off, far = _off(data, chance, taken, sd)
+        rows, off, far = _off(data, taken, sd)
         z = np.abs(off) / far
         usual = max(robust_deviation(off / far), 1e-12)
-        large = (np.abs(off) > _least(data, chance)) & _spare(data, rows)
+        large = (np.abs(off) > LEAST_SHARE * data.level) & _spare(data, rows)
         suspect = (z > SUSPECT * usual) & large
         if not suspect.any():
             # Among few, two wild cycles hide each other in the scatter that they make: neither stands out before both
@@ -110,48 +100,37 @@ def _path(data: CurveData, chance: Chance) -> list[_Taken]:
         # Among very many cycles a few wild ones change nothing: all at once. Among few, one that bends the curve makes
         # its neighbours look wild: it is the one without which the others are likeliest.
         tries = [order[: most - len(taken)]] if size > MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
-        found = [(_deviations(data, chance, [*taken, *some], sd), [*taken, *some]) for some in tries]
+        found = [(_deviations(data, [*taken, *some], sd), [*taken, *some]) for some in tries]
         (sd, cost), taken = min(found, key=lambda one: one[0][1])
         path.append(_Taken(taken, sd, cost + price * len(taken)))
     # Of very many cycles the standard deviations are found from some: costs of different ones are not comparable.
     return path if size <= MOST_FOR_SEARCH else path[-1:]
 
 
-def _price(data: CurveData, chance: Chance) -> float:
+def _price(data: CurveData) -> float:
     """Negative logarithm of the odds of a wild cycle times its density, less what each cycle's density has."""
-    level = 1.0 if chance.logarithmic else float(np.median(np.abs(data.y)))
-    return float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * level))
-
-
-def _least(data: CurveData, chance: Chance) -> float:
-    return LEAST_SHARE * (1.0 if chance.logarithmic else float(np.median(np.abs(data.y))))
-
-
-def _part(data: CurveData, chance: Chance, rows: NDArray[np.intp]) -> MixedModel:
-    part = replace(data, **{name: values[rows] for name, values in vars(data).items()})
-    blocks = chance.blocks[rows] if chance.blocks is not None else None
-    return curve_model(part, logarithmic=chance.logarithmic, drift=chance.drift, blocks=blocks)
+    return float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level))
 
 
 def _rows(data: CurveData, taken: list[int]) -> NDArray[np.intp]:
     return np.setdiff1d(np.arange(len(data)), taken)
 
 
-def _deviations(data: CurveData, chance: Chance, taken: list[int], start: Array | None) -> tuple[Array, float]:
-    return _part(data, chance, _rows(data, taken)).most_probable(start)
+def _deviations(data: CurveData, taken: list[int], start: Array | None) -> tuple[Array, float]:
+    return curve_model(data.part(_rows(data, taken))).most_probable(start)
 
 
-def _off(data: CurveData, chance: Chance, taken: list[int], sd: Array) -> tuple[NDArray[np.intp], Array, Array]:
+def _off(data: CurveData, taken: list[int], sd: Array) -> tuple[NDArray[np.intp], Array, Array]:
     """Cycles that are left, what each is off by from the others, and the standard deviation of that."""
     rows = _rows(data, taken)
-    return rows, *_part(data, chance, rows).left_out(sd)
+    return rows, *curve_model(data.part(rows)).left_out(sd)
 
 
-def _against(data: CurveData, chance: Chance, taken: list[int], one: int, sd: Array) -> float:
+def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
     """Give the standard deviations that a cycle taken out is off by from those that are left."""
-    rows, off, far = _off(data, chance, [i for i in taken if i != one], sd)
+    rows, off, far = _off(data, [i for i in taken if i != one], sd)
     at = int(np.searchsorted(rows, one))
-    return abs(float(off[at])) / float(far[at]) if abs(off[at]) > _least(data, chance) else 0.0
+    return abs(float(off[at])) / float(far[at]) if abs(off[at]) > LEAST_SHARE * data.level else 0.0
 
 
 def _spare(data: CurveData, rows: NDArray[np.intp]) -> NDArray[np.bool_]:

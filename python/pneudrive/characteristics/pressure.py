@@ -10,9 +10,10 @@ import numpy as np
 from pneudrive.characteristics.basics import PA_PER_BAR
 from pneudrive.characteristics.effects import PressureEffects
 from pneudrive.characteristics.sentences import say
-from pneudrive.characteristics.smooth import CARRIED, CYCLE_SCALE, centred_walk
+from pneudrive.characteristics.smooth import CARRIED, CYCLE_SCALE
 from pneudrive.estimate.estimates import CHANCE
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
+from pneudrive.estimate.splines import centred_walk
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,13 +66,11 @@ class _Design:
 def pressure_effects(reading: Reading, fits: Fits) -> tuple[PressureEffects, ...]:
     """Find the effects of pressure for each set of mounting, seal and drive with several pressure pairs."""
     points = fits.points
-    named = [(c.mounting, c.seal, c.drive) for c in points.conditions]
     found = []
-    for name in dict.fromkeys(named):
-        conditions = [i for i, other in enumerate(named) if other == name]
-        members = points.use & np.isin(points.condition, conditions)
-        title = ", ".join(level for level in name if level)
-        effect = _effects(reading, fits, members, title)
+    for levels in dict.fromkeys(c.levels for c in points.conditions):
+        conditions = [i for i, c in enumerate(points.conditions) if c.levels == levels]
+        title = points.conditions[conditions[0]].title
+        effect = _effects(reading, fits, points.use & np.isin(points.condition, conditions), title)
         if effect is not None:
             found.append(effect)
     return tuple(found)
@@ -167,7 +166,7 @@ def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_
         b=np.where(here, table[of_cycle[used], 1], 0.0),
         place=np.log(points.reduced.speed_m_s[used]),
         beside=(cell[used][:, None] == sets[counts > 1]) & beside[used][:, None],
-        order=np.array([reading.order(d.head) for d, m in zip(points.reduced.data, used, strict=True) if m]),
+        order=np.array([reading.order(d.head) for d in points.cycles(used)]),
         pairs=tuple((float(a), float(b)) for a, b in pairs),
     )
     return design, used
@@ -203,7 +202,7 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
     own = relative * level**2 + 1.0 - relative
     components = [RandomEffect("cycle", own / points.count[members], usual)]
     if fits.drift_share < CARRIED:
-        order = np.array([reading.order(d.head) for d, m in zip(reduced.data, members, strict=True) if m])
+        order = np.array([reading.order(d.head) for d in points.cycles(members)])
         components.append(RandomEffect("drift", outer * centred_walk(order), usual))
     if fits.blocks is not None:
         blocks = fits.blocks[members[points.use]]
@@ -214,8 +213,7 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
 
 def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
     """Give the standard uncertainty by which the sensors may make friction change from one pressure to another."""
-    chosen = [d for d, member in zip(fits.points.reduced.data, members, strict=True) if member]
-    return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in chosen]))
+    return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in fits.points.cycles(members)]))
 
 
 def _row(columns: int, slopes: int, speeds: int, which: int, at: list[int]) -> Array:

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.mixed import MixedFit, MixedModel, Predicted, RandomEffect, independent
+from pneudrive.estimate.mixed import Functionals, MixedFit, MixedModel, Predicted, RandomEffect, independent
+from pneudrive.estimate.splines import centred_walk, integrated_wiener, matern
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-
-    from pneudrive.estimate.estimates import Estimate
 
     Array = NDArray[np.float64]
 
@@ -52,7 +51,7 @@ def stretched(speed_m_s: Array, lowest_m_s: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CurveData:
-    """Observations of curves, shape (n,) each.
+    """Observations of curves, shape (n,) each, and what may act on them beside the curves.
 
     Attributes
     ----------
@@ -69,6 +68,12 @@ class CurveData:
     chance : ndarray
         Standard deviation of a cycle over that at the mean friction: 1 everywhere where it is the same, in the unit of
         the response, at all frictions.
+    blocks : ndarray, shape (n, blocks), or None
+        Share of each block (or day) in each observation, where the design carries their own deviations.
+    drift : bool
+        Whether the design carries a drift (see `carried_drift`).
+    logarithmic : bool
+        The response is the logarithm: curves share their shape, blocks and drift act, in proportion to friction.
     """
 
     y: Array
@@ -78,9 +83,26 @@ class CurveData:
     order: Array
     count: Array
     chance: Array
+    blocks: Array | None = None
+    drift: bool = True
+    logarithmic: bool = False
 
     def __len__(self) -> int:
         return self.y.size
+
+    @property
+    def level(self) -> float:
+        """Median size of the response, 1 where it is a logarithm: what shares of friction are taken of."""
+        return 1.0 if self.logarithmic else float(np.median(np.abs(self.y)))
+
+    def part(self, rows: NDArray[np.intp]) -> CurveData:
+        """Take some observations."""
+        arrays = {name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        return replace(self, **arrays)
+
+    def logarithms(self) -> CurveData:
+        """Take the logarithm of a positive response."""
+        return replace(self, y=np.log(self.y), noise=self.noise / self.y**2, logarithmic=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +113,8 @@ class CurveFit:
     ----------
     data : CurveData
     fit : MixedFit
-    logarithmic : bool
-        The response is the logarithm: curves share their shape, blocks and drift act, in proportion to friction.
     relative : float
         Probability that a cycle's own chance is in proportion to friction, not the same in newton at all frictions.
-    sources : tuple of str
-        Names of the components of chance that the design carries.
     drift : ndarray, shape (n,)
         Best estimate of the drift at each observation, mean zero.
     drift_half : ndarray, shape (n,)
@@ -105,48 +123,35 @@ class CurveFit:
 
     data: CurveData
     fit: MixedFit
-    logarithmic: bool
     relative: float
-    sources: tuple[str, ...]
     drift: Array
     drift_half: Array
     known: dict[tuple[int, bytes], Predicted] = field(default_factory=dict)  # asked for before
+
+    @property
+    def logarithmic(self) -> bool:
+        """The response is the logarithm of friction."""
+        return self.data.logarithmic
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of the sources of chance that the design carries."""
+        return tuple(c.name for c in self.fit.model.components if c.name in {"cycle", "drift", "block"})
 
     def at(self, curve: int, speed_m_s: Array) -> Predicted:
         """Curve at these speeds, in the unit of the response (its logarithm where `logarithmic`)."""
         key = (curve, speed_m_s.tobytes())
         if key not in self.known:
-            self.known[key] = self._at(curve, speed_m_s)
+            self.known[key] = self.over(curve, speed_m_s).predict()
         return self.known[key]
 
-    def _at(self, curve: int, speed_m_s: Array) -> Predicted:
+    def over(self, curve: int, speed_m_s: Array) -> Functionals:
+        """Curve at these speeds as linear functions of the model."""
         basis = _Basis.of(self.data)
         number = np.full(speed_m_s.size, curve, dtype=np.int64)
-        x = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept]
-        kernels, prior = basis.kernels(speed_m_s, number)
-        names = [c.name for c in self.fit.model.components]
-        return self.fit.predict(
-            x, {k: v for k, v in kernels.items() if k in names}, {k: v for k, v in prior.items() if k in names}
-        )
-
-    def mean_at(self, curve: int, speed_m_s: Array, unit: str = "N") -> Estimate:
-        """Mean of a curve over these speeds, in the unit of the response."""
-        basis = _Basis.of(self.data)
-        number = np.full(speed_m_s.size, curve, dtype=np.int64)
-        x = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept].mean(axis=0, keepdims=True)
-        names = [c.name for c in self.fit.model.components]
-        kernels, own = basis.kernels(speed_m_s, number)[0], basis.between(speed_m_s)
-        found = self.fit.predict(
-            x,
-            {k: v.mean(axis=0, keepdims=True) for k, v in kernels.items() if k in names},
-            {k: np.array([v.mean()]) for k, v in own.items() if k in names},
-        )
-        return found.estimates(unit)[0]
-
-    def sd(self, name: str) -> float:
-        """Most probable standard deviation of a component; 0 where there is none."""
-        names = [c.name for c in self.fit.model.components]
-        return float(self.fit.sd[names.index(name)]) if name in names else 0.0
+        fixed = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept]
+        own = basis.kernels((speed_m_s, number), (speed_m_s, number))
+        return Functionals(self.fit, fixed, basis.with_data(speed_m_s, number), own)
 
     def steady(self) -> Array:
         """Curves at the observations, in the unit of the response, shape (n,); NaN for those on no curve."""
@@ -173,8 +178,7 @@ class _Basis:
         lowest = float(data.speed_m_s[on].min())
         width = max(float(stretched(data.speed_m_s[on], lowest).max()), 1e-6)
         basis = cls(data, lowest, width, int(data.curve.max()) + 1, np.zeros(0, dtype=np.intp))
-        kept = independent(basis.fixed(data.speed_m_s, data.curve, observed=True))
-        return cls(data, lowest, width, basis.curves, kept)
+        return replace(basis, kept=independent(basis.fixed(data.speed_m_s, data.curve, observed=True)))
 
     def place(self, speed_m_s: Array) -> Array:
         """Stretched speed from 0 to 1 over the measured range."""
@@ -187,41 +191,24 @@ class _Basis:
         zero = np.full((curve.size, int((self.data.curve < 0).any())), float(observed))
         return np.column_stack([zero, levels, slope])
 
-    def kernels(self, speed_m_s: Array, curve: NDArray[np.int64]) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Covariance with the observations, and own variance, of the smooth deviations."""
-        own, seen = self.place(speed_m_s), self.place(self.data.speed_m_s)
-        on = (curve >= 0)[:, None] & (self.data.curve >= 0)[None, :]
-        same = on & (curve[:, None] == self.data.curve[None, :])
-        bend = _integrated_wiener(own, seen)
-        tilt = 3.0 * (own - 0.5)[:, None] * (seen - 0.5)[None, :]
-        common = {"shape": bend * on}
-        prior = {"shape": own**3}
+    def with_data(self, speed_m_s: Array, curve: NDArray[np.int64]) -> dict[str, Array]:
+        """Covariance of the smooth deviations with the observations'."""
+        return self.kernels((speed_m_s, curve), (self.data.speed_m_s, self.data.curve))
+
+    def kernels(
+        self, first: tuple[Array, NDArray[np.int64]], second: tuple[Array, NDArray[np.int64]]
+    ) -> dict[str, Array]:
+        """Covariance of the smooth deviations between speeds on curves."""
+        (s, i), (t, j) = first, second
+        s, t = self.place(s), self.place(t)
+        on = (i >= 0)[:, None] & (j >= 0)[None, :]
+        bend = integrated_wiener(s, t)
+        found = {"shape": bend * on}
         if self.curves > 1:
-            common["own shape"] = (bend + tilt) * same
-            prior["own shape"] = own**3 + 3.0 * (own - 0.5) ** 2
-            common["local"] = _local(own * self.width, seen * self.width) * same
-            prior["local"] = np.ones(own.size)
-        return common, prior
-
-    def between(self, speed_m_s: Array) -> dict[str, Array]:
-        """Covariance of the smooth deviations of one curve between these speeds, shape (m, m)."""
-        own = self.place(speed_m_s)
-        bend = _integrated_wiener(own, own)
-        local = _local(own * self.width, own * self.width)
-        return {"shape": bend, "own shape": bend + 3.0 * np.outer(own - 0.5, own - 0.5), "local": local}
-
-
-def _local(s: Array, t: Array) -> Array:
-    """Covariance of a deviation that is smooth over `LOCAL_REACH` and forgets itself beyond (Matern 3/2)."""
-    away = np.sqrt(3.0) * np.abs(s[:, None] - t[None, :]) / LOCAL_REACH
-    return (1.0 + away) * np.exp(-away)
-
-
-def _integrated_wiener(s: Array, t: Array) -> Array:
-    """Covariance of an integrated Wiener process with variance 1 at 1, shape (m, n)."""
-    low = np.minimum(s[:, None], t[None, :])
-    high = np.maximum(s[:, None], t[None, :])
-    return low**2 * (3.0 * high - low) / 2.0
+            same = on & (i[:, None] == j[None, :])
+            found["own shape"] = (bend + 3.0 * (s - 0.5)[:, None] * (t - 0.5)[None, :]) * same
+            found["local"] = matern(s * self.width, t * self.width, LOCAL_REACH) * same
+        return found
 
 
 def carried_drift(data: CurveData) -> float:
@@ -242,35 +229,19 @@ def carried_drift(data: CurveData) -> float:
     return 1.0 - float(left @ left) / float(away @ away)
 
 
-def fit_curves(data: CurveData, *, logarithmic: bool, drift: bool, blocks: Array | None = None) -> CurveFit:
-    """Fit all curves of a campaign.
-
-    Parameters
-    ----------
-    data : CurveData
-        With logarithms in `y` where `logarithmic`.
-    logarithmic : bool
-    drift : bool
-        Whether the design carries a drift (see `carried_drift`).
-    blocks : ndarray, shape (n, blocks), optional
-        Share of each block (or day) in each observation, where the design carries their own deviations.
-    """
-    fit = curve_model(data, logarithmic=logarithmic, drift=drift, blocks=blocks).fit()
-    return _described(data, fit, logarithmic=logarithmic, relative=float(logarithmic))
+def fit_curves(data: CurveData) -> CurveFit:
+    """Fit all curves of a campaign."""
+    return _described(data, curve_model(data).fit(), relative=float(data.logarithmic))
 
 
-def _described(data: CurveData, fit: MixedFit, *, logarithmic: bool, relative: float) -> CurveFit:
-    components, x = fit.model.components, fit.model.x
-    names = tuple(c.name for c in components if c.name in {"cycle", "drift", "block"})
-    estimate, half = np.zeros(len(data)), np.zeros(len(data))
-    if "drift" in names:
-        kernel = components[[c.name for c in components].index("drift")].kernel
-        found = fit.predict(np.zeros((len(data), x.shape[1])), {"drift": kernel}, {"drift": np.diag(kernel)})
-        estimate, half = found.mean, found.half_width()
-    return CurveFit(data, fit, logarithmic, relative, names, estimate, half)
+def _described(data: CurveData, fit: MixedFit, relative: float) -> CurveFit:
+    walk = {c.name: c.kernel for c in fit.model.components if c.name == "drift"}
+    nothing = np.zeros((len(data), fit.model.x.shape[1]))
+    found = fit.predict(nothing, walk, {name: np.diag(kernel) for name, kernel in walk.items()})
+    return CurveFit(data, fit, relative, found.mean, found.half_width())
 
 
-def either_chance(fitted: CurveFit, blocks: Array | None) -> CurveFit:
+def either_chance(fitted: CurveFit) -> CurveFit:
     """Average over both ways in which a cycle's own chance may act, in newton and in proportion to friction.
 
     Which response describes the curves better, friction or its logarithm, is one question; how cycles scatter is
@@ -280,16 +251,12 @@ def either_chance(fitted: CurveFit, blocks: Array | None) -> CurveFit:
     ----------
     fitted : CurveFit
         With a chance that is the same at all frictions in the unit of its response; of positive friction.
-    blocks : ndarray, optional
-        As in `fit_curves`.
     """
     steady = np.exp(fitted.steady()) if fitted.logarithmic else fitted.steady()
     share = np.maximum(steady / steady.mean(), LEAST_FRICTION)
     data = replace(fitted.data, chance=1.0 / share if fitted.logarithmic else share)
-    other = curve_model(data, logarithmic=fitted.logarithmic, drift="drift" in fitted.sources, blocks=blocks).fit()
-    fit, (weight,) = fitted.fit.averaged(other)
-    relative = 1.0 - weight if fitted.logarithmic else weight
-    return _described(fitted.data, fit, logarithmic=fitted.logarithmic, relative=relative)
+    fit, (weight,) = fitted.fit.averaged(curve_model(data).fit())
+    return _described(fitted.data, fit, 1.0 - weight if fitted.logarithmic else weight)
 
 
 def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: float, odds: float) -> CurveFit:
@@ -313,31 +280,22 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
         little[rows] = spread**2
         others.append(replace(model, noise=model.noise + little).fit())
     fit, _ = fitted.fit.averaged(*others, odds=[odds**rows.size for rows in readings])
-    return _described(fitted.data, fit, logarithmic=fitted.logarithmic, relative=fitted.relative)
+    return _described(fitted.data, fit, fitted.relative)
 
 
-def curve_model(data: CurveData, *, logarithmic: bool, drift: bool, blocks: Array | None = None) -> MixedModel:
+def curve_model(data: CurveData) -> MixedModel:
     """Give the model that `fit_curves` fits."""
     basis = _Basis.of(data)
     on = data.curve >= 0
     spread = max(float(np.std(data.y[on])), 1e-9 * float(np.abs(data.y[on]).max() + 1e-12), 1e-12)
-    usual = CYCLE_SCALE if logarithmic else CYCLE_SCALE * max(float(np.abs(data.y[on]).mean()), spread)
-    kernels, _ = basis.kernels(data.speed_m_s, data.curve)
-    components = [RandomEffect("shape", kernels["shape"], 5.0 * spread)]
-    if "own shape" in kernels:
-        components.append(RandomEffect("own shape", kernels["own shape"], spread))
-        components.append(RandomEffect("local", kernels["local"], usual))
+    usual = CYCLE_SCALE if data.logarithmic else CYCLE_SCALE * max(float(np.abs(data.y[on]).mean()), spread)
+    scales = {"shape": 5.0 * spread, "own shape": spread, "local": usual}
+    kernels = basis.with_data(data.speed_m_s, data.curve)
+    components = [RandomEffect(name, kernel, scales[name]) for name, kernel in kernels.items()]
     components.append(RandomEffect("cycle", on * data.chance**2 / data.count, usual, power=FEW_AGREE))
-    if drift:
+    if data.drift:
         components.append(RandomEffect("drift", centred_walk(data.order), usual))
-    if blocks is not None:
-        components.append(RandomEffect("block", blocks @ blocks.T, usual))
+    if data.blocks is not None:
+        components.append(RandomEffect("block", data.blocks @ data.blocks.T, usual))
     x = basis.fixed(data.speed_m_s, data.curve, observed=True)[:, basis.kept]
     return MixedModel(data.y, x, data.noise, tuple(components))
-
-
-def centred_walk(order: Array) -> Array:
-    """Covariance of a random walk over the campaign, less its mean over the observations."""
-    walk = np.minimum(order[:, None], order[None, :])
-    walk = walk - walk.mean(axis=0, keepdims=True)
-    return walk - walk.mean(axis=1, keepdims=True)

@@ -153,7 +153,7 @@ def _left(fits: Fits) -> Iterator[Statement]:
         off = np.abs(fits.rest()) / np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
         far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
         if far.size:
-            cycles = [d for d, use in zip(points.reduced.data, points.use, strict=True) if use]
+            cycles = points.cycles(points.use)
             worst = far[np.argsort(-off[far])].tolist()
             several = named(f"{cycles[i].head.cycle.key} by {off[i]:.2g} times" for i in worst)
             yield say("curve.leaves", count=far.size, named=several)

@@ -82,7 +82,7 @@ def _bands(reading: Reading, points: Points, fits: Fits | None) -> dict[str, np.
     stderr = np.hypot(reduced.friction_stderr_n, deviation_n(fits, "cycle", reduced.friction_n))
     block = deviation_n(fits, "block", reduced.friction_n)
     u, zero, zero_u = nothing.copy(), nothing.copy(), nothing.copy()
-    own = fits.offset.sd("cycle")
+    own = fits.offset.fit.most_probable_sd("cycle")
     for condition in range(len(points.conditions)):
         members = points.condition == condition
         if not (members & points.use).any():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.curves import Fits, curve_speeds, kept_conditions, systematic
+from pneudrive.characteristics.curves import Fits, curve_speeds, systematic
 from pneudrive.characteristics.effects import Asymmetry, SensorZero
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
@@ -41,20 +41,18 @@ def sensor_zero(reading: Reading) -> SensorZero:
 def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
     """Give half the difference of friction between the directions at each condition."""
     found = []
-    for number, condition in enumerate(kept_conditions(fits.points)):
-        index = fits.points.conditions.index(condition)
-        speeds, measured, _ = curve_speeds(fits.points, index)
-        speeds = speeds[measured]
-        offset = fits.offset.at(number, speeds)
-        friction = np.full(speeds.size, fits.points.reduced.friction_n[fits.points.condition == index].mean())
+    for at in curve_speeds(fits.points):
+        speeds = at.speed_m_s[at.measured]
+        offset = fits.offset.at(at.number, speeds)
+        friction = np.full(speeds.size, fits.points.reduced.friction_n[fits.points.condition == at.index].mean())
         # Without tares the zero is in it, and no uncertainty makes a statement on symmetry of that.
-        shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), index)
+        shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), at.index)
         u = shared.zero_n
         half = np.hypot(offset.half_width(), NORMAL_95 * u)
-        mean = fits.offset.mean_at(number, speeds).widened(float(np.mean(u)))
+        mean = fits.offset.over(at.number, speeds).mean().estimates()[0].widened(float(np.mean(u)))
         found.append(
             Asymmetry(
-                condition=condition,
+                condition=at.condition,
                 speed_m_s=speeds,
                 half_difference_n=offset.mean,
                 low_n=offset.mean - half,

@@ -223,7 +223,7 @@ class MixedFit:
         x : ndarray, shape (m, p)
         kernels : dict
             Name -> covariance of g_i* with the observations' g_i at standard deviation 1, shape (m, n). Components
-            that are left out have no part in what is predicted.
+            that are left out have no part in what is predicted, names that the model does not have neither.
         prior : dict
             Name -> variance of g_i* at standard deviation 1, shape (m,).
         """
@@ -231,6 +231,7 @@ class MixedFit:
 
         names = [c.name for c in self.model.components]
         kernels, prior = kernels or {}, prior or {}
+        kernels = {name: kernel for name, kernel in kernels.items() if name in names}
         means, variances = [], []
         for state in self.states:
             cross = np.zeros((x.shape[0], self.model.y.size))
@@ -292,6 +293,11 @@ class MixedFit:
         f = shrink * float(mean @ np.linalg.solve(covariance, mean)) / q
         return FTest(f, q, freedom, float(fdtrc(q, freedom, f)))
 
+    def most_probable_sd(self, name: str) -> float:
+        """Most probable standard deviation of a random effect; 0 where the model does not have it."""
+        names = [c.name for c in self.model.components]
+        return float(self.sd[names.index(name)]) if name in names else 0.0
+
     def deviation(self, name: str, unit: str = "N") -> Estimate:
         """Estimate the standard deviation of a component, with its interval."""
         index = [c.name for c in self.model.components].index(name)
@@ -305,6 +311,44 @@ class MixedFit:
     def log_likelihood(self) -> float:
         """Restricted log-likelihood at the most probable standard deviations."""
         return _log_likelihood(self.model, self.sd)
+
+
+@dataclass(frozen=True, eq=False)
+class Functionals:
+    """Linear functions of a fitted model, m of them.
+
+    Attributes
+    ----------
+    fit : MixedFit
+    fixed : ndarray, shape (m, p)
+    cross : dict
+        Random effect -> covariance with the observations', shape (m, n).
+    own : dict
+        Random effect -> covariance among themselves, shape (m, m).
+    """
+
+    fit: MixedFit
+    fixed: Array
+    cross: dict[str, Array]
+    own: dict[str, Array]
+
+    def combine(self, rows: Array) -> Functionals:
+        """Linear combinations, rows of shape (r, m)."""
+        cross = {name: rows @ part for name, part in self.cross.items()}
+        own = {name: rows @ part @ rows.T for name, part in self.own.items()}
+        return Functionals(self.fit, rows @ self.fixed, cross, own)
+
+    def mean(self) -> Functionals:
+        """Mean of all."""
+        return self.combine(np.full((1, len(self.fixed)), 1.0 / len(self.fixed)))
+
+    def predict(self) -> Predicted:
+        """Predict each."""
+        return self.fit.predict(self.fixed, self.cross, {name: np.diag(part) for name, part in self.own.items()})
+
+    def estimates(self, unit: str = "N") -> list[Estimate]:
+        """Each with its interval and the probability of zero."""
+        return self.predict().estimates(unit)
 
 
 def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:

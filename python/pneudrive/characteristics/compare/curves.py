@@ -14,10 +14,10 @@ import numpy as np
 
 from pneudrive.characteristics.condense import grouped
 from pneudrive.characteristics.curves import MOST_CELLS, MOST_CYCLES, shares_of
-from pneudrive.characteristics.smooth import centred_walk
 from pneudrive.characteristics.threads import one_thread
 from pneudrive.estimate.estimates import Estimate, FTest
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
+from pneudrive.estimate.splines import centred_walk
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def holm(p: Array) -> Array:
 def common_points(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Points:
     """Collect the cycles at speeds and pressures that both campaigns have."""
     usable = [_usable(found) for found in (first, second)]
-    levels = [{_levels(c) for c in cycles} for cycles in usable]
+    levels = [{c.condition.title for c in cycles} for cycles in usable]
     with_levels = bool(levels[0] & levels[1]) and max(len(found) for found in levels) > 1
     places = _Places()
     rows: list[tuple[int, int, CycleResult]] = []
@@ -195,7 +195,7 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
     for k, cycles in enumerate(usable):
         for c in cycles:
             a, b = (round(p - ambient[k], -2) for p in (c.condition.pressure_a_pa, c.condition.pressure_b_pa))
-            rows.append((k, places.of((c.speed_m_s, a, b, _levels(c) if with_levels else "")), c))
+            rows.append((k, places.of((c.speed_m_s, a, b, c.condition.title if with_levels else "")), c))
     keys = places.keys
     common = sorted(
         {at for k, at, _ in rows if k == 0} & {at for k, at, _ in rows if k == 1},
@@ -272,10 +272,6 @@ def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
         and np.isfinite(c.stderr_n)
         and not reasons.intersection(c.flags)
     ]
-
-
-def _levels(c: CycleResult) -> str:
-    return ", ".join(level for level in (c.condition.mounting, c.condition.seal, c.condition.drive) if level)
 
 
 def _same(a: tuple[float, float, float, str], b: tuple[float, float, float, str]) -> bool:

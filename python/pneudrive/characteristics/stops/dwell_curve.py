@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import Estimate
-from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
+from pneudrive.estimate.mixed import Functionals, MixedFit, MixedModel, RandomEffect, independent
+from pneudrive.estimate.splines import gaussian
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -96,39 +96,6 @@ class DwellData:
 
 
 @dataclass(frozen=True, eq=False)
-class Functionals:
-    """Linear functions of a fitted curve, m of them.
-
-    Attributes
-    ----------
-    curve : DwellCurve
-    fixed : ndarray, shape (m, p)
-    cross : dict
-        Bend -> covariance with the stops, shape (m, n).
-    own : dict
-        Bend -> covariance among themselves, shape (m, m).
-    """
-
-    curve: DwellCurve
-    fixed: Array
-    cross: dict[str, Array]
-    own: dict[str, Array]
-
-    def combine(self, rows: Array) -> Functionals:
-        """Linear combinations, rows of shape (r, m)."""
-        cross = {name: rows @ part for name, part in self.cross.items()}
-        own = {name: rows @ part @ rows.T for name, part in self.own.items()}
-        return Functionals(self.curve, rows @ self.fixed, cross, own)
-
-    def estimates(self, unit: str = "N") -> list[Estimate]:
-        """Each with its interval and the probability of zero."""
-        names = {c.name for c in self.curve.fit.model.components}
-        cross = {name: part for name, part in self.cross.items() if name in names}
-        own = {name: np.diag(part) for name, part in self.own.items() if name in names}
-        return self.curve.fit.predict(self.fixed, cross, own).estimates(unit)
-
-
-@dataclass(frozen=True, eq=False)
 class DwellCurve:
     """The fitted curve.
 
@@ -167,11 +134,6 @@ class DwellCurve:
         rows = np.kron(np.eye(len(self.data.conditions)), row)
         return self.values(np.array([low, high])).combine(rows.astype(np.float64))
 
-    def sd(self, name: str) -> float:
-        """Most probable standard deviation of a source of chance, N; 0 where it is not in the model."""
-        names = [c.name for c in self.fit.model.components]
-        return float(self.fit.sd[names.index(name)]) if name in names else 0.0
-
     def scatter_covariance(self) -> Array:
         """Covariance of the stops without the bends, shape (n, n): what laws are compared with."""
         model = self.fit.model
@@ -189,13 +151,13 @@ class DwellCurve:
         with_each = np.where(of[:, None] == of[None, :], 1.0, COMMON_BEND)
         cross, own = {}, {}
         for name, (length, _) in BENDS.items():
-            k, z = _kernel(length, at, self.data.log_s), _kernel(length, at, at)
+            k, z = gaussian(at, self.data.log_s, length), gaussian(at, at, length)
             if derivative:
                 away = (at[:, None] - at[None, :]) / length
                 k = -k * (at[:, None] - self.data.log_s[None, :]) / length**2
                 z = z * (1.0 - away * away) / length**2
             cross[name], own[name] = k * with_stops, z * with_each
-        return Functionals(self, fixed, cross, own)
+        return Functionals(self.fit, fixed, cross, own)
 
 
 def fit_curve(data: DwellData) -> DwellCurve | None:
@@ -229,11 +191,6 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
             break
         weight = updated
     return curve
-
-
-def _kernel(length: float, a: Array, b: Array) -> Array:
-    away = (a[:, None] - b[None, :]) / length
-    return np.exp(-0.5 * away * away)
 
 
 def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
@@ -278,7 +235,7 @@ def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect,
     if data.durations > 2:
         share = np.where(data.condition[:, None] == data.condition[None, :], 1.0, COMMON_BEND)
         out += [
-            RandomEffect(name, _kernel(length, u, u) * share, swing * size) for name, (length, size) in BENDS.items()
+            RandomEffect(name, gaussian(u, u, length) * share, swing * size) for name, (length, size) in BENDS.items()
         ]
     names, member = np.unique(data.block, return_inverse=True)
     if names.size > 1:

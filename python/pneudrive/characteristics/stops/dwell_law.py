@@ -219,8 +219,8 @@ def _results(curve: DwellCurve | None, reference: float, running_n: float, inert
         "high_n": np.array([e.high for e in shown]).reshape(shape),
         "laws": fit_forms(curve, reference),
         "pressure": _pressure(curve, at, ambient),
-        "scatter_n": curve.sd("scatter"),
-        "block_n": curve.sd("block"),
+        "scatter_n": curve.fit.most_probable_sd("scatter"),
+        "block_n": curve.fit.most_probable_sd("block"),
         "outlying": tuple(k for k, w in zip(data.key, curve.weight, strict=True) if w < 0.7),
         "curve": curve,
     }
