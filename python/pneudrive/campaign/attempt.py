@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from pneudrive.campaign.lock import now
 from pneudrive.errors import PneudriveError, RigError
-from pneudrive.rig.interface import Changeable, Reproducible, Samples
+from pneudrive.rig.interface import Changeable, Reproducible, Samples, acquisition, has_verbs
 from pneudrive.rig.plain_data import plain
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.rig_thread import RigThread
     from pneudrive.rig.interface import Rig
-
-P = TypeVar("P")
 
 #: The axis counts as standing at the start of a cycle within this distance; nearer moves would disturb the seal.
 AT_START_M = 1e-4
@@ -95,14 +93,13 @@ class Attempts:
             began_s = rig.state().time_s
             samples = self._acquire(rig, cycle)
         else:
-            changeable = _as(rig, Changeable)
             factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: the others stay as they are
-            if changeable is not None and factor in cycle.levels:
-                changeable.change({factor: cycle.levels[factor]})
+            if has_verbs(rig, Changeable) and factor in cycle.levels:
+                cast("Changeable", rig).change({factor: cycle.levels[factor]})
             began_s, samples = rig.state().time_s, Samples.join([])
         measured = Measured(samples, began_s, started, self._begun[cycle.key])
-        remembering = _as(rig, Reproducible)
-        if remembering is not None:
+        if has_verbs(rig, Reproducible):
+            remembering = cast("Reproducible", rig)
             measured.memory, measured.truth = as_plain(remembering.memory()), remembering.truth()
         self._whole = True
         return measured
@@ -111,8 +108,8 @@ class Attempts:
         if not self._homed:
             rig.home()
             self._homed = True
-        remembering = _as(rig, Reproducible)
-        if remembering is not None:
+        if has_verbs(rig, Reproducible):
+            remembering = cast("Reproducible", rig)
             self._memory = self._memory or as_plain(remembering.memory())
             remembering.restore(as_plain(self._memory))
             self._pressures = self._pressures_after
@@ -130,19 +127,14 @@ class Attempts:
 
     def _acquire(self, rig: Rig, cycle: Cycle) -> Samples:
         parts: list[Samples] = []
-        iterator = rig.acquire(cycle.steps, cycle.sampling)
-        try:
-            for given in iterator:
+        with acquisition(rig.acquire(cycle.steps, cycle.sampling)) as acquired:
+            for given in acquired:
                 parts.append(Samples.of(given))
                 self._go_on()
                 if wrong := self._watch(parts[-1], rig):
                     raise GivenUpError(wrong)
                 self._show(parts[-1])
             self._go_on()  # the rig may have ended early because it was told to
-        finally:
-            close = getattr(iterator, "close", None)
-            if close is not None:
-                close()
         return Samples.join(parts)
 
     def _go_on(self) -> None:
@@ -164,12 +156,6 @@ class Attempts:
     def go_home_first(self) -> None:
         """Begin the next cycle at home: the axis may not know where it is."""
         self._homed = False
-
-
-def _as(rig: object, protocol: type[P]) -> P | None:
-    """Give the rig where it has all verbs of the protocol; a wrapper that passes them on has them too."""
-    verbs = [name for name in vars(protocol) if not name.startswith("_")]
-    return cast("P", rig) if all(hasattr(rig, name) for name in verbs) else None
 
 
 def as_plain(memory: dict[str, Any]) -> dict[str, Any]:

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import RigError, nearest
-from pneudrive.rig.interface import CHANNELS, RigState, Samples
+from pneudrive.rig.interface import CHANNELS, RigState, acquisition
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.rig.interface import Rig, Sampling, Step
+    from pneudrive.rig.interface import Rig, Samples, Sampling, Step
 
 #: Kind -> what happens to the samples of the interval, or to the state that is shown.
 KINDS = {
@@ -123,8 +121,8 @@ class FaultyRig:
     def _spoil(self, parts: Iterator[Samples], faults: Iterable[Fault]) -> Iterator[Samples]:
         kept: dict[int, float] = {}
         limits = self.rig.identity().limits
-        try:
-            for samples in parts:
+        with acquisition(parts) as given:
+            for samples in given:
                 time, spoiled = samples.time_s, samples
                 for i, fault in enumerate(faults):
                     inside = (fault.begin_s <= time) & (time < fault.end_s)
@@ -133,29 +131,18 @@ class FaultyRig:
                     if fault.kind == "lost":
                         raise RigError(fault.text or "the connection to the rig is lost")
                     if fault.kind in ("dropped", "duplicated"):
-                        spoiled, time = _repeat(spoiled, time, inside, fault.kind)
+                        times = np.where(inside, 2 if fault.kind == "duplicated" else 0, 1)
+                        spoiled, time = spoiled.rows(np.repeat(np.arange(time.size), times)), np.repeat(time, times)
                         continue
-                    values = getattr(spoiled, "time_s" if fault.kind == "clock" else fault.channel).copy()
+                    channel = "time_s" if fault.kind == "clock" else fault.channel
+                    values = getattr(spoiled, channel).copy()
                     if fault.kind == "stuck":
                         values[inside] = kept.setdefault(i, float(values[inside][0]))
                     elif fault.kind == "saturated":
-                        values[inside] = limits[fault.channel][1] if fault.value is None else fault.value
+                        values[inside] = limits[channel][1] if fault.value is None else fault.value
                     elif fault.kind == "nan":
                         values[inside] = np.nan
                     else:
                         values[inside] += (fault.value or 0.0) * (-1.0 if fault.kind == "clock" else 1.0)
-                    spoiled = replace(spoiled, **{"time_s" if fault.kind == "clock" else fault.channel: values})
+                    spoiled = replace(spoiled, **{channel: values})
                 yield spoiled
-        finally:
-            close = getattr(parts, "close", None)
-            if close is not None:
-                close()
-
-
-def _repeat(
-    samples: Samples, time: NDArray[np.float64], inside: NDArray[np.bool_], kind: str
-) -> tuple[Samples, NDArray[np.float64]]:
-    """Take the samples inside twice, or not at all."""
-    times = np.where(inside, 2 if kind == "duplicated" else 0, 1)
-    names = (*CHANNELS, "step")
-    return Samples(**{name: np.repeat(getattr(samples, name), times) for name in names}), np.repeat(time, times)

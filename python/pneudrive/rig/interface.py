@@ -7,6 +7,7 @@ in +x.
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -149,6 +150,22 @@ class Samples:
     def rows(self, chosen: slice | NDArray[Any]) -> Samples:
         """Take some of them, by slice, mask or indices."""
         return Samples(**{name: values[chosen] for name, values in vars(self).items()})
+
+
+@contextmanager
+def acquisition(parts: Iterator[Samples]) -> Iterator[Iterator[Samples]]:
+    """Close what `Rig.acquire` gave, in any case: where it is left early, the axis comes to rest now."""
+    try:
+        yield parts
+    finally:
+        close = getattr(parts, "close", None)  # a generator has one
+        if close is not None:
+            close()
+
+
+def has_verbs(rig: object, of: type) -> bool:
+    """Whether a rig has all verbs of a protocol; a wrapper that passes them on has them too."""
+    return all(callable(getattr(rig, verb, None)) for verb in vars(of) if not verb.startswith("_"))
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pneudrive import own_code
 from pneudrive.errors import RigError, nearest
-from pneudrive.rig.own import own_rig
+from pneudrive.rig.interface import Rig, has_verbs
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pneudrive.rig.interface import Rig
+    from collections.abc import Callable, Iterator
 
 RIGS = Path(__file__).with_name("rigs")
 
@@ -80,8 +78,8 @@ def load_rig(
     kind, name = _kind(text)
     if kind == CODE:
         if found_in is None:
-            return own_rig(name, own_code.load(name, RigError))
-        return own_rig(name, own_code.load_allowed(name, allow_code, found_in, "--rig", RigError))
+            return _own_rig(name, own_code.load(name, RigError))
+        return _own_rig(name, own_code.load_allowed(name, allow_code, found_in, "--rig", RigError))
     if found_in is not None and kind not in ONLY_DATA:
         raise RigError(
             f"the rig {text} was not named in this run",
@@ -93,6 +91,16 @@ def load_rig(
         raise RigError(f"rigs of kind {kind!r} are not known", where=text, remedy=nearest(kind, LOADERS))
     module, _, function = LOADERS[kind].partition(":")
     return getattr(import_module(module), function)(name, seed, pace)
+
+
+def _own_rig(source: str, make: Callable[[], Any]) -> Rig:
+    """Call a laboratory's own code, a function or class without arguments, and check that it gives a rig."""
+    rig: Rig = own_code.guarded(source, RigError, make)
+    if not has_verbs(rig, Rig):
+        missing = [verb for verb in vars(Rig) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
+        what = f"{source} gives {type(rig).__name__}, which is no rig"
+        raise RigError(what, value=f"it lacks {', '.join(missing)}", rule="the verbs of pneudrive.rig.Rig")
+    return rig
 
 
 def must_be_named(source: str) -> bool:

@@ -8,7 +8,7 @@ import hmac
 import os
 import secrets
 import socket
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,9 +18,6 @@ from pneudrive.errors import CommandError, RigError
 if TYPE_CHECKING:
     from pneudrive.rig.rig_file import RigFile
 
-ACCESS_KEYS = {
-    "user", "password_file", "password_env", "user_certificate", "user_key", "certificate", "key", "server_certificate",
-}  # fmt: skip
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and some 50 ms a try
 SALT_BYTES = 16
 MOST_CHECKED = 100
@@ -78,6 +75,9 @@ class Access:
         return secret(self.password_file).decode("utf-8").rstrip("\r\n")
 
 
+ACCESS_KEYS = {field.name for field in fields(Access)}
+
+
 def read_access(file: RigFile) -> Access:
     """Read how to log in from the top of a rig file.
 
@@ -91,16 +91,9 @@ def read_access(file: RigFile) -> Access:
         raise file.fail(
             "password", "password", rule, 'password_file = "password.txt", or password_env = "RIG_PASSWORD"'
         )
-    access = Access(
-        user=file.string("user"),
-        password_file=file.path("password_file"),
-        password_env=file.string("password_env"),
-        user_certificate=file.path("user_certificate"),
-        user_key=file.path("user_key"),
-        certificate=file.path("certificate"),
-        key=file.path("key"),
-        server_certificate=file.path("server_certificate"),
-    )
+    texts = ("user", "password_env")
+    given: dict[str, Any] = {key: file.string(key) if key in texts else file.path(key) for key in ACCESS_KEYS}
+    access = Access(**given)
     encrypted = (access.certificate, access.key, access.server_certificate)
     if None in encrypted and any(encrypted):
         rule = "certificate, key and server_certificate are named together: our own, its key, the one of the server"

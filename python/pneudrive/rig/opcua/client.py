@@ -18,7 +18,8 @@ from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
 from pneudrive.rig.opcua.access import ACCESS_KEYS, Access, read_access
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
-from pneudrive.rig.opcua.nodes import HOLD, RELEASED, SHUT, NodeMap, Verb, load_map
+from pneudrive.rig.opcua.nodes import NodeMap, Verb, load_map
+from pneudrive.rig.opcua.program import SAMPLES, SAMPLING, STATE, steps_as_arrays
 from pneudrive.rig.plain_data import envelope_of, identity_of
 from pneudrive.rig.rig_file import RigFile, read_identity, read_limits
 
@@ -35,8 +36,6 @@ FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
 AGAIN_S = (0.02, 0.1, 0.3)  # after which a server that has hung up on a first connection is asked again
 FIRST_LOOK_S = 0.0005
 SLACK = 1.5  # a command may take this many times as long as its steps, and the patience of the map
-STATE = ("position", "force", "pressure_a", "pressure_b", "supply_pressure", "temperature", "time")
-CHUNK = ("time", "position", "force", "pressure_a", "pressure_b", "temperature", "step")
 
 
 class _EndedError(RigError):
@@ -93,14 +92,14 @@ class OpcUaRig:
 
     def state(self) -> RigState:
         """Tell where it stands; a lost connection is waited for."""
-        names = [f"state.{name}" for name in (*STATE, "moving", "fault")]
         try:
-            values = self._link.read(*names)
+            *values, fault = self._link.read(*STATE, "state.fault")
         except LinkError as error:
             self._reconnect(str(error))
             self._gone = True  # the next verb says so
             return self.state()
-        return RigState(*values[:6], time_s=values[6], moving=bool(values[7]), fault=values[8] or None)
+        said: dict[str, Any] = dict(zip(STATE.values(), values, strict=True))
+        return RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
 
     def home(self) -> None:
         """Bring the axis to its home position."""
@@ -219,46 +218,29 @@ class OpcUaRig:
 
     def _chunk(self, number: int) -> Samples:
         slot = self._link.nodes.slot_of(number)
-        sequence, count, *columns = self._link.read(
-            "samples.sequence", "samples.count", *(f"samples.{name}" for name in CHUNK), slot=slot
-        )
+        sequence, count, *read = self._link.read("samples.sequence", "samples.count", *SAMPLES, slot=slot)
         if sequence != number:
             what = f"samples were lost: slot {slot} holds chunk {sequence} where {number} belongs"
             raise RigError(what, where=self._link.url, remedy="more or larger slots in the PLC and the node map")
-        *channels, step = (np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in columns)
-        if any(column.size != count for column in (*channels, step)):
-            sizes = ", ".join(f"{n} {c.size}" for n, c in zip(CHUNK, (*channels, step), strict=True))
+        columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
+        if any(column.size != count for column in columns):
+            sizes = ", ".join(f"{name} {column.size}" for name, column in zip(SAMPLES, columns, strict=True))
             raise RigError(f"chunk {number} of {count} samples has columns of other lengths", value=sizes)
-        return Samples(*channels, step=step.astype(np.int64))
+        return Samples(**dict(zip(SAMPLES.values(), columns, strict=True)))
 
     def _program(self, steps: Sequence[Step]) -> dict[str, Any]:
-        """Write steps as arrays."""
+        """Write steps as arrays, as far as the rig takes them."""
         nodes = self._link.nodes
         most = self._link.places["step.kind"].length or nodes.steps
-        weights = [step.weight_n if isinstance(step, Hold) else 0.0 for step in steps]
+        arrays = steps_as_arrays(steps)
         if len(steps) > most:
             raise RigError(f"{len(steps)} steps are more than the rig takes", rule=f"at most {most} steps a program")
-        if any(weights) and "step.weight" not in nodes:
+        if any(arrays["step.weight"]) and "step.weight" not in nodes:
             raise RigError("the rig cannot be told of a known weight", rule="the node map has no step.weight")
-        moves = [step if isinstance(step, Move) else None for step in steps]
-        arrays = {
-            "step.count": len(steps),
-            "step.kind": [_kind(step) for step in steps],
-            "step.position": [move.to_m if move else 0.0 for move in moves],
-            "step.speed": [move.speed_m_s if move else 0.0 for move in moves],
-            "step.duration": [step.duration_s if isinstance(step, Hold) else 0.0 for step in steps],
-        }
-        return {**arrays, "step.weight": weights} if "step.weight" in nodes else arrays
+        return {name: values for name, values in arrays.items() if name in nodes}
 
     def _sampling(self, sampling: Sampling) -> dict[str, Any]:
-        wanted = {
-            "sampling.samples_per_stroke": sampling.samples_per_stroke,
-            "sampling.burst_rate": sampling.burst_rate_hz,
-            "sampling.burst_before": sampling.burst_before_s,
-            "sampling.burst_after": sampling.burst_after_s,
-            "sampling.hold_rate": sampling.hold_rate_hz,
-        }
-        return {name: value for name, value in wanted.items() if name in self._link.nodes}
+        return {name: getattr(sampling, field) for name, field in SAMPLING.items() if name in self._link.nodes}
 
     def _expected_s(self, steps: Sequence[Step]) -> float:
         low, high = self._limits.position_m
@@ -476,12 +458,6 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
     access = take(read_access, file)
     problems.tell()
     return open_rig(url, nodes, access, identity, limits, RECONNECT_S if reconnect is None else reconnect)
-
-
-def _kind(step: Step) -> int:
-    if isinstance(step, Move):
-        return 0
-    return HOLD + (RELEASED if step.released else 0) + (SHUT if step.shut else 0)
 
 
 def _back(doing: str, reason: str, url: str) -> ConnectionLostError:

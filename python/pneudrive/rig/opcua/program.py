@@ -1,15 +1,65 @@
-"""What a client of a served rig asks to be done, as steps: within bounds, so that nobody can keep a rig for ever."""
+"""What passes between the two sides of a map: state, samples, steps and sampling, each by the names of its nodes.
+
+What a client asks for is held within bounds, so that nobody can keep a rig for ever.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Hold, Move, Sampling, Step
 from pneudrive.rig.opcua.nodes import HOLD, RELEASED, SHUT, Verb
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
 LONGEST_STEP_S = 86400.0
 MOST_SAMPLES = 10_000_000  # of an acquisition
+#: Nodes and the fields of `RigState`, `Samples` and `Sampling` that they hold.
+STATE = {
+    "state.position": "position_m",
+    "state.force": "force_n",
+    "state.pressure_a": "pressure_a_pa",
+    "state.pressure_b": "pressure_b_pa",
+    "state.supply_pressure": "supply_pressure_pa",
+    "state.temperature": "temperature_k",
+    "state.time": "time_s",
+    "state.moving": "moving",
+}
+SAMPLES = {
+    "samples.time": "time_s",
+    "samples.position": "position_m",
+    "samples.force": "force_n",
+    "samples.pressure_a": "pressure_a_pa",
+    "samples.pressure_b": "pressure_b_pa",
+    "samples.temperature": "temperature_k",
+    "samples.step": "step",
+}
+SAMPLING = {
+    "sampling.samples_per_stroke": "samples_per_stroke",
+    "sampling.burst_rate": "burst_rate_hz",
+    "sampling.burst_before": "burst_before_s",
+    "sampling.burst_after": "burst_after_s",
+    "sampling.hold_rate": "hold_rate_hz",
+}
+
+
+def steps_as_arrays(steps: Sequence[Step]) -> dict[str, Any]:
+    """Write steps as the arrays of a command; `program_of` reads them."""
+    moves = [step if isinstance(step, Move) else None for step in steps]
+    return {
+        "step.count": len(steps),
+        "step.kind": [_kind(step) for step in steps],
+        "step.position": [move.to_m if move else 0.0 for move in moves],
+        "step.speed": [move.speed_m_s if move else 0.0 for move in moves],
+        "step.duration": [step.duration_s if isinstance(step, Hold) else 0.0 for step in steps],
+        "step.weight": [step.weight_n if isinstance(step, Hold) else 0.0 for step in steps],
+    }
+
+
+def _kind(step: Step) -> int:
+    return (HOLD | RELEASED * step.released | SHUT * step.shut) if isinstance(step, Hold) else 0
 
 
 def program_of(arguments: dict[str, Any], longest_m: float) -> list[Step]:
@@ -63,15 +113,9 @@ def first_step(arguments: dict[str, Any], kind: type[Step], longest_m: float) ->
 
 
 def sampling_of(arguments: dict[str, Any]) -> Sampling:
-    """Read how an acquisition is sampled."""
-    default = Sampling()
-    return Sampling(
-        int(arguments.get("sampling.samples_per_stroke", default.samples_per_stroke)),
-        arguments.get("sampling.burst_rate", default.burst_rate_hz),
-        arguments.get("sampling.burst_before", default.burst_before_s),
-        arguments.get("sampling.burst_after", default.burst_after_s),
-        arguments.get("sampling.hold_rate", default.hold_rate_hz),
-    )
+    """Read how an acquisition is sampled; what no node says is as usual."""
+    said = {field: arguments[name] for name, field in SAMPLING.items() if name in arguments}
+    return Sampling(**said)
 
 
 def check_size(steps: list[Step], sampling: Sampling) -> None:

@@ -16,6 +16,7 @@ from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, opcua, protect
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
 from pneudrive.rig.opcua.nodes import NodeMap, Verb
+from pneudrive.rig.opcua.program import SAMPLES, STATE
 from pneudrive.rig.opcua.space import FAULT, STOPS, Space
 from pneudrive.rig.opcua.verbs import Command, Interrupted, Verbs
 
@@ -36,25 +37,6 @@ AGAIN_S = 0.1
 GENTLE_S = 0.2  # how long an acquisition that is halted has to end by itself
 CLOSING_S = 2.0
 LEAST_REQUEST, BYTES_A_STEP = 1 << 16, 64
-STATE_FIELDS = {
-    "position": "position_m",
-    "force": "force_n",
-    "pressure_a": "pressure_a_pa",
-    "pressure_b": "pressure_b_pa",
-    "supply_pressure": "supply_pressure_pa",
-    "temperature": "temperature_k",
-    "time": "time_s",
-    "moving": "moving",
-}
-SAMPLE_FIELDS = {
-    "time": "time_s",
-    "position": "position_m",
-    "force": "force_n",
-    "pressure_a": "pressure_a_pa",
-    "pressure_b": "pressure_b_pa",
-    "temperature": "temperature_k",
-    "step": "step",
-}
 
 
 class RigServer:
@@ -282,7 +264,7 @@ class RigServer:
         if self._interrupted:
             raise Interrupted
         self._samples_written += 1
-        values = {f"samples.{name}": getattr(chunk, field) for name, field in SAMPLE_FIELDS.items()}
+        values = {name: getattr(chunk, field) for name, field in SAMPLES.items()}
         slot = self.nodes.slot_of(self._samples_written)
         await self._write({**values, "samples.count": len(chunk), "samples.sequence": self._samples_written}, slot)
         await self._write({"samples.written": self._samples_written})
@@ -423,7 +405,7 @@ class RigServer:
             state = {"fault": f"the rig does not tell its state: {error}"}
         own = state.pop("fault") or ""
         self._rig_fault = self._space.data(FAULT, own)
-        values = {f"state.{name}": state[field] for name, field in STATE_FIELDS.items() if field in state}
+        values = {name: state[field] for name, field in STATE.items() if field in state}
         await self._write({**values, FAULT: " ".join(text for text in (own, self._fault) if text)})
 
     # --- answers ------------------------------------------------------------------------------

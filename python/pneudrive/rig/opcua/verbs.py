@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Hold, Move, Samples
+from pneudrive.rig.interface import Hold, Move, Samples, acquisition
 from pneudrive.rig.opcua.nodes import Verb
 from pneudrive.rig.opcua.program import check_size, first_step, program_of, sampling_of, simulated_argument
 from pneudrive.rig.opcua.space import SIMULATED
@@ -116,13 +116,8 @@ class Verbs:
         """Run the program and put its samples into the ring."""
         steps, sampling = program_of(command.arguments, self._longest_m), sampling_of(command.arguments)
         check_size(steps, sampling)
-        parts = self._rig.acquire(steps, sampling)
-        try:
+        with acquisition(self._rig.acquire(steps, sampling)) as parts:
             for given in parts:
                 part = Samples.of(given)
                 for start in range(0, len(part), self._chunk):
                     self._put(part.rows(slice(start, start + self._chunk)))
-        finally:
-            close = getattr(parts, "close", None)  # of a generator: come to rest now
-            if close is not None:
-                close()
