@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.checks import serious
+from pneudrive.campaign.folder import read_samples
 from pneudrive.campaign.points import Builder
-from pneudrive.errors import RecordingError
+from pneudrive.errors import CampaignError, RecordingError
 from pneudrive.rig.interface import Hold
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.folder import CycleFile
     from pneudrive.campaign.plan import Plan, Planned
     from pneudrive.campaign.protocol import Adaptive
     from pneudrive.rig.interface import Identity, Samples
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 #: Kinds whose mean friction counts.
 LEVELS = ("sweep", "sentinel")
+#: Kinds that are measured quickly.
+MEASURED = (*LEVELS, "stop")
 #: Added speeds lie apart from measured ones by at least this ratio: nearer ones would count as one level.
 APART = 1.05
 #: Speeds that are tried, and digits of the one that is taken.
@@ -69,12 +73,37 @@ class Finished:
     point: QuickPoint
 
 
+def finished_of(files: Sequence[CycleFile], identity: Identity, *, measured: bool) -> list[Finished]:
+    """Take cycles from their files.
+
+    Parameters
+    ----------
+    files : sequence of CycleFile
+    identity : Identity
+        Of the rig.
+    measured : bool
+        Whether their points are wanted, for which the samples are read.
+
+    Raises
+    ------
+    CampaignError
+        A file is damaged.
+    """
+    wanted = [file for file in files if measured and file.head.cycle.kind in MEASURED]
+    points = {}
+    for file, samples in zip(wanted, read_samples(wanted), strict=True):
+        if isinstance(samples, CampaignError):
+            raise samples
+        points[file.path] = measure(samples, file.head.cycle, identity)
+    return [Finished(file.head.cycle, file.head.flags, points.get(file.path, QuickPoint())) for file in files]
+
+
 def measure(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
     """Say what a cycle says; nothing for kinds that are no points of a characteristic."""
     from pneudrive.characterise.extract import extract
     from pneudrive.characterise.settling import Settled
 
-    if cycle.kind not in (*LEVELS, "stop"):
+    if cycle.kind not in MEASURED:
         return QuickPoint()
     try:
         recording = _recording(samples, cycle, identity)
@@ -191,7 +220,7 @@ def _cell(cycle: Cycle) -> str:
 def _again(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[Cycle, str] | None:
     """Repeat the last cycle where it is no good point."""
     last = finished[-1]
-    if last.cycle.kind not in (*LEVELS, "stop") or not rules.repeats:
+    if last.cycle.kind not in MEASURED or not rules.repeats:
         return None
     bad = whats_bad(last, rules)
     if not bad:
@@ -314,6 +343,7 @@ def _bend(x: Array, y: Array) -> Array:
 def _prediction_variance(speed: Array, usable: Sequence[Finished], candidates: Array) -> Array | None:
     """Give the variance of the fitted Stribeck curve at the candidates, up to a factor; None where there is no fit."""
     from pneudrive.errors import FitError
+    from pneudrive.estimate.design import DesignSpace, prediction_variance
     from pneudrive.identify.model import FrictionModel, Observations
     from pneudrive.identify.robust import estimate
 
@@ -340,7 +370,7 @@ def _prediction_variance(speed: Array, usable: Sequence[Finished], candidates: A
         return None
     ones = np.ones(candidates.size)
     gradient = model.value_and_jacobian(found.q, observations(candidates, ones, ones))[1] / size
-    return np.einsum("ij,ij->i", gradient, np.linalg.solve(information, gradient.T).T)
+    return prediction_variance(DesignSpace(gradient[None], information[None]), information[None])
 
 
 def _rounded(speed: float) -> float:

@@ -10,7 +10,7 @@ import shutil
 import time
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.adaptive import LEVELS, Finished, QuickPoint, measure, needless, next_cycle
+from pneudrive.campaign.adaptive import Finished, QuickPoint, finished_of, measure, needless, next_cycle
 from pneudrive.campaign.attempt import Attempts, GivenUpError, Measured, whats_wrong
 from pneudrive.campaign.checks import arrival_flags, serious
 from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP
@@ -92,7 +92,7 @@ class CampaignRun:
         self._thread = RigThread(rig)
         self._attempts = Attempts(self._thread, self._bounds.during, display.part)
         self._wants_points = plan.protocol.adaptive is not None or display.wants_points
-        self.finished: list[Finished] = [self._of_file(file) for file in files]
+        self.finished: list[Finished] = finished_of(files, campaign.identity, measured=self._wants_points)
         self._index = max((_number(path) for path in (campaign.path / CYCLES).glob("[0-9]*")), default=0)
         if files:
             self._attempts.finished(files[-1].head.cycle, files[-1].head.memory)
@@ -102,12 +102,6 @@ class CampaignRun:
         self._path = campaign.path  # of the last cycle's file
         self._bad = 0
         self._failures: dict[str, int] = {}
-
-    def _of_file(self, file: CycleFile) -> Finished:
-        cycle = file.head.cycle
-        measured = self._wants_points and cycle.kind in (*LEVELS, "stop")
-        point = measure(file.samples(), cycle, self.campaign.identity) if measured else QuickPoint()
-        return Finished(cycle, file.head.flags, point)
 
     @property
     def now(self) -> str:

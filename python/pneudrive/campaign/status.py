@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pneudrive.campaign.folder import CYCLES, Campaign, Problem, read_samples
+from pneudrive.campaign.folder import CYCLES, Campaign, Problem
 from pneudrive.campaign.folder_plan import plan_of
 from pneudrive.campaign.lock import Holder, holder
 from pneudrive.errors import CampaignError, ProtocolError
@@ -93,12 +93,6 @@ def _needless(plan: Plan, campaign: Campaign, files: list[CycleFile]) -> set[str
     rules = plan.protocol.adaptive
     if rules is None or rules.interval_n is None:
         return set()
-    from pneudrive.campaign.adaptive import Finished, measure, needless
+    from pneudrive.campaign.adaptive import finished_of, needless
 
-    finished = []
-    for file, samples in zip(files, read_samples(files), strict=True):
-        if isinstance(samples, CampaignError):
-            raise samples
-        cycle = file.head.cycle
-        finished.append(Finished(cycle, file.head.flags, measure(samples, cycle, campaign.identity)))
-    return needless(plan, finished)
+    return needless(plan, finished_of(files, campaign.identity, measured=True))
