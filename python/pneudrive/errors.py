@@ -74,7 +74,7 @@ class PneudriveError(Exception):
     ) -> None:
         super().__init__(what)
         self.what, self.where, self.value, self.rule, self.remedy = what, where, value, rule, remedy
-        self.others: tuple[PneudriveError, ...] = ()  # what is wrong beside this
+        self.others: tuple[Any, ...] = ()  # what is wrong beside this
 
     def __str__(self) -> str:
         """Return the one message: first line what and where, then value, rule and remedy; then what else is wrong."""
@@ -91,7 +91,7 @@ class PneudriveError(Exception):
             lines.append(f"... and {len(self.others) - MOST_TOLD} more.")
         return "\n".join(lines)
 
-    def each(self) -> list[PneudriveError]:
+    def each(self: Wrong) -> list[Wrong]:
         """Give this error and the others that it carries, each alone."""
         return [self, *self.others]
 

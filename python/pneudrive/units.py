@@ -328,6 +328,32 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
     return low, high
 
 
+def share_of(given: object) -> float | None:
+    """Read ``"5 %"``; None where it is none."""
+    if not isinstance(given, str) or not given.rstrip().endswith("%"):
+        return None
+    try:
+        value = float(given.rstrip()[:-1])
+    except ValueError:
+        return None
+    return value / 100.0 if math.isfinite(value) else None
+
+
+def write_share(value: float) -> str:
+    """Write a share in per cent, so that it reads back the same.
+
+    Examples
+    --------
+    >>> write_share(0.05)
+    '5 %'
+    """
+    for digits in (6, 12, 17):
+        text = f"{100.0 * value:.{digits}g}"
+        if float(text) / 100.0 == value:
+            break
+    return f"{text} %"
+
+
 def si_name(unit: str) -> str:
     """Return an SI unit as the messages' table writes it (``m2`` -> ``m^2``, ``kg/s`` -> ``N s/m``), others as given.
 

@@ -13,11 +13,9 @@ import pytest
 from pneudrive.errors import ConnectionLostError, RigError
 from pneudrive.rig import Changeable, Envelope, Hold, Identity, Move, Reproducible, Rig, Samples, Sampling, load_rig
 from pneudrive.rig.interface import CHANNELS
-from pneudrive.rig.opcua.access import read_access
-from pneudrive.rig.opcua.client import KEYS
+from pneudrive.rig.opcua.client import OpcUaFile
 from pneudrive.rig.opcua.nodes import DEFAULT_MAP, load_map
 from pneudrive.rig.opcua.server import RigServer
-from pneudrive.rig.rig_file import RigFile, read_identity, read_limits
 
 STEPS = [Move(0.2, 0.3), Hold(0.4), Move(0.25, 0.3), Hold(0.1, released=True), Move(0.02, 0.2)]
 
@@ -221,14 +219,14 @@ def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
             r"node answer.done \(.*Dnoe\) cannot be used: BadNodeIdUnknown",
         ),
         (text.replace("urn:pneudrive:rig", "urn:other"), "no namespace urn:other"),
-        (text.replace("done =", "finished ="), r"(?s)unknown key 'answer.finished'.*nodes.toml:\d+.*Known: done"),
+        (text.replace("done =", "finished ="), r"(?s)answer.finished is not a known key.*nodes.toml:\d+.*Known: done"),
         (text.replace('done = "s=', 'done = "'), "is no node id"),
         (text.replace("Samples.{slot}.Time", "Samples.Time"), "nodes of the ring, and only these"),
-        (text.replace('"s=State.Force"', '{ node = "s=State.Force", unit = "mm" }'), "state.force.unit: .*is a length"),
+        (text.replace('"s=State.Force"', '{ node = "s=State.Force", unit = "mm" }'), "state.force: .*is a length"),
         (text.replace('"s=State.Force"', '{ constant = "1 N" }'), "cannot be a constant"),
         (text.replace('heartbeat = "1 s"', 'heartbeat = "1"'), "handshake.heartbeat: .*no unit"),
-        (text.replace("schema = 1", "schema = 2"), "no node map of this version"),
-        (re.sub(r'done = "s=.*\n', "", text), "the map has no node answer.done"),
+        (text.replace("schema = 1", "schema = 2"), "schema = 2 is not known"),
+        (re.sub(r'done = "s=.*\n', "", text), "answer.done is missing"),
     ]
     for wrong, words in mistakes:
         assert wrong != text
@@ -237,18 +235,17 @@ def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
             open_rig(served.url, load_map(tmp_path / "nodes.toml"))
 
 
-def test_the_rig_file_of_the_guide_is_one():
+def test_the_rig_file_of_the_guide_is_one(tmp_path):
     guide = (Path(__file__).parents[2] / "docs" / "guide" / "opc-ua.md").read_text()
     text = re.findall(r"(?s)```toml\n(.*?)```", guide)[0]
-    file = RigFile.loads(text)
-    file.only("", KEYS)
-    identity = read_identity(file)
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    file = OpcUaFile.load(tmp_path / "rig.toml")
+    identity, limits = file.described()
     assert identity is not None
-    limits = read_limits(file, identity.ambient_pressure_pa)
     assert limits is not None
     assert (identity.resolution, limits.supply_pressure_pa) == ({"force_n": pytest.approx(0.006)}, 5e5)
     assert limits.pressure_pa == pytest.approx((101300.0, 251300.0))
-    assert read_access(file).password_env == "RIG_PASSWORD"
+    assert file.access.password_env == "RIG_PASSWORD"
 
 
 def test_without_the_library_the_extra_is_named(monkeypatch):

@@ -146,7 +146,7 @@ def test_real_recordings(tmp_path):
         ('folder = "nowhere"', "there is no recording"),
         ("", "folder is missing"),
         ('folder = "x"\nspeed_tolerance = "5"', r"speed_tolerance: '5' is not a share"),
-        ('folder = "x"\ntolerance = "5 %"', "unknown key 'tolerance'"),
+        ('folder = "x"\ntolerance = "5 %"', "tolerance is not a known key"),
     ],
 )
 def test_rig_files_that_are_wrong(tmp_path, text, words):

@@ -29,9 +29,9 @@ from pneudrive.campaign.protocol_tables import (
     Tightened,
     WarmUp,
 )
-from pneudrive.campaign.protocol_values import Whole
 from pneudrive.describe import toml
 from pneudrive.describe.base import Described, wrong
+from pneudrive.describe.marks import Whole
 from pneudrive.errors import DescriptionError, ProtocolError, nearest
 from pneudrive.rig.interface import Sampling
 

@@ -9,19 +9,17 @@ from pydantic import Field, model_validator
 from pneudrive import units
 from pneudrive.campaign.protocol_values import (
     AMBIENT,
-    Between,
     BetweenPlaces,
     Levels,
     MovingAverage,
-    Percent,
     Place,
     Places,
     PressureLevels,
     PressurePairs,
-    Whole,
     spaced,
 )
-from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
+from pneudrive.describe.marks import Between, Percent, Whole
 from pneudrive.errors import DescriptionError
 from pneudrive.files.bounds import within
 
@@ -99,7 +97,7 @@ class Speeds(Described):
         assert self.count is not None
         try:
             return spaced(self.from_m_s, self.to_m_s, self.count, self.spacing, SPEED_MARK)
-        except WrongValueError as error:
+        except DescriptionError as error:
             raise wrong("speed.to", f"speed: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
     @property

@@ -9,59 +9,13 @@ from typing import Any
 
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Quantity, StatedPressure, WrongValueError
+from pneudrive.describe.marks import Whole
 from pneudrive.errors import DescriptionError, nearest
 
 #: Significant digits of the levels between the ends of a range, so that a level is what its name says.
 DIGITS = 4
 SPACINGS = ("log", "linear")
 AMBIENT = units.Pressure(0.0, gauge=True)
-
-
-@dataclass(frozen=True)
-class Whole(Quantity):
-    """Annotation of a field that takes a whole number."""
-
-    si_unit: str = ""
-    at_least: int = 1
-    bound: str | None = "count"
-
-    def read(self, given: object) -> int:
-        """Check."""
-        if isinstance(given, bool) or not isinstance(given, int):
-            raise WrongValueError(f"{given!r} is not a whole number")
-        if given < self.at_least:
-            raise WrongValueError(f"{given} is out of bounds", rule=f"at least {self.at_least}")
-        Bounds(bound=self.bound).beyond(given, given)
-        return given
-
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
-        """Describe the form in which users write it."""
-        return {"type": "integer", "minimum": self.at_least}
-
-
-@dataclass(frozen=True)
-class Percent(Quantity):
-    """Annotation of a field that takes a share as ``"5 %"`` and stores 0.05; `below` 100 % and not negative."""
-
-    si_unit: str = "%"
-
-    def read(self, given: object) -> float:
-        """Convert and check."""
-        share = share_of(given)
-        if share is None:
-            raise WrongValueError(f"{given!r} is not a share", remedy='Write "5 %".')
-        rule = self.bounds.broken(100.0 * share)
-        if rule:
-            raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} %")
-        return share
-
-    def show(self, value: float) -> str:
-        """Write it as users would."""
-        return show_share(value)
-
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
-        """Describe the form in which users write it."""
-        return {"type": "string", "pattern": "^.+ %$", "x-unit": "%"}
 
 
 @dataclass(frozen=True)
@@ -83,7 +37,7 @@ class MovingAverage(Quantity):
         """Write it as users would."""
         return "none" if value == 1 else int(value)
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the form in which users write it."""
         return {"anyOf": [{"type": "integer", "minimum": 1}, {"const": "none"}]}
 
@@ -116,7 +70,7 @@ class Levels(Quantity):
         """Write all."""
         return [self.show_one(one) for one in value]
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the forms in which users write it."""
         one = {"type": "string", "x-unit": self.si_unit}
         return {
@@ -145,9 +99,9 @@ class PressureLevels(StatedPressure):
         """Write all."""
         return [super(PressureLevels, self).show(one) for one in value]
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the forms in which users write it."""
-        one = super().__get_pydantic_json_schema__(schema, handler)
+        one = super().schema()
         return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}, range_schema(one)], "x-unit": "Pa"}
 
 
@@ -172,9 +126,9 @@ class PressurePairs(StatedPressure):
         one = super().show
         return [{"a": one(a), "b": one(b)} for a, b in value]
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the form in which users write it."""
-        one = super().__get_pydantic_json_schema__(schema, handler)
+        one = super().schema()
         both = {"type": "object", "properties": {"a": one, "b": one}, "required": ["a", "b"]}
         return {"type": "array", "items": {**both, "additionalProperties": False}, "minItems": 1, "x-unit": "Pa"}
 
@@ -192,7 +146,7 @@ class Place:
 
     def __str__(self) -> str:
         """Write it as users would."""
-        return show_share(self.value) if self.share else units.write(self.value, "m", "mm")
+        return units.write_share(self.value) if self.share else units.write(self.value, "m", "mm")
 
     @property
     def name(self) -> str:
@@ -215,33 +169,10 @@ class Places(Quantity):
         """Write all."""
         return [str(one) for one in value]
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the forms in which users write it."""
         one = {"type": "string", "x-unit": "m or %"}
         return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}], "x-unit": "m or %"}
-
-
-@dataclass(frozen=True)
-class Between(Quantity):
-    """Annotation of a field that takes a range, ``"15 degC .. 30 degC"``; stores (low, high)."""
-
-    def read(self, given: object) -> tuple[float, float]:  # type: ignore[override]
-        """Convert and check."""
-        if not isinstance(given, str):
-            raise WrongValueError(f"{given!r} is no range", rule=units.needed(self.si_unit))
-        try:
-            return units.parse_range(given, self.si_unit)
-        except DescriptionError as error:
-            remedy = error.remedy and f'Write "{self.show((288.15, 303.15))}".'
-            raise WrongValueError(error.what, error.rule, remedy) from None
-
-    def show(self, value: tuple[float, float]) -> str:  # type: ignore[override]
-        """Write it as users would."""
-        return " .. ".join(units.write(end, self.si_unit, self.written) for end in value)
-
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
-        """Describe the form in which users write it."""
-        return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": self.si_unit}
 
 
 @dataclass(frozen=True)
@@ -264,7 +195,7 @@ class BetweenPlaces(Quantity):
         """Write it as users would."""
         return f"{value[0]} .. {value[1]}"
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the form in which users write it."""
         return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": "m or %"}
 
@@ -338,29 +269,9 @@ def range_schema(one: dict[str, Any]) -> dict[str, Any]:
     return {"type": "object", "properties": keys, "required": ["from", "to", "count"], "additionalProperties": False}
 
 
-def share_of(given: object) -> float | None:
-    """Read ``"5 %"``; None where it is none."""
-    if not isinstance(given, str) or not given.rstrip().endswith("%"):
-        return None
-    try:
-        value = float(given.rstrip()[:-1])
-    except ValueError:
-        return None
-    return value / 100.0 if math.isfinite(value) else None
-
-
-def show_share(value: float) -> str:
-    """Write a share in per cent, so that it reads back the same."""
-    for digits in (6, 12, 17):
-        text = f"{100.0 * value:.{digits}g}"
-        if float(text) / 100.0 == value:
-            break
-    return f"{text} %"
-
-
 def place(given: object) -> Place:
     """Read one position."""
-    share = share_of(given)
+    share = units.share_of(given)
     if share is not None:
         if not 0.0 <= share <= 1.0:
             raise WrongValueError(f'"{given}" lies outside the range', rule="0 % to 100 %")

@@ -6,17 +6,20 @@ It stands above `pneudrive.rig`, whose registry names it, because it reads campa
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from pydantic import Field
 
 from pneudrive.campaign.folder import ABOUT, CYCLES, TRUTH, Campaign
 from pneudrive.campaign.replay import SAME_POSITION_M, ReplayRig, Take, Tolerance
 from pneudrive.constants import ANR_TEMPERATURE_K
+from pneudrive.describe.base import Bounds, Quantity
+from pneudrive.describe.marks import Percent
 from pneudrive.errors import RecordingError, RigError
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Samples
 from pneudrive.rig.plain_data import envelope_of
-from pneudrive.rig.rig_file import RigFile, read_identity, read_limits
+from pneudrive.rig.rig_file import RigFile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,15 +29,23 @@ if TYPE_CHECKING:
     from pneudrive.characterise.recording import Recording
     from pneudrive.rig.interface import Step
 
-SCHEMA = 1
-KEYS = {
-    "schema", "kind", "folder", "layout", "pattern", "speed_tolerance", "pressure_tolerance", "identity", "limits",
-}  # fmt: skip
 # Of a rig of which only recordings are known (assumed): they decide where a plan expects its ramps to end.
 ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
 ANY_TEMPERATURE_K = (0.0, 1000.0)
 NO_LIMIT_N = 1e9
 STROKE_SLACK = 0.05  # share of the travel by which a stroke may end elsewhere
+
+
+class ReplayFile(RigFile):
+    """The rig file of a replay: a folder of a campaign, or of recordings with a layout."""
+
+    folder: str
+    layout: str | None = None
+    pattern: str = "*"
+    speed_tolerance: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = Tolerance.speed
+    pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=Bounds(at_least=0.0))] = Field(
+        default=Tolerance.pressure_pa, alias="pressure_tolerance"
+    )
 
 
 def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) -> ReplayRig:
@@ -48,22 +59,13 @@ def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) ->
     path = Path(source)
     if path.is_dir():
         return _folder_rig(path, pace, Tolerance())
-    file = RigFile.load(path)
-    file.only("", KEYS)
-    if file.get("schema") not in (None, SCHEMA):
-        raise file.fail("the rig file is of another version", "schema", rule=f"schema = {SCHEMA}")
-    folder = file.needed("folder", file.path("folder"), '"campaigns/seal-a"')
-    tolerance = Tolerance(
-        speed=_share(file, "speed_tolerance", Tolerance.speed),
-        pressure_pa=file.quantity("pressure_tolerance", "Pa") or Tolerance.pressure_pa,
-    )
-    identity = read_identity(file)
-    ambient = Identity.ambient_pressure_pa if identity is None else identity.ambient_pressure_pa
-    limits = read_limits(file, ambient)
-    layout = file.path("layout")
+    file = ReplayFile.load(path)
+    folder = file.beside(file.folder) or Path()
+    layout = file.beside(file.layout)
+    tolerance = Tolerance(speed=file.speed_tolerance, pressure_pa=file.pressure_tolerance_pa)
     if layout is None and (folder / ABOUT).is_file():
-        return campaign_rig(folder, pace, tolerance, identity, limits)
-    return recordings_rig(folder, layout, file.string("pattern") or "*", pace, tolerance, identity, limits)
+        return campaign_rig(folder, pace, tolerance, *file.described())
+    return recordings_rig(folder, layout, file.pattern, pace, tolerance, *file.described())
 
 
 def _folder_rig(folder: Path, pace: float | None, tolerance: Tolerance) -> ReplayRig:
@@ -263,10 +265,3 @@ def _envelope(takes: Sequence[Take], identity: Identity) -> Envelope:
         temperature_k=ANY_TEMPERATURE_K,
         home_m=low,
     )
-
-
-def _share(file: RigFile, key: str, default: float) -> float:
-    from pneudrive.characterise.column_units import share
-
-    value = file.said(key, share)
-    return default if value is None else value

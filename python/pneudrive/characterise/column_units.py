@@ -37,6 +37,8 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     >>> column_unit("bar gauge", "Pa")
     ColumnUnit(factor=100000.0, gauge=True, shift=0.0)
     """
+    if not isinstance(text, str):
+        raise DescriptionError(f"{text!r} is no unit")
     if si_unit != "Pa":
         factor, shift = converter(text, si_unit)
         return ColumnUnit(factor, shift=shift)

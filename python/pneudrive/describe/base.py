@@ -20,23 +20,21 @@ if TYPE_CHECKING:
 
     from pydantic.fields import FieldInfo
 
-    from pneudrive.errors import PneudriveError
 
-
-class WrongValueError(ValueError):
-    """A value that a field refuses; `Described` adds the field's name and raises one `DescriptionError`."""
+class WrongValueError(DescriptionError, ValueError):
+    """A value that a field refuses; `Described` adds the field's name. pydantic collects what is a `ValueError`."""
 
     def __init__(self, what: str, rule: str | None = None, remedy: str | None = None, sub: str = "") -> None:
-        super().__init__(what)
-        self.what, self.rule, self.remedy, self.sub = what, rule, remedy, sub
+        super().__init__(what, rule=rule, remedy=remedy)
+        self.key = sub or None
 
 
-class _Problems(ValueError):  # noqa: N818 - never leaves this module
-    """What is wrong with one table: pydantic collects them where an error of ours would end its work."""
+class _WrongTableError(ValueError):
+    """What is wrong with one table; its keys are told from the top of the file where `is_placed`."""
 
-    def __init__(self, errors: Sequence[PneudriveError]) -> None:
+    def __init__(self, errors: Sequence[DescriptionError], is_placed: bool) -> None:
         super().__init__("; ".join(error.what for error in errors))
-        self.errors = errors
+        self.errors, self.is_placed = errors, is_placed
 
 
 def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
@@ -44,6 +42,26 @@ def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = 
     error = DescriptionError(what, rule=rule, remedy=remedy)
     error.key = key
     return error
+
+
+def within(error: DescriptionError, name: str, above: str = "") -> DescriptionError:
+    """Return what is wrong with a table as errors of the table that holds it under a name.
+
+    Parameters
+    ----------
+    error : DescriptionError
+        With those that it carries.
+    name : str
+        Key of the table, and how messages call it.
+    above : str
+        What goes before the key alone: a table that messages need not name.
+    """
+    out = []
+    for one in error.each():
+        key = getattr(one, "key", None) or ""
+        what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
+        out.append(wrong(f"{above}{name}.{key}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
+    return together(out)
 
 
 @dataclass(frozen=True)
@@ -85,13 +103,10 @@ class PerChamber(NamedTuple):
 
 
 def quantity(given: object, si_unit: str, bounds: Bounds) -> float:
-    """Convert one given quantity to a checked SI value, or raise `WrongValueError`."""
+    """Convert one given quantity to a checked SI value, or raise `DescriptionError`."""
     if not isinstance(given, str | units.UnitFloat):
         raise WrongValueError(f"{given!r} has no unit", rule=units.needed(si_unit))
-    try:
-        value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
-    except DescriptionError as error:
-        raise WrongValueError(error.what, error.rule, error.remedy) from None
+    value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
     rule = bounds.broken(value)
     if rule:
         raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} {si_unit}")
@@ -111,7 +126,47 @@ def number(given: object, bounds: Bounds) -> float:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class Mark:
+    """Annotation of a field that is read and written by rules of its own."""
+
+    def read(self, given: Any) -> Any:  # noqa: ANN401 - whatever the field takes and holds
+        """Convert and check, or raise `DescriptionError`."""
+        raise NotImplementedError
+
+    def show(self, value: Any) -> Any:  # noqa: ANN401
+        """Write it as users would."""
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """Describe the form in which users write it, as JSON schema."""
+        return {}
+
+    def read_at(self, key: str, given: object) -> Any:  # noqa: ANN401
+        """Convert and check what stands at a dotted key, which errors then name."""
+        try:
+            return self.read(given)
+        except DescriptionError as error:
+            raise wrong(key, f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+
+    def _read(self, given: Any) -> Any:  # noqa: ANN401
+        try:
+            return self.read(given)
+        except DescriptionError as error:
+            if error.others or (error.key and error.what.startswith(error.key)):
+                raise _WrongTableError([*error.each()], is_placed=False) from None
+            raise WrongValueError(error.what, error.rule, error.remedy, error.key or "") from None
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
+        """Validate by `read`; nothing else may touch the value."""
+        return core_schema.no_info_plain_validator_function(self._read)
+
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return self.schema()
+
+
+@dataclass(frozen=True)
+class Quantity(Mark):
     """Annotation of a field that takes a quantity and stores an SI float.
 
     Parameters
@@ -145,11 +200,7 @@ class Quantity:
             return type(value)(*made) if hasattr(value, "_fields") else tuple(made)
         return value
 
-    def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
-        """Validate by `read`; nothing else may touch the value."""
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the form in which users write it."""
         if self.si_unit:
             return {"type": "string", "description": units.kind(self.si_unit), "x-unit": self.si_unit}
@@ -178,8 +229,9 @@ class EachChamber(Quantity):
                 raise WrongValueError(f"chamber {chamber} is missing", remedy="Write { a = ..., b = ... }.")
             try:
                 values.append(super().read(given[chamber]))
-            except WrongValueError as error:
-                raise WrongValueError(error.what, error.rule, error.remedy, sub=chamber) from None
+            except DescriptionError as error:
+                error.key = chamber
+                raise
         return PerChamber(*values)
 
     def show_one(self, value: float) -> str:
@@ -190,15 +242,15 @@ class EachChamber(Quantity):
         """Write both."""
         return {"a": self.show_one(value.a), "b": self.show_one(value.b)}
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe a table of two quantities."""
-        one = {"type": "string", "description": units.kind(self.si_unit), "x-unit": self.si_unit}
+        one = super().schema()
         both = {"a": one, "b": one}
         return {"type": "object", "properties": both, "required": ["a", "b"], "additionalProperties": False}
 
 
 @dataclass(frozen=True)
-class StatedPressure:
+class StatedPressure(Mark):
     """Annotation of a field that takes a pressure with ``abs`` or ``gauge`` and stores a `pneudrive.units.Pressure`."""
 
     gauge_allowed: bool = True
@@ -209,10 +261,7 @@ class StatedPressure:
             return given
         if not isinstance(given, str):
             raise WrongValueError(f"{given!r} has no unit", rule=units.needed("Pa"))
-        try:
-            pressure = units.parse_pressure(given)
-        except DescriptionError as error:
-            raise WrongValueError(error.what, error.rule, error.remedy) from None
+        pressure = units.parse_pressure(given)
         if pressure.gauge and not self.gauge_allowed:
             raise WrongValueError(f'"{given}" counts from itself', remedy='Write "... abs".')
         if not pressure.gauge and not pressure.value_pa > 0.0:
@@ -221,13 +270,9 @@ class StatedPressure:
 
     def show(self, value: units.Pressure) -> str:
         """Write it against what it was given."""
-        return f"{units.write(value.value_pa, 'Pa', 'bar')} {'gauge' if value.gauge else 'abs'}"
+        return str(value)
 
-    def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
-        """Validate by `read`."""
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the form in which users write it."""
         words = "(abs|gauge)" if self.gauge_allowed else "abs"
         return {"type": "string", "pattern": f"^.+ {words}$", "description": units.kind("Pa"), "x-unit": "Pa"}
@@ -242,6 +287,10 @@ Temperature = Annotated[float, Quantity("K", "K", Bounds(above=0.0))]
 Angle = Annotated[float, Quantity("rad", "deg", Bounds(at_least=-math.pi / 2, at_most=math.pi / 2))]
 Stiffness = Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
 Fraction = Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))]
+
+
+#: pydantic's names of complaints about a type -> what is needed.
+_TYPES = {"string_type": "a text in quotes", "bool_type": "true or false", "int_type": "a whole number"}
 
 
 class Described(Shown, BaseModel):
@@ -259,7 +308,7 @@ class Described(Shown, BaseModel):
         """Give each field its key of the file as a name in Python."""
         for name, field in cls.model_fields.items():
             if field.alias and not hasattr(cls, field.alias):
-                setattr(cls, field.alias, _by_key(name, _mark(field)))
+                setattr(cls, field.alias, _by_key(name, mark_of(field)))
 
     @model_validator(mode="wrap")
     @classmethod
@@ -267,9 +316,9 @@ class Described(Shown, BaseModel):
         try:
             return handler(data)
         except ValidationError as error:
-            raise _Problems(cls.explain(error)) from None
+            raise _WrongTableError(cls.explain(error), bool(cls.table_name)) from None
         except DescriptionError as error:
-            raise _Problems(error.each()) from None
+            raise _WrongTableError([*error.each()], bool(cls.table_name)) from None
 
     if not TYPE_CHECKING:  # type checkers take the fields for what may be given
 
@@ -291,7 +340,7 @@ class Described(Shown, BaseModel):
                 raise cls._error(error) from None
 
     @classmethod
-    def _error(cls, error: ValidationError) -> PneudriveError:
+    def _error(cls, error: ValidationError) -> DescriptionError:
         return together(cls.explain(error))
 
     @classmethod
@@ -300,7 +349,7 @@ class Described(Shown, BaseModel):
         return [field.alias or name for name, field in cls.model_fields.items()]
 
     @classmethod
-    def explain(cls, error: ValidationError) -> list[PneudriveError]:
+    def explain(cls, error: ValidationError) -> list[DescriptionError]:
         """Turn pydantic's complaints into our messages, one for each field.
 
         Unknown keys come first: one that was meant for a missing key stands for both.
@@ -308,7 +357,7 @@ class Described(Shown, BaseModel):
         complaints = error.errors(include_url=False)
         complaints.sort(key=lambda c: c["type"] != "extra_forbidden")
         unknown = [str(c["loc"][-1]) for c in complaints if c["type"] == "extra_forbidden"]
-        out: list[PneudriveError] = []
+        out: list[DescriptionError] = []
         seen: set[object] = set()
         for complaint in complaints:
             field = complaint["loc"][:1]
@@ -318,13 +367,23 @@ class Described(Shown, BaseModel):
             ):
                 continue
             seen.add(field)
-            out += cause.errors if isinstance(cause, _Problems) else [cls._explained(complaint)]
+            if not isinstance(cause, _WrongTableError):
+                out.append(cls._explained(complaint))
+            elif cause.is_placed or not field:
+                out += cause.errors
+            else:
+                out += within(together(cause.errors), cls._key(complaint["loc"])).each()
         return out
+
+    @classmethod
+    def _key(cls, place: Sequence[object]) -> str:
+        """Return the dotted key of a place in the table."""
+        return ".".join([*([cls.table_name] if cls.table_name else []), *map(str, place)])
 
     @classmethod
     def _explained(cls, first: Any) -> DescriptionError:  # noqa: ANN401 - pydantic's dictionary
         """Turn one complaint into our message."""
-        key = ".".join([*([cls.table_name] if cls.table_name else []), *map(str, first["loc"])])
+        key = cls._key(first["loc"])
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])
             inner = [one.removeprefix(f"{name}_") for one in cls.keys() if one.startswith(f"{name}_")]  # noqa: SIM118 - a method of ours
@@ -336,7 +395,7 @@ class Described(Shown, BaseModel):
             return wrong(key, f"{key} is missing", remedy=cls.example(str(first["loc"][-1])))
         cause = first.get("ctx", {}).get("error")
         if isinstance(cause, WrongValueError):
-            full = f"{key}.{cause.sub}" if cause.sub else key
+            full = f"{key}.{cause.key}" if cause.key else key
             return wrong(full, f"{full}: {cause.what}", rule=cause.rule, remedy=cause.remedy)
         if first["type"] == "literal_error":
             known = first.get("ctx", {})["expected"].replace(" or ", ", ").replace("'", "").split(", ")
@@ -345,7 +404,9 @@ class Described(Shown, BaseModel):
             return wrong(key, f"{key or 'the description'} = {first['input']!r} is not a table")
         if first["type"] in {"tuple_type", "list_type"}:
             return wrong(key, f"{key} = {first['input']!r} is not a list", remedy=f"Write {key} = [...].")
-        return wrong(key, f"{key} = {first['input']!r}: {first['msg']}")
+        words = _TYPES.get(first["type"])
+        what = f"{key} = {first['input']!r} must be {words}" if words else f"{key} = {first['input']!r}: {first['msg']}"
+        return wrong(key, what)
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
@@ -353,7 +414,7 @@ class Described(Shown, BaseModel):
         out = handler.resolve_ref_schema(handler(schema))
         for name, field in cls.model_fields.items():
             about = out["properties"].get(field.alias or name, {})
-            mark = _mark(field)
+            mark = mark_of(field)
             if mark is not None and field.default is not None and "default" in about:
                 about["default"] = mark.show(field.default)
             elif not isinstance(field.default, (str, int)):
@@ -376,8 +437,12 @@ class Described(Shown, BaseModel):
     def default(cls, key: str) -> Any:  # noqa: ANN401 - any kind of value
         """Return the default of a key as users write values."""
         field = next(field for name, field in cls.model_fields.items() if key in {name, field.alias})
-        mark = next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
+        mark = mark_of(field)
         return field.default if mark is None else mark.show(field.default)
+
+    def stored(self) -> dict[str, Any]:
+        """Return what is not absent by the names under which it is stored: SI values, tables as they are."""
+        return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table as plain values, quantities with units; keys that were left to their default are left out."""
@@ -393,7 +458,7 @@ class Described(Shown, BaseModel):
             if isinstance(value, dict):
                 out[key] = {name: one.to_dict() if isinstance(one, Described) else one for name, one in value.items()}
                 continue
-            mark = _mark(field)
+            mark = mark_of(field)
             out[key] = mark.show(value) if mark is not None else value
         return out
 
@@ -407,23 +472,23 @@ class Described(Shown, BaseModel):
         title = f"[{self.table_name}]" if self.table_name else type(self).__name__
         return Card(title, rows=rows)
 
-    def _all(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
+    def _all(self) -> Iterator[tuple[str, Any, Mark | None]]:
         """Yield key, value and annotation of what is not absent."""
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if value is not None and value != () and value != {}:
-                yield field.alias or name, value, _mark(field)
+                yield field.alias or name, value, mark_of(field)
 
     def __str__(self) -> str:
         return repr(self)
 
 
-def _mark(field: FieldInfo) -> Quantity | StatedPressure | None:
+def mark_of(field: FieldInfo) -> Mark | None:
     """Return the annotation that says how a field is written."""
-    return next((m for m in field.metadata if isinstance(m, (Quantity, StatedPressure))), None)
+    return next((m for m in field.metadata if isinstance(m, Mark)), None)
 
 
-def _by_key(name: str, mark: Quantity | StatedPressure | None) -> property:
+def _by_key(name: str, mark: Mark | None) -> property:
     def read(self: Described) -> Any:  # noqa: ANN401 - whatever the field holds
         value = getattr(self, name)
         return mark.named(value) if isinstance(mark, Quantity) else value
@@ -432,7 +497,7 @@ def _by_key(name: str, mark: Quantity | StatedPressure | None) -> property:
     return property(read, doc=f"As the key of the file{unit}.")
 
 
-def _written(value: Any, mark: Quantity | StatedPressure | None) -> Any:  # noqa: ANN401
+def _written(value: Any, mark: Mark | None) -> Any:  # noqa: ANN401
     if isinstance(value, Described):
         return {key: _written(one, own) for key, one, own in value._all()}
     return mark.show(value) if mark is not None else value

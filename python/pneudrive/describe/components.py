@@ -102,7 +102,7 @@ class _OnPaper(Quantity):
         """Write it."""
         return list(value)
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the form."""
         return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 
@@ -120,9 +120,9 @@ class _Number(Quantity):
                 raise WrongValueError(f'"{given}" is not a number') from None
         return super().read(given)
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe both forms."""
-        number = super().__get_pydantic_json_schema__(schema, handler)
+        number = super().schema()
         return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
 
 
@@ -181,9 +181,9 @@ class _Points(Quantity):
             for row in value
         ]
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the list."""
-        columns = {key: mark.__get_pydantic_json_schema__(schema, handler) for key, mark in self.columns}
+        columns = {key: mark.schema() for key, mark in self.columns}
         point = {"type": "object", "properties": columns, "required": self.needed, "additionalProperties": False}
         return {"type": "array", "items": point, "minItems": 2, "maxItems": self.most}
 
@@ -191,7 +191,7 @@ class _Points(Quantity):
 def _read(mark: Quantity, given: object, name: str) -> float:
     try:
         return mark.read(given)
-    except WrongValueError as error:
+    except DescriptionError as error:
         raise WrongValueError(f"{name}: {error.what}", error.rule, error.remedy) from None
 
 

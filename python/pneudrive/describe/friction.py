@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import Field, ModelWrapValidatorHandler, field_serializer, model_validator
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
 from pneudrive.describe.dependences import (
     DEPENDENCES,
     DirectionDependence,
@@ -26,7 +26,7 @@ from pneudrive.describe.dependences import (
 )
 from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
 from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
-from pneudrive.errors import nearest, warn
+from pneudrive.errors import DescriptionError, nearest, warn
 
 
 @lru_cache(maxsize=1)
@@ -183,7 +183,7 @@ def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         return out, law  # what is missing is said as for any law
     try:
         known = {key: quantities[key].read(data[key]) for key in ("coulomb", "breakaway", *_FOLLOWS) if key in data}
-    except WrongValueError:
+    except DescriptionError:
         return out, law  # and so is what is wrong
     assumed = {"stribeck_velocity": _STRIBECK_VELOCITY_M_S} | _following(known)
     rounded = {key: _as_assumed(value) for key, value in assumed.items() if key not in data}
@@ -267,10 +267,7 @@ class Friction(Described):
                 owners = [law for law, about in laws.items() if key in {p["key"] for p in about["parameters"]}]
                 remedy = f"It belongs to {', '.join(owners)}." if owners else nearest(key, _keys(name, entry))
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
-            try:
-                values[key] = parameter_quantity(parameters[key]).read(given)
-            except WrongValueError as error:
-                raise wrong(full, f"{full}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+            values[key] = parameter_quantity(parameters[key]).read_at(full, given)
         for key, parameter in parameters.items():
             default = parameter["default"]
             if key in values or (default is not None and math.isinf(default)):
@@ -437,7 +434,7 @@ class Friction(Described):
                 one = SlipElement.model_json_schema(by_alias=True)
                 properties["elements"] = {"type": "array", "items": one, "minItems": 2, "maxItems": MOST_ELEMENTS}
             for p in law["parameters"]:
-                one = parameter_quantity(p).__get_pydantic_json_schema__(None, None)
+                one = parameter_quantity(p).schema()
                 properties[p["key"]] = one | {"title": p["meaning"]}
             required = ["law", *(p["key"] for p in law["parameters"] if p["default"] is None)]
             alternatives.append(

@@ -282,10 +282,10 @@ class FlowCoefficient(Quantity):
                 raise WrongValueError(f'"{given}" is not a number') from None
         return super().read(given)
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe both forms."""
         own = "Kv|m3/h" if self.written == "Kv" else "Cv"
-        number = super().__get_pydantic_json_schema__(schema, handler)
+        number = super().schema()
         return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
 
 

@@ -48,7 +48,7 @@ class _Ends(Quantity):
         """Write both."""
         return list(value)
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the form."""
         return {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
 

@@ -71,7 +71,7 @@ class SignalRange(Quantity):
         """Write it as users would."""
         return str(value)
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Describe the form in which users write it."""
         return {
             "type": "string",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Quantity, StatedPressure, WrongValueError, wrong
-from pneudrive.errors import Problems, nearest
+from pneudrive.describe.base import Bounds, Quantity, StatedPressure, within, wrong
+from pneudrive.errors import DescriptionError, Problems, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -100,8 +100,8 @@ class Starts:
         of, _, last = name.rpartition(".")
         try:
             value = _written(last)[1].read(given)
-        except WrongValueError as error:
-            raise wrong(f"initial.{key}", f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+        except DescriptionError as error:
+            raise within(error, key, "initial.") from None
         if isinstance(value, units.Pressure):
             absolute = value.absolute_pa(self.ambient.pressure_pa)
             if not absolute > 0.0:

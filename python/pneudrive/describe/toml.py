@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,10 @@ else:
     import tomli as tomllib
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from typing_extensions import TypeIs
+
     from pneudrive.errors import PneudriveError
 
 _HEADER = re.compile(r"\s*\[\[?\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
@@ -80,6 +85,26 @@ def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError)
     return tables
 
 
+def is_table(value: object) -> TypeIs[dict[str, Any]]:
+    """Tell a table of keys from a value, which may be a table that says its source."""
+    return isinstance(value, dict) and not {"value", "source"} & set(value)
+
+
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Put changes over a base, table by table; a value with its source takes the place of the whole old one.
+
+    Examples
+    --------
+    >>> merge({"valve": {"kind": "5/3", "kv": 1.0}}, {"valve": {"kv": 2.0}})
+    {'valve': {'kind': '5/3', 'kv': 2.0}}
+    """
+    out = dict(base)
+    for key, value in changes.items():
+        old = out.get(key)
+        out[key] = merge(old, value) if is_table(old) and is_table(value) else value
+    return out
+
+
 def has(source: str | Path, key: str) -> bool:
     """Whether a file has a key at the top; what cannot be read has none, and whoever reads it next says why."""
     if not exists(Path(source)):
@@ -88,6 +113,16 @@ def has(source: str | Path, key: str) -> bool:
         return key in read(source)[0]
     except DescriptionError:
         return False
+
+
+@contextmanager
+def locating(path: str | Path, text: str, kind: type[PneudriveError] = DescriptionError) -> Iterator[None]:
+    """Give what is wrong with a file its lines, as errors of a kind; `located` says how."""
+    try:
+        yield
+    except DescriptionError as error:
+        found = located(error, path, text)
+        raise found if kind is DescriptionError else found.turned(kind) from None
 
 
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:

@@ -6,14 +6,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pneudrive.describe import friction_laws
+from pneudrive.describe import toml
+from pneudrive.describe.base import wrong
+from pneudrive.describe.friction import Friction
 from pneudrive.describe.geometry import piston_areas
-from pneudrive.describe.law import law_of
-from pneudrive.errors import DescriptionError, nearest
+from pneudrive.errors import Problems
 from pneudrive.rig.interface import Sampling
-from pneudrive.rig.keys import KEYS, MOUNTING, NEEDED, RIGID
+from pneudrive.rig.keys import KEYS, NEEDED, RIGID
 from pneudrive.rig.motion import Limits
-from pneudrive.rig.reader import Reader, Source, open_file
+from pneudrive.rig.reader import Source, read_tables
 from pneudrive.rig.sensors import CLOCKS, AnalogSensor, Encoder, EncoderClock, TimeClock
 
 DEFAULT = Path(__file__).with_name("default.toml")
@@ -122,88 +123,53 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
     DescriptionError
         If the file cannot be read, a key is unknown or missing, a value lacks its unit or its source.
     """
-    content = open_file(path)
-    reader = Reader(content, str(path))
-    values = {table: reader.table(table, keys) for table, keys in KEYS.items()}
-    friction: dict[str, Any] = {}
-    with reader.problems.caught():
-        friction = _friction(reader)
-    mountings = _mountings(reader)
-    reader.finish()
-    _check(reader, values)
-    return _build(str(content.get("name", Path(path).stem)), reader, values, friction, mountings)
+    name, tables, friction, sources = read_tables(Path(path))
+    with toml.locating(path, toml.read(path)[1]):
+        _check(tables)
+    values = {table: dict(vars(getattr(tables, table))) for table in KEYS}
+    return _build(name, values, friction, tables.mounting, sources)
 
 
-def _friction(reader: Reader) -> dict[str, Any]:
-    """Read the friction table: its law, the parameters of that law, and the tables of what acts on it."""
-    from pneudrive.rig.friction_table import read_friction
-
-    given = reader.content.pop("friction", {})
-    if not isinstance(given, dict):
-        raise DescriptionError("friction is a table", where=reader.where, value=given, rule="[friction]")
-    law = given.pop("law", None)
-    if not isinstance(law, str):
-        what = "friction.law is missing" if law is None else "friction.law is a name alone"
-        raise DescriptionError(what, where=reader.where, rule='law = "stribeck", without source')
-    own = law_of(law, Path(reader.where).parent)
-    if own is not None:
-        return {"law": own.name} | read_friction(reader, own, given)
-    if law not in friction_laws():
-        what = f"friction.law = {law!r} is unknown"
-        raise DescriptionError(what, where=reader.where, remedy=nearest(law, friction_laws()))
-    return {"law": law} | read_friction(reader, law, given)
-
-
-def _mountings(reader: Reader) -> dict[str, Mounting]:
-    tables = reader.content.pop("mounting", {})
-    if not isinstance(tables, dict):
-        reader.problems.add(DescriptionError("mounting is a table", where=reader.where, rule="[mounting.NAME]"))
-        tables = {}
-    out = {RIGID: Mounting()}
-    for name, table in tables.items():
-        values = reader.table(f"mounting.{name}", MOUNTING, table)
-        rule = f"keys: {', '.join(MOUNTING)}"
-        for key in table if isinstance(table, dict) else ():
-            reader.problems.add(DescriptionError(f"mounting.{name}.{key} is unknown", where=reader.where, rule=rule))
-        out[name] = Mounting(values["side_load"], values["coefficient"])
-    return out
-
-
-def _check(reader: Reader, values: dict[str, dict[str, Any]]) -> None:
+def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of the keys
     """Refuse values that do not fit together, all at once."""
-    cylinder, servo, chambers = values["cylinder"], values["servo"], values["chambers"]
+    cylinder, servo, chambers, problems = tables.cylinder, tables.servo, tables.chambers, Problems()
 
-    def refuse(what: str, rule: str) -> None:
-        reader.problems.add(DescriptionError(what, where=reader.where, rule=rule))
+    def refuse(key: str, what: str, rule: str) -> None:
+        problems.add(wrong(key, what, rule=rule))
 
-    if 2.0 * servo["margin"] >= cylinder["stroke"]:
-        refuse("servo.margin leaves no way to go", "0 <= margin < stroke / 2")
-    if cylinder["rod_diameter"] >= cylinder["bore"]:
-        refuse("cylinder.rod_diameter leaves no piston", "rod_diameter < bore")
-    if (servo["bandwidth"] is None) != (servo["damping_ratio"] is None):
-        refuse("servo.bandwidth and servo.damping_ratio go together", "both, or neither for a rigid axis")
-    if servo["ripple"] > 0.0 and servo["pitch"] is None:
-        refuse("servo.ripple needs servo.pitch", "the distance after which the ripple repeats")
-    for key in NEEDED[chambers["kind"]]:
-        if chambers[key] is None:
-            refuse(f"chambers.{key} is missing", f'chambers of kind "{chambers["kind"]}" need it')
-    reader.problems.tell()
+    if 2.0 * servo.margin >= cylinder.stroke:
+        refuse("servo.margin", "servo.margin leaves no way to go", "0 <= margin < stroke / 2")
+    if cylinder.rod_diameter >= cylinder.bore:
+        refuse("cylinder.rod_diameter", "cylinder.rod_diameter leaves no piston", "rod_diameter < bore")
+    if (servo.bandwidth is None) != (servo.damping_ratio is None):
+        rule = "both, or neither for a rigid axis"
+        refuse("servo.bandwidth", "servo.bandwidth and servo.damping_ratio go together", rule)
+    if servo.ripple > 0.0 and servo.pitch is None:
+        refuse("servo.ripple", "servo.ripple needs servo.pitch", "the distance after which the ripple repeats")
+    for key in NEEDED[chambers.kind]:
+        if getattr(chambers, key) is None:
+            refuse("chambers", f"chambers.{key} is missing", f'chambers of kind "{chambers.kind}" need it')
+    problems.tell()
 
 
 def _build(
     name: str,
-    reader: Reader,
     values: dict[str, dict[str, Any]],
-    friction: dict[str, Any],
-    mountings: dict[str, Mounting],
+    friction: Friction,
+    mountings: dict[str, Any],
+    sources: dict[str, Source],
 ) -> RigDescription:
     cylinder, servo, force, air = (values[t] for t in ("cylinder", "servo", "force_sensor", "pressure_sensor"))
     ambient, sampling, warm = values["ambient"], values["sampling"], values["temperature_sensor"]
+    core = friction.core()
     low, high = ambient["pressure"] - BELOW_ZERO * air["range"], ambient["pressure"] + air["range"]
     return RigDescription(
         name=name,
-        **friction,
-        mountings=mountings,
+        law=core.pop("law"),
+        parameters=core.pop("parameters"),
+        pressure=core.pop("pressure"),
+        dependences=core,
+        mountings={RIGID: Mounting()} | {key: Mounting(*vars(one).values()) for key, one in mountings.items()},
         cylinder=cylinder["kind"],
         bore_m=cylinder["bore"],
         rod_diameter_m=cylinder["rod_diameter"],
@@ -241,5 +207,5 @@ def _build(
         repeatability=values["repeatability"],
         supply_pressure_pa=values["supply"]["pressure"],
         safety=values["safety"],
-        sources=reader.sources,
+        sources=sources,
     )

@@ -5,10 +5,98 @@ The parameters of friction are those of the law, which the core knows; what acts
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
 from pneudrive.constants import ANR_TEMPERATURE_K
+from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, WrongValueError
+from pneudrive.describe.components import component_kinds
 from pneudrive.describe.geometry import KINDS
-from pneudrive.rig.reader import Key, not_negative, of, positive, word
+from pneudrive.describe.parameters import parameter_quantity
+from pneudrive.errors import nearest
 from pneudrive.rig.sensors import CLOCKS
+
+
+class Key(NamedTuple):
+    """What a key of a rig file holds: how it is written, its meaning, its default; ``...`` where it must be there."""
+
+    mark: Mark
+    meaning: str
+    default: Any = ...
+
+
+@dataclass(frozen=True)
+class AbsolutePressure(Quantity):
+    """Annotation of a field that takes an absolute pressure and stores Pa."""
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        pressure = StatedPressure().read(given)
+        if pressure.gauge:
+            raise WrongValueError(f'"{given}" is no absolute pressure', remedy='Write "... abs".')
+        return pressure.value_pa
+
+
+@dataclass(frozen=True)
+class Difference(Quantity):
+    """Annotation of a field that takes a difference of temperatures, in K."""
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        if not str(given).endswith(" K"):
+            raise WrongValueError(f'"{given}" is no difference of temperatures', rule='in K, e.g. "0.5 K"')
+        return super().read(given)
+
+
+@dataclass(frozen=True)
+class Choice(Mark):
+    """Annotation of a field that takes one of some words."""
+
+    choices: tuple[str, ...]
+
+    def read(self, given: object) -> str:
+        """Check."""
+        if given not in self.choices:
+            raise WrongValueError(f"{given!r} is not known", remedy=nearest(str(given), self.choices))
+        return str(given)
+
+
+def _mark(unit: str, bounds: Bounds) -> Mark:
+    """Give the annotation of a unit: "1" is a pure number, "abs" an absolute pressure, "delta K" a difference."""
+    if unit == "abs":
+        return AbsolutePressure("Pa", "bar", bounds)
+    return Difference("K", "K", bounds) if unit == "delta K" else Quantity("" if unit == "1" else unit, bounds=bounds)
+
+
+def of(path: str, meaning: str = "", default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key that is a parameter of a component, ``kind.key``, with its unit, bounds and default."""
+    kind, _, name = path.rpartition(".")
+    parameter = next(p for p in component_kinds()[kind]["parameters"] if p["key"] == name)
+    if default is ... and parameter["default"] is not None:
+        default = parameter["default"]
+    said = parameter["meaning"]
+    return Key(parameter_quantity(parameter), meaning or said[0].lower() + said[1:], default)
+
+
+def positive(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key whose value is above zero."""
+    return Key(_mark(unit, Bounds(above=0.0)), meaning, default)
+
+
+def not_negative(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key whose value is zero or above."""
+    return Key(_mark(unit, Bounds(at_least=0.0)), meaning, default)
+
+
+def any_sign(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key whose value is of either sign."""
+    return Key(_mark(unit, Bounds()), meaning, default)
+
+
+def word(*choices: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Make a key that is one of some words."""
+    return Key(Choice(choices), meaning, default)
+
 
 #: table -> what it is about
 TABLES: dict[str, str] = {
@@ -91,17 +179,17 @@ KEYS: dict[str, dict[str, Key]] = {
         "range": positive("N", "range, both ways"),
         "bits": positive("1", "resolution of the converter"),
         "noise": not_negative("N", "standard deviation of one sample"),
-        "zero": Key("N", "what it shows without force"),
+        "zero": any_sign("N", "what it shows without force"),
         "accuracy": not_negative("N", "standard uncertainty that recordings state, and errors are drawn from"),
-        "zero_drift_temperature": Key("N/K", "drift of the zero with the temperature of the room", 0.0),
-        "zero_drift_time": Key("N/s", "drift of the zero with time", 0.0),
+        "zero_drift_temperature": any_sign("N/K", "drift of the zero with the temperature of the room", 0.0),
+        "zero_drift_time": any_sign("N/s", "drift of the zero with time", 0.0),
     },
     "pressure_sensor": {
         "at": word("chamber", "regulator", default="chamber", meaning="where it is"),
         "range": positive("Pa", "range above ambient"),
         "bits": positive("1", "resolution of the converter"),
         "noise": not_negative("Pa", "standard deviation of one sample"),
-        "zero": Key("Pa", "what it shows at ambient pressure"),
+        "zero": any_sign("Pa", "what it shows at ambient pressure"),
         "accuracy": not_negative("Pa", "standard uncertainty that recordings state, and errors are drawn from"),
     },
     "temperature_sensor": {
@@ -117,8 +205,8 @@ KEYS: dict[str, dict[str, Key]] = {
         "room_period": positive("s", "period of the room's temperature", 86400.0),
         "seal_rise": not_negative("K/W", "rise of the seal's temperature with the power of friction", 0.0),
         "seal_time": positive("s", "time constant of that rise", 600.0),
-        "viscous": Key("1/K", "change of viscous friction with the seal's temperature", 0.0),
-        "coulomb": Key("1/K", "change of dry friction with the seal's temperature", 0.0),
+        "viscous": any_sign("1/K", "change of viscous friction with the seal's temperature", 0.0),
+        "coulomb": any_sign("1/K", "change of dry friction with the seal's temperature", 0.0),
     },
     "run_in": {
         "excess": not_negative("1", "how much more friction a seal has before its first stroke", 0.0),

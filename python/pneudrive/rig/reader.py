@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
+
+from pydantic import Field, create_model
 
 from pneudrive.describe import toml
-from pneudrive.describe.base import Bounds, WrongValueError, number, quantity
-from pneudrive.describe.components import component_kinds
-from pneudrive.describe.parameters import parameter_quantity
-from pneudrive.errors import DescriptionError, Problems, nearest
-from pneudrive.units import parse_pressure
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+from pneudrive.describe.base import Described, wrong
+from pneudrive.describe.friction import Friction
+from pneudrive.describe.law import law_of
+from pneudrive.errors import DescriptionError, Problems
+from pneudrive.rig.keys import KEYS, MOUNTING, Key
 
 SCHEMA = 1
 #: Keys at the top of a rig file that are no tables.
@@ -42,48 +42,6 @@ class Source:
     reason: str
 
 
-@dataclass(frozen=True)
-class Key:
-    """What a key of a rig file holds.
-
-    Attributes
-    ----------
-    unit : str
-        SI unit as `pneudrive.units` writes it; "1": a pure number or a percentage, "abs": an absolute pressure,
-        "delta K": a difference of temperatures, "word": one of `choices`.
-    meaning : str
-    default : float, str, None or ...
-        Where the key is absent; ``...``: it must be there.
-    bounds : Bounds
-    choices : tuple of str
-    """
-
-    unit: str
-    meaning: str
-    default: Any = ...
-    bounds: Bounds = field(default_factory=Bounds)
-    choices: tuple[str, ...] = ()
-
-    def read(self, text: str) -> float | str:
-        """Return the SI value, or the word, or raise `WrongValueError` or `DescriptionError`."""
-        if self.unit == "word":
-            if text not in self.choices:
-                raise WrongValueError(f"{text!r} is unknown", remedy=nearest(text, self.choices))
-            return text
-        if self.unit == "1":
-            plain = bare(text)
-            if isinstance(plain, str):
-                raise WrongValueError(f'"{text}" is no pure number')
-            return number(plain, self.bounds)
-        if self.unit == "abs" and parse_pressure(text).gauge:
-            raise WrongValueError(f'"{text}" is no absolute pressure')
-        if self.unit == "delta K" and not text.endswith(" K"):
-            raise WrongValueError(f'"{text}" is no difference of temperatures', rule='in K, e.g. "0.5 K"')
-        if self.unit == "abs":
-            return quantity(text.removesuffix("abs"), "Pa", self.bounds)
-        return quantity(text, self.unit.removeprefix("delta "), self.bounds)
-
-
 def bare(text: str) -> str | float:
     """Take the quotes off pure numbers and percentages, which a drive file writes without."""
     plain = text.strip().removesuffix("%").rstrip()
@@ -92,29 +50,58 @@ def bare(text: str) -> str | float:
     return float(plain) / 100.0 if "%" in text else float(plain)
 
 
-def of(path: str, meaning: str = "", default: Any = ...) -> Key:  # noqa: ANN401
-    """Make a key that is a parameter of a component, ``kind.key``, with its unit, bounds and default."""
-    kind, _, name = path.rpartition(".")
-    parameter = next(p for p in component_kinds()[kind]["parameters"] if p["key"] == name)
-    if default is ... and parameter["default"] is not None:
-        default = parameter["default"]
-    own, said = parameter_quantity(parameter), parameter["meaning"]
-    return Key(own.si_unit or "1", meaning or said[0].lower() + said[1:], default, own.bounds)
+@lru_cache(maxsize=1)
+def _rig_class() -> type[Described]:
+    """Make the class of a rig file, with a table for each of `KEYS`."""
+    tables = {name: (_table_class(name, keys), ...) for name, keys in KEYS.items()}
+    mounting = _table_class("mounting", MOUNTING)
+    fields: dict[str, Any] = {"mounting": (dict[str, mounting], Field(default_factory=dict))}  # type: ignore[valid-type]
+    return create_model("RigTables", __base__=Described, **tables, **fields)
 
 
-def positive(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
-    """Make a key whose value is above zero."""
-    return Key(unit, meaning, default, Bounds(above=0.0))
+def _table_class(name: str, keys: dict[str, Key]) -> type[Described]:
+    fields: dict[str, Any] = {
+        key: (Annotated[Any, one.mark], Field(default=one.default, description=one.meaning))
+        for key, one in keys.items()
+    }
+    return create_model(f"Rig{name.title()}", __base__=Described, **fields)
 
 
-def not_negative(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
-    """Make a key whose value is zero or above."""
-    return Key(unit, meaning, default, Bounds(at_least=0.0))
+def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:
+    """Read a rig file: its name, its tables in SI, its friction, and where each value comes from.
+
+    Raises
+    ------
+    DescriptionError
+        With everything that is wrong with the file.
+    """
+    content = open_file(path)
+    problems, sources = Problems(), dict[str, Source]()
+    plain = {
+        name: problems.take(_plain, name, table, sources, problems, otherwise={})
+        for name, table in content.items()
+        if name not in TOP
+    }
+    told = dict(problems.found)
+    friction = problems.take(_friction, plain.pop("friction", {}), path)
+    tables = problems.take(_rig_class().model_validate, {name: {} for name in KEYS} | plain)
+    keys = {place: getattr(one, "key", None) or "" for place, one in problems.found.items()}
+    unknown = tuple(keys[place] for place, one in problems.found.items() if "is not a known key" in one.what)
+    without_source = {keys[place] for place in told if not keys[place].startswith(unknown)}
+    for place, key in keys.items():  # each key once: that it is unknown, or says no source, or what else is wrong
+        if (place in told) != (key in without_source):
+            del problems.found[place]
+    with toml.locating(path, toml.read(path)[1]):
+        problems.tell()
+    return str(content.get("name", path.stem)), tables, friction, sources
 
 
-def word(*choices: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
-    """Make a key that is one of some words."""
-    return Key("word", meaning, default, choices=choices)
+def _friction(given: dict[str, Any], path: Path) -> Friction:
+    """Read the friction table: as in a drive file, but its law has to be named."""
+    law = given.get("law")
+    if not isinstance(law, str):
+        raise wrong("friction.law", "friction.law is missing", rule='law = "stribeck", without source')
+    return Friction.model_validate(given | {"law": law_of(law, path.parent) or law})
 
 
 def open_file(path: str | Path) -> dict[str, Any]:
@@ -140,112 +127,44 @@ def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
         return content
     from pneudrive.rig.loading import shipped_rigs
 
-    below = shipped_rigs().get(str(base), path.parent / str(base))
-    return _over(_open(below, (*above, path)), content)
+    below = _open(shipped_rigs().get(str(base), path.parent / str(base)), (*above, path))
+    law, old = (_table(one, "friction").get("law") for one in (content, below))
+    if law is not None and law != old:  # another friction law takes none of the old one's values
+        kept = {key: table for key, table in _table(below, "friction").items() if toml.is_table(table)}
+        below["friction"] = kept
+    return toml.merge(below, content)
 
 
-def _over(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """Put the values of one file over those of another; another friction law takes none of the old one's values."""
-    law = changes.get("friction", {}).get("law")
-    if law is not None and law != base.get("friction", {}).get("law"):
-        kept = {key: table for key, table in base.get("friction", {}).items() if _is_table(table)}
-        base = base | {"friction": kept}
-    return _merge(base, changes)
+def _table(content: dict[str, Any], name: str) -> dict[str, Any]:
+    table = content.get(name)
+    return table if isinstance(table, dict) else {}
 
 
-def _merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    out = dict(base)
-    for key, value in changes.items():
-        old = out.get(key)
-        if isinstance(old, dict) and _is_table(value) and _is_table(old):
-            out[key] = _merge(old, value)
-        else:
-            out[key] = value
-    return out
-
-
-def _is_table(value: object) -> bool:
-    """Tell a table of keys from one value with its source."""
-    return isinstance(value, dict) and "source" not in value
-
-
-class Reader:
-    """Takes values with units and sources out of the parsed file; what is left over is unknown.
-
-    Parameters
-    ----------
-    content : dict
-        Of the file; emptied by reading.
-    where : str
-        What a message calls it.
-    """
-
-    def __init__(self, content: dict[str, Any], where: str) -> None:
-        self.content = content
-        self.where = where
-        self.sources: dict[str, Source] = {}
-        self.known: dict[str, list[str]] = {}
-        self.problems = Problems()
-
-    def table(self, name: str, keys: Mapping[str, Key], given: dict[str, Any] | None = None) -> dict[str, Any]:
-        """Take the keys of a table; SI values, words, None where a key without a default is absent.
-
-        What is wrong goes to `problems`, and None stands in its place.
-        """
-        given = self.content.get(name, {}) if given is None else given
-        self.known[name] = list(keys)
-        if not isinstance(given, dict):
-            self.problems.add(DescriptionError(f"{name} is a table", where=self.where, value=given, rule=f"[{name}]"))
-            return dict.fromkeys(keys)
-        out: dict[str, Any] = dict.fromkeys(keys)
-        for key, kind in keys.items():
-            full = f"{name}.{key}"
-            if key in given:
-                with self.problems.caught():
-                    out[key] = self.value(full, given.pop(key), kind)
-            elif kind.default is ...:
-                remedy = "see the default rig file"
-                self.problems.add(DescriptionError(f"{full} is missing", where=self.where, remedy=remedy))
-            else:
-                out[key] = kind.default
-        return out
-
-    def text(self, name: str, entry: object) -> str:
-        """Take a value as written, with its source."""
-        if not isinstance(entry, dict) or not {"value", "source"} <= set(entry):
-            raise DescriptionError(f"{name} does not say its source", where=self.where, value=entry, rule=RULE)
-        unknown = set(entry) - {"value", "source", "reason"}
-        if unknown:
-            raise DescriptionError(f"{name}: {sorted(unknown)[0]!r} is unknown", where=self.where, rule=RULE)
-        text = str(entry["value"])
-        self.sources[name] = Source(text, str(entry["source"]), str(entry.get("reason", "")))
-        return text
-
-    def value(self, name: str, entry: object, kind: Key) -> Any:  # noqa: ANN401
-        """Take one value: SI, or a word."""
-        text = self.text(name, entry)
-        try:
-            return kind.read(text)
-        except (WrongValueError, DescriptionError) as error:
-            what = f"{name}: {error.what}"
-            raise DescriptionError(what, where=self.where, rule=error.rule, remedy=error.remedy) from None
-
-    def finish(self) -> None:
-        """Refuse what was not read, and all that is wrong with what was.
-
-        Raises
-        ------
-        DescriptionError
-            With everything that is wrong with the file.
-        """
-        for table, rest in self.content.items():
-            if table in TOP:
-                continue
-            if table not in self.known:
-                rule = f"tables: {', '.join(sorted(self.known))}"
-                self.problems.add(DescriptionError(f"[{table}] is unknown", where=self.where, rule=rule))
-                continue
-            rule = f"keys: {', '.join(self.known[table])}"
-            for key in rest if isinstance(rest, dict) else ():
-                self.problems.add(DescriptionError(f"{table}.{key} is unknown", where=self.where, rule=rule))
-        self.problems.tell()
+def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems) -> Any:  # noqa: ANN401
+    """Take the sources off: what remains is written as in a drive file. A list, or pair, may say its source once."""
+    if isinstance(given, list):
+        return [_plain(f"{name}.{number}", one, sources, problems) for number, one in enumerate(given)]
+    if name == "friction.law":
+        if isinstance(given, str):
+            return given
+        raise wrong(name, f"{name} is a name alone", rule='law = "stribeck", without source')
+    if not isinstance(given, dict):
+        if "." not in name:
+            raise wrong(name, f"{name} = {given!r} is not a table")
+        raise wrong(name, f"{name} = {given!r} does not say its source", rule=RULE)
+    said = {key: given[key] for key in ("source", "reason") if key in given}
+    inner = {key: value for key, value in given.items() if key not in said}
+    if "value" in given and (set(inner) != {"value"} or "source" not in said):
+        unknown = next((key for key in inner if key != "value"), None)
+        what = f"{name}: {unknown!r} is unknown" if unknown else f"{name} does not say its source"
+        raise wrong(name, what, rule=RULE)
+    if isinstance(given.get("value"), list):
+        return [_plain(f"{name}.{number}", one | said, sources, problems) for number, one in enumerate(given["value"])]
+    if "value" in given:
+        text = str(given["value"])
+        sources[name] = Source(text, str(said["source"]), str(said.get("reason", "")))
+        return bare(text)
+    return {
+        key: problems.take(_plain, f"{name}.{key}", {"value": value} | said if said else value, sources, problems)
+        for key, value in inner.items()
+    }

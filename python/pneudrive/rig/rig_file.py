@@ -2,274 +2,203 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pneudrive.characterise.force_calibration import of_quantities
+from pydantic import Field, PrivateAttr, StrictBool, model_validator
+
+from pneudrive import units
+from pneudrive.characterise.force_calibration import ForceCalibration, of_quantities
 from pneudrive.describe import toml
-from pneudrive.describe.geometry import KINDS, piston_areas
-from pneudrive.errors import DescriptionError, Problems, RigError, nearest, together
+from pneudrive.describe.base import Angle, Bounds, Described, Mark, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.geometry import piston_areas
+from pneudrive.describe.marks import Between, PressureBetween, Reads
+from pneudrive.errors import Problems, RigError, nearest
 from pneudrive.rig.interface import Envelope, Identity
-from pneudrive.units import parse, parse_pressure, parse_range
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable
+
+    from typing_extensions import Self
 
 #: Channel as a user writes it -> name and SI unit of the channel of an `Identity`.
-CHANNEL_KEYS = {
+CHANNELS = {
     "position": ("position_m", "m"),
     "force": ("force_n", "N"),
     "pressure_a": ("pressure_a_pa", "Pa"),
     "pressure_b": ("pressure_b_pa", "Pa"),
     "temperature": ("temperature_k", "K"),
 }
-IDENTITY_KEYS = {
-    "name", "kind", "bore", "rod_diameter", "area_a", "area_b", "ambient_pressure", "mass_beyond_sensor", "incline",
-    "stiffness", "chambers", "pressure_measured_at", "accuracy", "range", "resolution", "bandwidth", "calibration",
-    "force_calibration", "labels",
-}  # fmt: skip
-LIMIT_KEYS = {
-    "position", "speed", "acceleration", "jerk", "force", "pressure", "separate_pressures", "temperature",
-    "supply_pressure", "expected_friction", "home",
-}  # fmt: skip
-CHAMBERS = ("open", "common", "separate", "held")
-MEASURED_AT = ("chamber", "regulator")
+POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
 
 
-class RigFile:
-    """A parsed file; keys are dotted names.
+MaybeLength = Annotated[float | None, Quantity("m", "mm", POSITIVE)]
+MaybeArea = Annotated[float | None, Quantity("m^2", "cm2", POSITIVE)]
+MaybeStiffness = Annotated[float | None, Quantity("N/m", bounds=POSITIVE)]
+Mass = Annotated[float, Quantity("kg", bounds=NOT_NEGATIVE)]
+
+
+@dataclass(frozen=True)
+class Channels(Mark):
+    """Annotation of a table with a value for each channel that it names.
 
     Parameters
     ----------
-    tree : dict
-    text : str
-        As written, to find lines.
-    origin : str
-        What a message calls it.
+    marks : dict
+        Key of a channel -> its name in an `Identity`, and how its value is written.
     """
 
-    def __init__(self, tree: dict[str, Any], text: str = "", origin: str = "rig") -> None:
-        self.tree, self.text, self.origin = tree, text, origin
+    marks: dict[str, tuple[str, Mark]]
+
+    def read(self, given: object) -> dict[str, Any]:
+        """Convert and check."""
+        if not isinstance(given, dict):
+            raise WrongValueError(f"{given!r} is not a table")
+        problems, out = Problems(), {}
+        for key, value in given.items():
+            with problems.caught():
+                if key not in self.marks:
+                    raise wrong(key, f"{key} is not a known key", remedy=nearest(key, self.marks))
+                name, mark = self.marks[key]
+                out[name] = mark.read_at(key, value)
+        problems.tell()
+        return out
+
+
+def _channels(mark: Callable[[str], Mark], **others: tuple[str, Mark]) -> Channels:
+    return Channels({key: (name, mark(unit)) for key, (name, unit) in CHANNELS.items()} | others)
+
+
+def _amount(si_unit: str) -> Quantity:
+    return Quantity(si_unit, bounds=NOT_NEGATIVE)
+
+
+def _range(si_unit: str) -> Mark:
+    return PressureBetween() if si_unit == "Pa" else Between(si_unit)
+
+
+_FREQUENCIES = _channels(lambda _: Quantity("1/s", bounds=POSITIVE))
+
+
+class IdentityTable(Described):
+    """``[identity]``: which rig this is, and how its sensors are calibrated; the areas by bore, or as they are."""
+
+    table_name: ClassVar[str] = "identity"
+    name: str
+    kind: Literal["rodless", "through-rod", "single-rod"] = "rodless"
+    bore_m: MaybeLength = Field(default=None, alias="bore")
+    rod_diameter_m: MaybeLength = Field(default=None, alias="rod_diameter")
+    area_a_m2: MaybeArea = Field(default=None, alias="area_a")
+    area_b_m2: MaybeArea = Field(default=None, alias="area_b")
+    ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
+        Identity.ambient_pressure_pa, gauge=False
+    )
+    mass_beyond_sensor_kg: Mass = Field(default=0.0, alias="mass_beyond_sensor")
+    incline_rad: Angle = Field(default=0.0, alias="incline")
+    stiffness_n_m: MaybeStiffness = Field(default=None, alias="stiffness")
+    chambers: Literal["open", "common", "separate", "held"] = "held"
+    pressure_measured_at: Literal["chamber", "regulator"] = "chamber"
+    accuracy: Annotated[dict[str, float], _channels(_amount, bore=("bore_m", _amount("m")))] = Field(
+        default_factory=dict
+    )
+    limits: Annotated[dict[str, Any], _channels(_range)] = Field(default_factory=dict, alias="range")
+    resolution: Annotated[dict[str, float], _channels(_amount)] = Field(default_factory=dict)
+    bandwidth_hz: Annotated[dict[str, float], _FREQUENCIES] = Field(default_factory=dict, alias="bandwidth")
+    calibration: Annotated[dict[str, str], _channels(lambda _: Reads(str))] = Field(default_factory=dict)
+    force_calibration: Annotated[ForceCalibration | None, Reads(of_quantities)] = None
+    labels: dict[str, Annotated[str, Reads(str)]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _areas_once(self) -> Self:
+        if (self.bore_m is None) == (None in (self.area_a_m2, self.area_b_m2)):
+            rule = "either bore, or area_a and area_b"
+            raise wrong("identity", "[identity] does not give the areas once", rule=rule)
+        rod = self.rod_diameter_m
+        if self.bore_m is not None and ((rod is None) != (self.kind == "rodless") or (rod or 0.0) >= self.bore_m):
+            rule = "a rod is smaller than the bore"
+            raise wrong("identity", "identity.kind, bore and rod_diameter do not fit", rule=rule)
+        return self
+
+    def made(self) -> Identity:
+        """Return it as a rig tells of itself."""
+        found = self.stored()
+        ambient = found.pop("ambient_pressure").value_pa
+        bore, kind, rod = found.pop("bore_m", None), found.pop("kind"), found.pop("rod_diameter_m", 0.0)
+        if bore is not None:
+            found["area_a_m2"], found["area_b_m2"] = piston_areas(kind, bore, rod)
+        found["limits"] = {
+            name: absolute(ends, ambient) if name.startswith("pressure") else ends for name, ends in self.limits.items()
+        }
+        return Identity(**found, ambient_pressure_pa=ambient)
+
+
+class LimitsTable(Described):
+    """``[limits]``: what the rig may be asked to do."""
+
+    table_name: ClassVar[str] = "limits"
+    position_m: Annotated[tuple[float, float], Between("m", "mm")] = Field(alias="position")
+    speed_m_s: Annotated[float, Quantity("m/s", bounds=POSITIVE)] = Field(alias="speed")
+    acceleration_m_s2: Annotated[float, Quantity("m/s^2", bounds=POSITIVE)] = Field(alias="acceleration")
+    jerk_m_s3: Annotated[float, Quantity("m/s^3", bounds=POSITIVE)] = Field(alias="jerk")
+    force_n: Annotated[float, Quantity("N", bounds=POSITIVE)] = Field(alias="force")
+    pressure_pa: Annotated[tuple[units.Pressure, units.Pressure], PressureBetween()] = Field(alias="pressure")
+    separate_pressures: StrictBool = False
+    temperature_k: Annotated[tuple[float, float], Between("K", "degC")] = Field(alias="temperature")
+    supply_pressure: Annotated[units.Pressure | None, StatedPressure()] = None
+    expected_friction_n: Annotated[float, _amount("N")] = Field(default=0.0, alias="expected_friction")
+    home_m: Annotated[float | None, Quantity("m", "mm")] = Field(default=None, alias="home")
+
+    @model_validator(mode="after")
+    def _home_inside(self) -> Self:
+        low, high = self.position_m
+        if self.home_m is not None and not low <= self.home_m <= high:
+            raise wrong("limits.home", "limits.home lies outside limits.position")
+        return self
+
+    def made(self, ambient_pa: float) -> Envelope:
+        """Return it as a rig tells of it, pressures absolute."""
+        found: dict[str, Any] = {"home_m": self.position_m[0]} | self.stored()
+        supply = found.pop("supply_pressure", None)
+        found["pressure_pa"] = absolute(self.pressure_pa, ambient_pa)
+        return Envelope(**found, supply_pressure_pa=0.0 if supply is None else supply.absolute_pa(ambient_pa))
+
+
+def absolute(ends: tuple[units.Pressure, units.Pressure], ambient_pa: float) -> tuple[float, float]:
+    """Return both ends of a range of pressures, absolute."""
+    return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)
+
+
+class RigFile(Described):
+    """A file about a rig that is not simulated: what all kinds of them have."""
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    kind: str = ""
+    identity: IdentityTable | None = None
+    limits: LimitsTable | None = None
+    _folder: Path = PrivateAttr(default=Path())
 
     @classmethod
-    def load(cls, path: str | Path) -> RigFile:
+    def load(cls, path: str | Path) -> Self:
         """Read a file.
 
         Raises
         ------
         RigError
-            It cannot be read, or is not TOML.
+            With file, line, value, rule and remedy.
         """
-        tree, text = toml.read(path, RigError, "The guides on rigs show what stands in one.")
-        return cls(tree, text, str(path))
+        tables, text = toml.read(path, RigError, "The guides on rigs show what stands in one.")
+        with toml.locating(path, text, RigError):
+            file = cls.model_validate(tables)
+        file._folder = Path(path).parent
+        return file
 
-    @classmethod
-    def loads(cls, text: str, origin: str = "rig") -> RigFile:
-        """Read TOML text."""
-        return cls(toml.parse(text, origin, RigError), text, origin)
+    def beside(self, name: str | None) -> Path | None:
+        """Return a file that this one names; a relative name starts from the folder of this file."""
+        return None if name is None else self._folder / Path(name).expanduser()
 
-    @property
-    def folder(self) -> Path:
-        """Folder that relative names of other files start from."""
-        return Path(self.origin).parent
-
-    def fail(self, what: str, key: str = "", rule: str | None = None, remedy: str | None = None) -> RigError:
-        """Build an error at a key's line."""
-        line = toml.line_of(self.text, key) if key else None
-        shown = self.text.splitlines()[line - 1].strip() if line else None
-        return RigError(
-            what, where=f"{self.origin}:{line}" if line else self.origin, value=shown, rule=rule, remedy=remedy
-        )
-
-    def get(self, key: str) -> Any:  # noqa: ANN401 - whatever the file holds
-        """Give what stands at a dotted key, None where nothing does."""
-        value: Any = self.tree
-        for part in key.split("."):
-            if not isinstance(value, dict) or part not in value:
-                return None
-            value = value[part]
-        return value
-
-    def only(self, table: str, known: Collection[str]) -> dict[str, Any]:
-        """Give a table ("" is the file's top), empty where it is absent, and refuse keys that are not known."""
-        found = self.get(table) if table else self.tree
-        if found is None:
-            return {}
-        if not isinstance(found, dict):
-            raise self.fail(f"[{table}] must be a table", table)
-        paths = {key: f"{table}.{key}" if table else key for key in found if key not in known}
-        if paths:
-            raise together(
-                [self.fail(f"unknown key '{path}'", path, remedy=nearest(key, known)) for key, path in paths.items()]
-            )
-        return found
-
-    def said(self, key: str, how: Callable[[Any], Any]) -> Any:  # noqa: ANN401 - whatever `how` gives
-        """Read a value, None where it is absent; the unit reader's complaint is put at the key's line."""
-        value = self.get(key)
-        if value is None:
-            return None
-        try:
-            return how(value)
-        except DescriptionError as error:
-            raise self.fail(f"{key}: {error.what}", key, error.rule, error.remedy) from None
-
-    def needed(self, key: str, value: Any, example: str) -> Any:  # noqa: ANN401
-        """Give the value, or say that the key is missing."""
-        if value is None:
-            table, _, name = key.rpartition(".")
-            raise self.fail(f"{key} is missing", table, remedy=f"{name} = {example}")
-        return value
-
-    def string(self, key: str) -> str | None:
-        """Read an optional text."""
-        value = self.get(key)
-        if value is not None and not isinstance(value, str):
-            raise self.fail(f"{key} = {value!r} must be a text in quotes", key)
-        return value
-
-    def flag(self, key: str, default: bool) -> bool:
-        """Read an optional truth value."""
-        value = self.get(key)
-        if value is not None and not isinstance(value, bool):
-            raise self.fail(f"{key} = {value!r} must be true or false", key)
-        return default if value is None else value
-
-    def count(self, key: str, default: int, least: int = 0) -> int:
-        """Read an optional whole number."""
-        value = self.get(key)
-        if value is None:
-            return default
-        if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise self.fail(f"{key} = {value!r} must be a whole number, at least {least}", key)
-        return value
-
-    def quantity(self, key: str, unit: str, positive: bool = False) -> float | None:
-        """Read an optional quantity in SI."""
-        value = self.said(key, lambda text: parse(text, unit))
-        if value is not None and (value <= 0.0 if positive else value < 0.0):
-            raise self.fail(f"{key} must {'be greater than zero' if positive else 'not be negative'}", key)
-        return value
-
-    def pressure(self, key: str, ambient_pa: float) -> float | None:
-        """Read an optional pressure, absolute."""
-        return self.said(key, lambda text: parse_pressure(text).absolute_pa(ambient_pa))
-
-    def path(self, key: str) -> Path | None:
-        """Read an optional file name; a relative one starts from this file's folder."""
-        name = self.string(key)
-        return None if name is None else self.folder / Path(name).expanduser()
-
-    def choice(self, key: str, choices: Collection[str], default: str) -> str:
-        """Read an optional word out of several."""
-        value = self.string(key)
-        if value is not None and value not in choices:
-            raise self.fail(f"{key} = '{value}' is not known", key, remedy=nearest(value, choices))
-        return default if value is None else value
-
-
-def read_identity(file: RigFile) -> Identity | None:
-    """Read ``[identity]``: which rig this is, and how its sensors are calibrated. None where there is no such table."""
-    if "identity" not in file.tree:
-        return None
-    problems = Problems()
-    take = problems.take
-    take(file.only, "identity", IDENTITY_KEYS)
-    take(lambda: file.needed("identity.name", file.string("identity.name"), '"Bench 3"'))
-    ambient = take(file.pressure, "identity.ambient_pressure", 0.0) or Identity.ambient_pressure_pa
-    area_a, area_b = take(_areas, file, otherwise=(0.0, 0.0))
-
-    def channels(table: str, read: Callable[[str, str], Any]) -> dict[str, Any]:
-        more = ("bore",) if table == "accuracy" else ()
-        found = take(file.only, f"identity.{table}", {*CHANNEL_KEYS, *more}, otherwise={})
-        names = {**CHANNEL_KEYS, "bore": ("bore_m", "m")}
-        return {names[key][0]: take(read, f"identity.{table}.{key}", names[key][1]) for key in found}
-
-    def sensor_range(key: str, unit: str) -> tuple[float, float]:
-        return _span(file, key, unit, ambient)
-
-    calibration = take(file.only, "identity.calibration", CHANNEL_KEYS, otherwise={})
-    labels = take(lambda: file.only("identity.labels", file.get("identity.labels") or {}), otherwise={})
-    found = {
-        "mass_beyond_sensor_kg": take(file.quantity, "identity.mass_beyond_sensor", "kg") or 0.0,
-        "incline_rad": take(file.said, "identity.incline", lambda text: parse(text, "rad")) or 0.0,
-        "stiffness_n_m": take(file.quantity, "identity.stiffness", "N/m", True),
-        "accuracy": channels("accuracy", file.quantity),
-        "limits": channels("range", sensor_range),
-        "resolution": channels("resolution", file.quantity),
-        "bandwidth_hz": channels("bandwidth", lambda key, _: file.quantity(key, "1/s", positive=True)),
-        "force_calibration": take(file.said, "identity.force_calibration", of_quantities),
-        "chambers": take(file.choice, "identity.chambers", CHAMBERS, "held"),
-        "pressure_measured_at": take(file.choice, "identity.pressure_measured_at", MEASURED_AT, "chamber"),
-    }
-    problems.tell()
-    return Identity(
-        **found,
-        name=file.tree["identity"]["name"],
-        area_a_m2=area_a,
-        area_b_m2=area_b,
-        ambient_pressure_pa=ambient,
-        calibration={CHANNEL_KEYS[key][0]: str(text) for key, text in calibration.items()},
-        labels={key: str(text) for key, text in labels.items()},
-    )
-
-
-def read_limits(file: RigFile, ambient_pa: float) -> Envelope | None:
-    """Read ``[limits]``: what the rig may be asked to do. None where there is no such table."""
-    if "limits" not in file.tree:
-        return None
-    problems = Problems()
-    take = problems.take
-    take(file.only, "limits", LIMIT_KEYS)
-
-    def most(key: str, unit: str, example: str) -> float:
-        name = f"limits.{key}"
-        return file.needed(name, file.quantity(name, unit, positive=True), example)
-
-    def span(key: str, unit: str, example: str) -> tuple[float, float]:
-        name = f"limits.{key}"
-        file.needed(name, file.get(name), example)
-        return _span(file, name, unit, ambient_pa)
-
-    home = take(file.said, "limits.home", lambda text: parse(text, "m"))
-    found = {
-        "position_m": take(span, "position", "m", '"5 mm .. 295 mm"'),
-        "speed_m_s": take(most, "speed", "m/s", '"500 mm/s"'),
-        "acceleration_m_s2": take(most, "acceleration", "m/s^2", '"5 m/s2"'),
-        "jerk_m_s3": take(most, "jerk", "m/s^3", '"200 m/s3"'),
-        "force_n": take(most, "force", "N", '"150 N"'),
-        "pressure_pa": take(span, "pressure", "Pa", '"1 bar abs .. 3 bar abs"'),
-        "separate_pressures": take(file.flag, "limits.separate_pressures", False),
-        "temperature_k": take(span, "temperature", "K", '"15 degC .. 30 degC"'),
-        "supply_pressure_pa": take(file.pressure, "limits.supply_pressure", ambient_pa) or 0.0,
-        "expected_friction_n": take(file.quantity, "limits.expected_friction", "N") or 0.0,
-    }
-    low, high = found["position_m"] or (-math.inf, math.inf)
-    if home is not None and not low <= home <= high:
-        problems.add(file.fail("limits.home lies outside limits.position", "limits.home"))
-    problems.tell()
-    return Envelope(**found, home_m=low if home is None else home)
-
-
-def _span(file: RigFile, key: str, unit: str, ambient_pa: float) -> tuple[float, float]:
-    from pneudrive.characterise.column_units import pressure_range
-
-    if unit == "Pa":
-        return file.said(key, lambda text: pressure_range(text, ambient_pa))
-    return file.said(key, lambda text: parse_range(text, unit))
-
-
-def _areas(file: RigFile) -> tuple[float, float]:
-    """Areas of the piston, from its bore or as given."""
-    given = [file.quantity(f"identity.{key}", "m^2") for key in ("area_a", "area_b")]
-    bore = file.quantity("identity.bore", "m", positive=True)
-    if (bore is None) == (None in given):
-        raise file.fail("[identity] does not give the areas once", "identity", "either bore, or area_a and area_b")
-    if bore is None:
-        return given[0] or 0.0, given[1] or 0.0
-    kind = file.choice("identity.kind", KINDS, "rodless")
-    rod = file.quantity("identity.rod_diameter", "m", positive=True) or 0.0
-    if (rod == 0.0) != (kind == "rodless") or rod >= bore:
-        raise file.fail("identity.kind, bore and rod_diameter do not fit", "identity", "a rod is smaller than the bore")
-    return piston_areas(kind, bore, rod)
+    def described(self) -> tuple[Identity | None, Envelope | None]:
+        """Return what the file says of the rig; None where it says nothing."""
+        identity = None if self.identity is None else self.identity.made()
+        ambient = Identity.ambient_pressure_pa if identity is None else identity.ambient_pressure_pa
+        return identity, None if self.limits is None else self.limits.made(ambient)

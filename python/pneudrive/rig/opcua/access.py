@@ -11,12 +11,14 @@ import socket
 from dataclasses import dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
+from pydantic import model_validator
+
+from pneudrive.describe.base import WrongValueError, wrong
+from pneudrive.describe.marks import Reads
 from pneudrive.errors import CommandError, RigError
-
-if TYPE_CHECKING:
-    from pneudrive.rig.rig_file import RigFile
+from pneudrive.rig.rig_file import RigFile
 
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and some 50 ms a try
 SALT_BYTES = 16
@@ -75,39 +77,51 @@ class Access:
         return secret(self.password_file).decode("utf-8").rstrip("\r\n")
 
 
-ACCESS_KEYS = {field.name for field in fields(Access)}
+def _no_password(_: object) -> None:
+    remedy = 'password_file = "password.txt", or password_env = "RIG_PASSWORD"'
+    raise WrongValueError("a password", "no password stands in a rig file", remedy)
 
 
-def read_access(file: RigFile) -> Access:
-    """Read how to log in from the top of a rig file.
+class AccessFile(RigFile):
+    """A rig file that says how to log in: a name with a password, or a certificate of the user's own."""
 
-    Raises
-    ------
-    RigError
-        A password in the file itself, a user without encryption, a certificate without key or server.
-    """
-    if "password" in file.tree:
-        rule = "no password stands in a rig file"
-        raise file.fail(
-            "password", "password", rule, 'password_file = "password.txt", or password_env = "RIG_PASSWORD"'
-        )
-    texts = ("user", "password_env")
-    given: dict[str, Any] = {key: file.string(key) if key in texts else file.path(key) for key in ACCESS_KEYS}
-    access = Access(**given)
-    encrypted = (access.certificate, access.key, access.server_certificate)
-    if None in encrypted and any(encrypted):
-        rule = "certificate, key and server_certificate are named together: our own, its key, the one of the server"
-        raise file.fail("one of the three files of encryption is missing", "certificate", rule)
-    if (access.user or access.user_certificate) is not None and not any(encrypted):
-        rule = "a password is sent over an encrypted connection only"
-        raise file.fail("user without certificate", "user", rule, "pneudrive rig certificate makes certificates")
-    if (access.user_certificate is None) != (access.user_key is None):
-        raise file.fail("user_certificate and user_key are named together", "user_certificate")
-    if access.user is not None and access.user_certificate is not None:
-        raise file.fail("the user is named twice", "user_certificate", "either user or user_certificate")
-    if access.password_file is not None and access.password_env is not None:
-        raise file.fail("the password is named twice", "password_env", "either password_file or password_env")
-    return access
+    user: str | None = None
+    password: Annotated[None, Reads(_no_password)] = None
+    password_file: str | None = None
+    password_env: str | None = None
+    user_certificate: str | None = None
+    user_key: str | None = None
+    certificate: str | None = None
+    key: str | None = None
+    server_certificate: str | None = None
+
+    @model_validator(mode="after")
+    def _access_fits(self) -> AccessFile:
+        encrypted = (self.certificate, self.key, self.server_certificate)
+        if None in encrypted and any(encrypted):
+            rule = "certificate, key and server_certificate are named together: our own, its key, the one of the server"
+            raise wrong("certificate", "one of the three files of encryption is missing", rule=rule)
+        if (self.user or self.user_certificate) is not None and not any(encrypted):
+            rule = "a password is sent over an encrypted connection only"
+            remedy = "pneudrive rig certificate makes certificates"
+            raise wrong("user", "user without certificate", rule=rule, remedy=remedy)
+        if (self.user_certificate is None) != (self.user_key is None):
+            raise wrong("user_certificate", "user_certificate and user_key are named together")
+        if self.user is not None and self.user_certificate is not None:
+            raise wrong("user_certificate", "the user is named twice", rule="either user or user_certificate")
+        if self.password_file is not None and self.password_env is not None:
+            raise wrong("password_env", "the password is named twice", rule="either password_file or password_env")
+        return self
+
+    @property
+    def access(self) -> Access:
+        """How to log in, with the files that this one names."""
+        files: dict[str, Any] = {
+            one.name: self.beside(getattr(self, one.name))
+            for one in fields(Access)
+            if one.name not in ("user", "password_env")
+        }
+        return Access(user=self.user, password_env=self.password_env, **files)
 
 
 async def secure(client: Any, access: Access) -> None:  # noqa: ANN401 - asyncua's client

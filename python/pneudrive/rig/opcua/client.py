@@ -8,28 +8,28 @@ import secrets
 import threading
 import time
 import weakref
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
 import numpy as np
+from pydantic import Field
 
-from pneudrive.errors import ConnectionLostError, Problems, RigError
+from pneudrive.describe.base import Bounds, Quantity, WrongValueError
+from pneudrive.describe.marks import Reads
+from pneudrive.errors import ConnectionLostError, RigError
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
-from pneudrive.rig.opcua.access import ACCESS_KEYS, Access, read_access
+from pneudrive.rig.opcua.access import Access, AccessFile
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
 from pneudrive.rig.opcua.nodes import NodeMap, Verb, load_map
 from pneudrive.rig.opcua.program import SAMPLES, SAMPLING, STATE, steps_as_arrays
 from pneudrive.rig.plain_data import envelope_of, identity_of
-from pneudrive.rig.rig_file import RigFile, read_identity, read_limits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
 SCHEME = "opc.tcp"
-SCHEMA = 1
-KEYS = {"schema", "kind", "url", "map", "reconnect", "identity", "limits", *ACCESS_KEYS}
 RECONNECT_S = 60.0
 STOP_S = 10.0  # how long stopping tries to reach a server that is gone
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
@@ -430,6 +430,22 @@ def _opened(
         raise
 
 
+def _address(given: object) -> str:
+    if not isinstance(given, str) or not given.startswith(f"{SCHEME}://") or "@" in given:
+        raise WrongValueError(f"{given!r} is no address", rule=f"{SCHEME}://HOST:PORT, without user and password")
+    return given
+
+
+class OpcUaFile(AccessFile):
+    """The rig file of a rig behind OPC UA."""
+
+    url: Annotated[str, Reads(_address)]
+    map: str | None = None
+    reconnect_s: Annotated[float, Quantity("s", bounds=Bounds(at_least=0.0))] = Field(
+        default=RECONNECT_S, alias="reconnect"
+    )
+
+
 def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> OpcUaRig:
     """Connect to the rig at an address (default node map), or to the one that a rig file describes.
 
@@ -440,24 +456,8 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
     """
     if str(source).startswith(f"{SCHEME}://"):
         return open_rig(str(source))
-    file = RigFile.load(source)
-    problems = Problems()
-    take = problems.take
-    take(file.only, "", {*KEYS, "password"})  # which has a message of its own
-    if file.get("schema") not in (None, SCHEMA):
-        problems.add(file.fail("the rig file is of another version", "schema", rule=f"schema = {SCHEMA}"))
-    url = take(lambda: file.needed("url", file.string("url"), '"opc.tcp://192.168.0.10:4840"'), otherwise="")
-    if isinstance(file.get("url"), str) and (not url.startswith(f"{SCHEME}://") or "@" in url):
-        rule = f"{SCHEME}://HOST:PORT, without user and password"
-        problems.add(file.fail(f"url = '{url}'", "url", rule=rule))
-    identity = take(read_identity, file)
-    ambient = Identity.ambient_pressure_pa if identity is None else identity.ambient_pressure_pa
-    limits = take(read_limits, file, ambient)
-    reconnect = take(file.quantity, "reconnect", "s")
-    nodes = take(lambda: load_map(file.path("map")))
-    access = take(read_access, file)
-    problems.tell()
-    return open_rig(url, nodes, access, identity, limits, RECONNECT_S if reconnect is None else reconnect)
+    file = OpcUaFile.load(source)
+    return open_rig(file.url, load_map(file.beside(file.map)), file.access, *file.described(), file.reconnect_s)
 
 
 def _back(doing: str, reason: str, url: str) -> ConnectionLostError:

@@ -18,15 +18,19 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal
 
-from pneudrive.errors import DescriptionError, Problems
-from pneudrive.rig.rig_file import RigFile
-from pneudrive.units import converter, parse, parse_pressure
+from pydantic import Field, create_model
+
+from pneudrive.characterise.column_units import column_unit
+from pneudrive.describe import toml
+from pneudrive.describe.base import Bounds, Described, Mark, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.marks import Whole
+from pneudrive.errors import RigError, nearest
 
 DEFAULT_MAP = Path(__file__).with_name("nodes.toml")
-SCHEMA = 1
 HOLD, RELEASED, SHUT = 1, 2, 4  # bits of step.kind
 
 
@@ -115,7 +119,7 @@ TYPES = {
     "Boolean": ("Boolean",),
     "String": ("String",),
 }
-HANDSHAKE = {"heartbeat", "poll", "patience", "slots", "first_slot", "chunk", "steps"}
+Duration = Annotated[float, Quantity("s", bounds=Bounds(above=0.0))]
 
 
 @dataclass(frozen=True)
@@ -201,103 +205,106 @@ def load_map(path: str | Path | None = None) -> NodeMap:
     RigError
         With file, line, value, rule and remedy.
     """
-    file = RigFile.load(DEFAULT_MAP if path is None else path)
-    tables = {name.partition(".")[0] for name in KINDS}
-    file.only("", {"schema", "namespace", "handshake", *tables})
-    if file.get("schema") != SCHEMA:
-        raise file.fail("this is no node map of this version", "schema", rule=f"schema = {SCHEMA}")
-    problems = Problems()
-    take = problems.take
-    for table in tables:
-        take(file.only, table, [name.partition(".")[2] for name in KINDS if name.startswith(f"{table}.")])
-    take(file.only, "handshake", HANDSHAKE)
-    nodes = {}
-    for name, kind in KINDS.items():
-        node = take(_node, file, name, kind)
-        if node is not None:
-            nodes[name] = node
-        elif not kind.optional and file.get(name) is None:
-            problems.add(file.fail(f"the map has no node {name}", name.partition(".")[0]))
-    shake = {
-        "heartbeat_s": take(file.quantity, "handshake.heartbeat", "s", True) or 1.0,
-        "poll_s": take(file.quantity, "handshake.poll", "s", True) or 0.02,
-        "patience_s": take(file.quantity, "handshake.patience", "s", True) or 120.0,
-        "slots": take(file.count, "handshake.slots", 8, 2),
-        "first_slot": take(file.count, "handshake.first_slot", 0),
-        "chunk": take(file.count, "handshake.chunk", 1000, 1),
-        "steps": take(file.count, "handshake.steps", 256, 1),
-    }
-    namespace = take(file.string, "namespace") or ""
-    problems.tell()
-    return NodeMap(nodes=nodes, namespace=namespace, **shake)
+    path = DEFAULT_MAP if path is None else path
+    tables, text = toml.read(path, RigError, "The default map, nodes.toml, shows what stands in one.")
+    with toml.locating(path, text, RigError):
+        file = _map_file().model_validate(tables)
+        nodes = {f"{name}.{key}": node for name in _tables() for key, node in getattr(file, name).stored().items()}
+        for name, node in nodes.items():
+            if node.id is not None and not node.id.startswith("ns=") and not file.namespace:
+                remedy = 'namespace = "urn:..." at the top, or ns=4;...'
+                raise wrong(name, f"{name} names no namespace", remedy=remedy)
+    return NodeMap(nodes=nodes, namespace=file.namespace, **file.handshake.stored())
 
 
-def _node(file: RigFile, name: str, kind: Kind) -> Node | None:
-    said = file.get(name)
-    if said is None:
-        return None
-    table = {"node": said} if isinstance(said, str) else said
-    if not isinstance(table, dict) or ("node" in table) == ("constant" in table):
-        raise file.fail(f"{name} must be a node's id or a table", name, remedy='{ node = "ns=4;s=...", unit = "mm" }')
-    if isinstance(said, dict):
-        file.only(name, _keys(kind))
-    if "constant" in table:
-        return Node(name, None, kind, kind.type, constant=_constant(file, name, kind))
-    node_id = _node_id(file, name, table["node"])
-    node_type = table.get("type", kind.type)
-    if node_type not in TYPES[kind.type]:
-        rule = f"one of {', '.join(TYPES[kind.type])}"
-        raise file.fail(f"{name}.type = {node_type!r} does not fit", name, rule=rule)
-    return Node(name, node_id, kind, node_type, _scale(file, name, kind, table))
+class Handshake(Described):
+    """``[handshake]``: its times, the ring of slots, and how much goes at once."""
+
+    table_name: ClassVar[str] = "handshake"
+    heartbeat_s: Duration = Field(default=1.0, alias="heartbeat")
+    poll_s: Duration = Field(default=0.02, alias="poll")
+    patience_s: Duration = Field(default=120.0, alias="patience")
+    slots: Annotated[int, Whole(at_least=2, bound=None)] = 8
+    first_slot: Annotated[int, Whole(at_least=0, bound=None)] = 0
+    chunk: Annotated[int, Whole(bound=None)] = 1000
+    steps: Annotated[int, Whole(bound=None)] = 256
 
 
-def _keys(kind: Kind) -> set[str]:
-    return {"node", "type", "constant"} | ({"unit", "positive"} if kind.unit else set())
+class MapFile(Described):
+    """A file of a node map; its tables of nodes are made of `KINDS`."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    namespace: str = ""
+    handshake: Handshake = Handshake()
 
 
-def _node_id(file: RigFile, name: str, text: object) -> str:
+@dataclass(frozen=True)
+class NodeOf(Mark):
+    """Annotation of a field that takes a node: its id, or a table of it."""
+
+    name: str
+
+    def read(self, given: object) -> Node:
+        """Convert and check."""
+        name, kind = self.name, KINDS[self.name]
+        table = {"node": given} if isinstance(given, str) else given
+        if not isinstance(table, dict) or ("node" in table) == ("constant" in table):
+            what = f"{given!r} is neither a node's id nor a table of a node"
+            raise WrongValueError(what, remedy='{ node = "ns=4;s=...", unit = "mm" }')
+        known = ["node", "type", "constant", *(["unit", "positive"] if kind.unit else [])]
+        for key in table:
+            if key not in known:
+                raise WrongValueError(f"{key} is not a known key", remedy=nearest(key, known))
+        if "constant" in table:
+            return Node(name, None, kind, kind.type, constant=_constant(name, kind, table["constant"]))
+        node_type = table.get("type", kind.type)
+        if node_type not in TYPES[kind.type]:
+            raise WrongValueError(f"type = {node_type!r} does not fit", rule=f"one of {', '.join(TYPES[kind.type])}")
+        return Node(name, _node_id(name, table["node"]), kind, node_type, _scale(kind, table))
+
+
+def _tables() -> list[str]:
+    return list(dict.fromkeys(name.partition(".")[0] for name in KINDS))
+
+
+@cache
+def _map_file() -> type[MapFile]:
+    """Make the class of a map: a table for each group of nodes."""
+    tables: dict[str, Any] = {}
+    for table in _tables():
+        nodes: dict[str, Any] = {}
+        for name, kind in KINDS.items():
+            of, _, key = name.partition(".")
+            if of == table:
+                nodes[key] = (Annotated[Node | None, NodeOf(name)], None if kind.optional else ...)
+        made = create_model(f"{table.title()}Nodes", __base__=Described, **nodes)
+        tables[table] = (made, ... if any(default is ... for _, default in nodes.values()) else made())
+    return create_model("WholeMapFile", __base__=MapFile, **tables)
+
+
+def _node_id(name: str, text: object) -> str:
     if not isinstance(text, str) or not re.fullmatch(r"(ns=\d+;)?[isgb]=.+", text):
-        raise file.fail(
-            f"{name}: {text!r} is no node id", name, rule='"ns=4;s=NAME", "ns=4;i=NUMBER", or "s=NAME" in the namespace'
-        )
-    if not text.startswith("ns=") and not file.string("namespace"):
-        raise file.fail(f"{name} names no namespace", name, remedy='namespace = "urn:..." at the top, or ns=4;...')
+        rule = '"ns=4;s=NAME", "ns=4;i=NUMBER", or "s=NAME" in the namespace'
+        raise WrongValueError(f"{text!r} is no node id", rule=rule)
     if ("{slot}" in text) != (name in IN_RING):
-        rule = "the nodes of the ring, and only these, have {slot} in their id"
-        raise file.fail(f"{name}: {text}", name, rule=rule)
+        raise WrongValueError(text, rule="the nodes of the ring, and only these, have {slot} in their id")
     return text
 
 
-def _constant(file: RigFile, name: str, kind: Kind) -> float:
-    channel = name.partition(".")[2]
-    if kind.client or not kind.unit or channel in ("time", "position", "force"):
-        raise file.fail(f"{name} cannot be a constant", name, rule="a pressure or temperature that is not measured can")
+def _constant(name: str, kind: Kind, given: object) -> float:
+    if kind.client or not kind.unit or name.partition(".")[2] in ("time", "position", "force"):
+        rule = "a pressure or temperature that is not measured can"
+        raise WrongValueError("it cannot be a constant", rule=rule)
     if kind.unit == "Pa":
-        pressure = file.said(f"{name}.constant", parse_pressure)
-        if pressure.gauge:
-            raise file.fail(f"{name}: a constant pressure is absolute", name, remedy='"1.013 bar abs"')
-        return pressure.value_pa
-    return file.said(f"{name}.constant", lambda text: parse(text, kind.unit))
+        return StatedPressure(gauge_allowed=False).read(given).value_pa
+    return Quantity(kind.unit).read(given)
 
 
-def _scale(file: RigFile, name: str, kind: Kind, table: dict[str, Any]) -> Scale:
+def _scale(kind: Kind, table: dict[str, Any]) -> Scale:
     sign = {"+x": 1.0, "-x": -1.0}.get(table.get("positive", "+x"))
     if sign is None or ("positive" in table and kind.unit not in ("m", "N")):
-        raise file.fail(
-            f"{name}.positive: {table.get('positive')!r}", name, rule='"+x" or "-x", of a position or force'
-        )
+        raise WrongValueError(f"positive = {table.get('positive')!r}", rule='"+x" or "-x", of a position or force')
     if "unit" not in table:
         return Scale(sign)
-    from pneudrive.characterise.column_units import column_unit
-
-    if kind.unit == "Pa":
-        unit = file.said(f"{name}.unit", lambda text: column_unit(text, "Pa"))
-        return Scale(unit.factor, 0.0, bool(unit.gauge))
-    factor, offset = file.said(f"{name}.unit", lambda text: _converter(text, kind.unit))
-    return Scale(sign * factor, offset)
-
-
-def _converter(text: object, unit: str) -> tuple[float, float]:
-    if not isinstance(text, str):
-        raise DescriptionError(f"{text!r} is no unit")
-    return converter(text, unit)
+    unit = column_unit(table["unit"], kind.unit)
+    return Scale((1.0 if kind.unit == "Pa" else sign) * unit.factor, unit.shift, bool(unit.gauge))

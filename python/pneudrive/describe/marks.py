@@ -1,0 +1,108 @@
+"""How values of files are written that are no plain quantities: whole numbers, shares, ranges, and other forms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pneudrive import units
+from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, WrongValueError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+@dataclass(frozen=True)
+class Reads(Mark):
+    """Annotation of a field that a function reads."""
+
+    how: Callable[[Any], Any]
+
+    def read(self, given: Any) -> Any:  # noqa: ANN401 - whatever the function gives
+        """Convert and check."""
+        return self.how(given)
+
+
+@dataclass(frozen=True)
+class Whole(Quantity):
+    """Annotation of a field that takes a whole number."""
+
+    si_unit: str = ""
+    at_least: int = 1
+    bound: str | None = "count"
+
+    def read(self, given: object) -> int:
+        """Check."""
+        if isinstance(given, bool) or not isinstance(given, int):
+            raise WrongValueError(f"{given!r} is not a whole number")
+        if given < self.at_least:
+            raise WrongValueError(f"{given} is out of bounds", rule=f"at least {self.at_least}")
+        Bounds(bound=self.bound).beyond(given, given)
+        return given
+
+    def schema(self) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"type": "integer", "minimum": self.at_least}
+
+
+@dataclass(frozen=True)
+class Percent(Quantity):
+    """Annotation of a field that takes a share as ``"5 %"`` and stores 0.05; bounds are in per cent."""
+
+    si_unit: str = "%"
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        share = units.share_of(given)
+        if share is None:
+            raise WrongValueError(f"{given!r} is not a share", remedy='Write "5 %".')
+        rule = self.bounds.broken(100.0 * share)
+        if rule:
+            raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} %")
+        return share
+
+    def show(self, value: float) -> str:
+        """Write it as users would."""
+        return units.write_share(value)
+
+    def schema(self) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"type": "string", "pattern": "^.+ %$", "x-unit": "%"}
+
+
+@dataclass(frozen=True)
+class Between(Quantity):
+    """Annotation of a field that takes a range, ``"15 degC .. 30 degC"``; stores (low, high)."""
+
+    def read(self, given: object) -> tuple[float, float]:  # type: ignore[override]
+        """Convert and check."""
+        if not isinstance(given, str):
+            raise WrongValueError(f"{given!r} is no range", rule=units.needed(self.si_unit))
+        return units.parse_range(given, self.si_unit)
+
+    def show(self, value: tuple[float, float]) -> str:  # type: ignore[override]
+        """Write it as users would."""
+        return " .. ".join(units.write(end, self.si_unit, self.written) for end in value)
+
+    def schema(self) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": self.si_unit}
+
+
+@dataclass(frozen=True)
+class PressureBetween(StatedPressure):
+    """Annotation of a field that takes a range of pressures, ``"0 bar gauge .. 10 bar gauge"``; stores both ends."""
+
+    def read(self, given: object) -> tuple[units.Pressure, units.Pressure]:  # type: ignore[override]
+        """Convert and check."""
+        ends = given.split("..") if isinstance(given, str) else []
+        if len(ends) != 2:
+            raise WrongValueError(f'"{given}" is not a range', remedy='Write "0 bar gauge .. 10 bar gauge".')
+        low, high = (super(PressureBetween, self).read(end.strip()) for end in ends)
+        if low.gauge == high.gauge and not low.value_pa < high.value_pa:
+            raise WrongValueError(f'range "{given}" is empty', rule="the first end lies below the second")
+        return low, high
+
+    def show(self, value: tuple[units.Pressure, units.Pressure]) -> str:  # type: ignore[override]
+        """Write it as users would."""
+        return f"{value[0]} .. {value[1]}"
