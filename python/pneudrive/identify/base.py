@@ -445,6 +445,8 @@ def whole_interval(value: float, interval: tuple[float, float], systematic: floa
 def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
     """Write tables as lines of TOML, each table in them under a head of its own; `name` is written as a key already.
 
+    What is None is left out.
+
     Examples
     --------
     >>> print(chr(10).join(sections({"a": 1.0, "b": {"c": True}, "d": [{"e": "f"}]})))
@@ -460,7 +462,8 @@ def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
     def is_table(value: object) -> bool:
         return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
 
-    lines = [f"{toml.key_text(k)} = {toml.value_text(v)}" for k, v in tables.items() if not is_table(v)]
+    plain = {key: value for key, value in tables.items() if value is not None and not is_table(value)}
+    lines = [f"{toml.key_text(key)} = {toml.value_text(value)}" for key, value in plain.items()]
     for key, value in tables.items():
         if not is_table(value):
             continue

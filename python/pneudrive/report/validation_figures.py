@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.report import style
-from pneudrive.validate.breakaway import moving_mass
+from pneudrive.validate.balance import moving_mass
 from pneudrive.validate.residuals import BALANCES
 
 if TYPE_CHECKING:

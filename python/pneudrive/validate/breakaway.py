@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.validate.balance import Scene, moving_mass
+from pneudrive.validate.residuals import bending_m, near_stops
 from pneudrive.validate.simulation import run_model
 
 if TYPE_CHECKING:
@@ -54,8 +56,6 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[Breakaway, ...]:
 
     The peak lies before the piston has moved by as much as bristles bend; both sides are smoothed alike.
     """
-    from pneudrive.validate.residuals import bending_m, near_stops
-
     touching = near_stops(drive, signals)
     rests = [(start, onset) for start, onset in _rests(signals) if not touching[start:onset].any()]
     if not rests:
@@ -87,15 +87,8 @@ def _peak(force: Array, moved: Array, bend: float) -> tuple[float, bool]:
 
 def carried_friction(drive: Drive, signals: Signals) -> Array:
     """Force that friction carries, N in -x: all other forces on the moving mass less m a, from the core."""
-    from pneudrive.validate.balance import evaluate
-
-    force = signals.smooth(evaluate(drive, signals).force_n)
+    force = signals.smooth(Scene.of(drive, signals).terms.force_n)
     return force - moving_mass(drive) * signals.acceleration_m_s2
-
-
-def moving_mass(drive: Drive) -> float:
-    """Piston and load, kg."""
-    return drive.cylinder.moving_mass_kg + drive.carried.mass_kg
 
 
 def _rests(signals: Signals) -> list[tuple[int, int]]:

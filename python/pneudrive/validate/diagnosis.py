@@ -1,7 +1,7 @@
-"""Why is my model off? The candidates that explain the residuals of the balances, each with size and uncertainty.
+"""Why is my model off? The causes that explain the residuals of the balances, each with size and uncertainty.
 
 The residuals of the force balance and of both pressure rates are weighted with their standard deviations and stacked.
-Each candidate alone is fitted by least squares, its amount refined on the equations themselves (Gauss-Newton, as their
+Each cause alone is fitted by least squares, its amount refined on the equations themselves (Gauss-Newton, as their
 effect is not linear in it). The one that explains most joins the model, and the search goes on with what is left.
 
     share explained = 1 - |e(changed model)|^2 / |e(model)|^2
@@ -20,8 +20,10 @@ from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import DescriptionError
 from pneudrive.numbers import with_u
 from pneudrive.show import Shown
-from pneudrive.validate.candidates import Candidate, candidates
-from pneudrive.validate.residuals import BALANCES, Residuals, Scene, half_support, raw_residuals, residuals
+from pneudrive.units import readable
+from pneudrive.validate.balance import Scene, Values, half_support
+from pneudrive.validate.causes import Cause, causes
+from pneudrive.validate.residuals import BALANCES, Residuals, residuals
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -29,12 +31,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.validate.signals import Signals
     from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
-    Values = tuple[Array, Array, Array]
 
 BLOCK_S = 0.25
 #: Normalised residuals below this are sensor noise and what is not worth a name.
@@ -44,9 +45,9 @@ SOUGHT = 0.7
 MOST_CULPRITS = 3
 #: A culprit explains at least this share of what is there, at this many standard errors.
 LEAST_SHARE, LEAST_T = 0.15, 4.0
-#: Candidates of which the linear fit is refined.
+#: Causes of which the linear fit is refined.
 REFINED = 8
-#: A candidate whose remaining squared residual is within this factor of the best one's cannot be told from it.
+#: A cause whose remaining squared residual is within this factor of the best one's cannot be told from it.
 RIVAL = 2.0
 NEWTON_STEPS = 3
 
@@ -58,7 +59,7 @@ class Culprit:
     Attributes
     ----------
     key, family, unit, remedy : str
-        See `Candidate`.
+        See `Cause`.
     amount : float
         Change that the model needs.
     stderr : float
@@ -67,7 +68,7 @@ class Culprit:
     balances : dict
         Balance -> share of its own squared residual.
     rivals : tuple of (str, float)
-        Candidates that explain nearly as much, with their share: the records do not tell them apart.
+        Causes that explain nearly as much, with their share: the records do not tell them apart.
     text : str
         In words.
     """
@@ -100,9 +101,9 @@ class Diagnosis(Shown):
     culprits : tuple of Culprit
         The most important one first.
     left : float
-        Share of the squared residual that no candidate explains.
+        Share of the squared residual that no cause explains.
     alone : tuple of (str, float, float)
-        Every candidate by itself: key, amount, share explained (linear), best first.
+        Every cause by itself: key, amount, share explained (linear), best first.
     residuals : tuple of Residuals
         Of each recording.
     """
@@ -123,9 +124,7 @@ class Diagnosis(Shown):
         if self.is_clean and not self.culprits:
             return "the balances close: what is left is sensor noise and below 1 % of their terms"
         if not self.culprits:
-            return (
-                "the balances do not close, and no candidate explains it: the cause is none of those that are asked for"
-            )
+            return "the balances do not close, and none of the known causes explains it"
         lines = [c.text for c in self.culprits]
         if self.left > 0.3:
             lines.append(f"{100 * self.left:.0f} % of the residual remains without an explanation")
@@ -137,33 +136,26 @@ class _Model:
     """A model under test: the scenes of the recordings, and terms that no scene can say, taken off the residuals."""
 
     scenes: list[Scene]
-    raw: list[Values]
-    taken: Array
-
-    def left(self, search: _Search) -> Array:
-        """Stacked residual."""
-        return search.stacked(self.raw) - self.taken
+    taken: Array | float
 
 
 class _Search:
-    """Weighted, stacked residuals of several recordings, and what candidates do to them."""
+    """Weighted, stacked residuals of several recordings, and what causes do to them."""
 
     def __init__(self, drive: Drive, signals: Sequence[Signals]) -> None:
         self.signals = list(signals)
         self.found = [residuals(drive, s) for s in signals]
         self.stride = [max(half_support(s) // 2, 1) for s in signals]
-        self.candidates = {c.key: c for c in candidates(drive)}
-        self.blocks = self._blocks()
-        self.places = self._places()
-
-    def start(self, drive: Drive) -> _Model:
-        """Return the model as it is."""
-        return self.model([Scene.of(drive, s) for s in self.signals], np.zeros(self.blocks.size))
-
-    def model(self, scenes: list[Scene], taken: Array) -> _Model:
-        """Make a model with these scenes."""
-        raw = [raw_residuals(scene, s)[0] for scene, s in zip(scenes, self.signals, strict=True)]
-        return _Model(scenes, raw, taken)
+        self.causes = {c.key: c for c in causes(drive)}
+        blocks, places, first = [], [], 0
+        for found, stride in zip(self.found, self.stride, strict=True):
+            number = first + np.floor(found.time_s / BLOCK_S).astype(np.int64)
+            for balance, used in enumerate(found.used):
+                blocks.append(number[::stride][used[::stride]])
+                places.append(np.full(blocks[-1].size, balance))
+            first = int(number[-1]) + 1
+        #: Block and balance of each stacked value.
+        self.blocks, self.places = np.concatenate(blocks), np.concatenate(places)
 
     def stacked(self, values: Sequence[Values]) -> Array:
         """Weighted values of all recordings and balances in one vector."""
@@ -173,43 +165,24 @@ class _Search:
                 out.append((v / scale)[::stride][used[::stride]])
         return np.concatenate(out)
 
-    def _blocks(self) -> NDArray[np.int64]:
-        """Block of each stacked value."""
-        out, first = [], 0
-        for found, stride in zip(self.found, self.stride, strict=True):
-            number = first + np.floor(found.time_s / BLOCK_S).astype(np.int64)
-            out += [number[::stride][used[::stride]] for used in found.used]
-            first = int(number[-1]) + 1
-        return np.concatenate(out)
+    def left(self, model: _Model) -> Array:
+        """Stacked residual of a model."""
+        return self.stacked([scene.residuals for scene in model.scenes]) - model.taken
 
-    def _places(self) -> NDArray[np.int64]:
-        """Balance of each stacked value."""
-        sizes = [
-            (b, int(used[::stride].sum()))
-            for found, stride in zip(self.found, self.stride, strict=True)
-            for b, used in enumerate(found.used)
-        ]
-        return np.concatenate([np.full(n, b) for b, n in sizes])
-
-    def effect(self, model: _Model, candidate: Candidate, amount: float) -> Array | None:
-        """Return what the stacked residual loses with a candidate; None where the description refuses it."""
+    def effect(self, model: _Model, cause: Cause, amount: float) -> Array | None:
+        """Return what the stacked residual loses with a cause; None where the description refuses it."""
         try:
-            each = [
-                candidate.effect(scene, s, amount, raw)
-                for scene, s, raw in zip(model.scenes, self.signals, model.raw, strict=True)
-            ]
+            effect = self.stacked([cause.effect(scene, amount) for scene in model.scenes])
         except DescriptionError:
             return None
-        effect = self.stacked(each)
         return effect if np.isfinite(effect).all() else None
 
-    def with_candidate(self, model: _Model, r: _Refined) -> _Model:
-        """Return the model with a candidate in it."""
-        change, amount = r.candidate.change, r.amount
+    def with_cause(self, model: _Model, r: _Refined) -> _Model:
+        """Return the model with a cause in it."""
+        change = r.cause.change
         if change is None:
-            return _Model(model.scenes, model.raw, model.taken + amount * r.column)
-        scenes = [change(scene, s, amount) for scene, s in zip(model.scenes, self.signals, strict=True)]
-        return self.model(scenes, model.taken)
+            return _Model(model.scenes, model.taken + r.amount * r.column)
+        return _Model([change(scene, r.amount) for scene in model.scenes], model.taken)
 
     def squares(self, e: Array) -> dict[str, float]:
         """Sum of squares of each balance."""
@@ -236,13 +209,19 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class _Refined:
-    """A candidate with its amount on the equations themselves."""
+    """A cause with its amount, the share that it explains, its column, and the residual after it."""
 
-    candidate: Candidate
+    cause: Cause
     amount: float
     share: float
     column: Array
     after: Array
+
+    @classmethod
+    def of(cls, cause: Cause, amount: float, column: Array, left: Array, effect: Array | None = None) -> _Refined:
+        """Take an amount off a residual, by its column where its effect is not given."""
+        after = left - (amount * column if effect is None else effect)
+        return cls(cause, amount, 1.0 - float(after @ after) / float(left @ left), column, after)
 
 
 def diagnose(
@@ -269,19 +248,19 @@ def diagnose(
     """
     watch = Watch(progress, cancel)
     search = _Search(drive, signals)
-    model = search.start(drive)
-    first = left = model.left(search)
+    model = _Model([Scene.of(drive, s) for s in search.signals], 0.0)
+    first = left = search.left(model)
     culprits: list[Culprit] = []
     alone: tuple[tuple[str, float, float], ...] = ()
     while len(culprits) < MOST_CULPRITS and _is_dirty(search, left):
         refined = _refined(search, model, left, {c.key for c in culprits}, watch)
-        alone = alone or tuple((r.candidate.key, r.amount, r.share) for r in refined)
+        alone = alone or tuple((r.cause.key, r.amount, r.share) for r in refined)
         # The one that explains most, or none: what it explains better is no evidence for another.
         if not refined or not _is_shown(search, found := refined[0], left):
             break
         culprits.append(_culprit(search, found, refined, left))
-        model = search.with_candidate(model, found)
-        left = model.left(search)
+        model = search.with_cause(model, found)
+        left = search.left(model)
     remains = float(left @ left) / float(first @ first) if first.size and first.any() else 0.0
     return Diagnosis(search.sizes(first), tuple(culprits), remains, alone, tuple(search.found))
 
@@ -291,133 +270,99 @@ def _is_dirty(search: _Search, e: Array) -> bool:
 
 
 def _refined(search: _Search, model: _Model, left: Array, taken: set[str], watch: Watch) -> list[_Refined]:
-    """Fit each candidate by itself, refine the best on the equations; best first."""
-    whole = float(left @ left)
+    """Fit each cause by itself, refine the best on the equations; best first."""
+    wanted = [cause for key, cause in search.causes.items() if key not in taken]
     linear = []
-    wanted = {key: candidate for key, candidate in search.candidates.items() if key not in taken}
-    for candidate in watch.each(wanted.values(), f"causes tried for what is left after {len(taken)}"):
-        if candidate.profile is not None:
-            linear += [found] if (found := _profile(search, model, left, candidate)) is not None else []
-            continue
-        effect = search.effect(model, candidate, candidate.step)
-        if effect is None or not effect.any():
-            continue
-        column = effect / candidate.step
-        power = float(column @ column)
-        amount = float(np.clip(float(column @ left) / power, *candidate.bounds))
-        after = left - amount * column
-        linear.append(_Refined(candidate, amount, 1.0 - float(after @ after) / whole, column, after))
+    for cause in watch.each(wanted, f"causes tried for what is left after {len(taken)}"):
+        found = (_linear if cause.profile is None else _profile)(search, model, left, cause)
+        linear += [found] if found is not None else []
     linear.sort(key=lambda r: -r.share)
-    refined = [r if r.candidate.change is None else _newton(search, model, left, r) for r in linear[:REFINED]]
+    refined = [r if r.cause.change is None else _newton(search, model, left, r) for r in linear[:REFINED]]
     refined = sorted([*refined, *linear[REFINED:]], key=lambda r: -r.share)
     # Of those that cannot be told apart, the one with fewest numbers of its own comes first.
     rivals = [r for r in refined if _is_rival(search, r, refined[0])]
-    return sorted(rivals, key=lambda r: (r.candidate.parts, -r.share)) + [r for r in refined if r not in rivals]
+    return sorted(rivals, key=lambda r: (r.cause.parts, -r.share)) + [r for r in refined if r not in rivals]
+
+
+def _linear(search: _Search, model: _Model, left: Array, cause: Cause) -> _Refined | None:
+    """Fit the amount of a cause whose effect is taken for linear in it."""
+    effect = search.effect(model, cause, cause.step)
+    if effect is None or not effect.any():
+        return None
+    column = effect / cause.step
+    amount = float(np.clip(float(column @ left) / float(column @ column), *cause.bounds))
+    return _Refined.of(cause, amount, column, left)
 
 
 def _is_rival(search: _Search, r: _Refined, best: _Refined) -> bool:
-    """Whether a candidate leaves no more than noise, or hardly more than the best one."""
+    """Whether a cause leaves no more than noise, or hardly more than the best one."""
     return 1.0 - r.share <= RIVAL * (1.0 - best.share) or not _is_dirty(search, r.after)
 
 
-def _profile(search: _Search, model: _Model, left: Array, candidate: Candidate) -> _Refined | None:
-    """Fit a candidate of several columns; its amount is the amplitude over the travelled range."""
-    assert candidate.profile is not None
-    each = [
-        candidate.profile(scene, s) for scene, s in zip(model.scenes, search.signals, strict=True)
-    ]  # one list of columns, and of their values over the stroke, for each recording
-    columns = np.column_stack([search.stacked([own[k] for own in each]) for k in range(candidate.parts)])
-    if not columns.any():
-        return None
+def _profile(search: _Search, model: _Model, left: Array, cause: Cause) -> _Refined | None:
+    """Fit a cause of several columns; its amount is the amplitude over the travelled range."""
+    assert cause.profile is not None
+    each = [cause.profile(scene) for scene in model.scenes]  # one list of columns for each recording
+    columns = np.column_stack([search.stacked([own[k] for own in each]) for k in range(cause.parts)])
     weights = np.linalg.lstsq(columns, left, rcond=None)[0]
-    effect = columns @ weights
     over_stroke = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, 101), weights)
     amount = 0.5 * float(np.ptp(over_stroke))
     if amount == 0.0:
         return None
-    after = left - effect
-    share = 1.0 - float(after @ after) / float(left @ left)
-    return _Refined(candidate, amount, share, effect / amount, after)
+    effect = columns @ weights
+    return _Refined.of(cause, amount, effect / amount, left, effect)
 
 
 def _newton(search: _Search, model: _Model, left: Array, start: _Refined) -> _Refined:
     """Gauss-Newton on one amount, from its linear value; what the description refuses explains nothing."""
-    candidate, amount, whole = start.candidate, start.amount, float(left @ left)
+    cause, amount = start.cause, start.amount
     best: _Refined | None = None
     for _ in range(NEWTON_STEPS):
-        here = search.effect(model, candidate, amount)
-        beside = search.effect(model, candidate, amount + 0.1 * candidate.step)
+        here = search.effect(model, cause, amount)
+        beside = search.effect(model, cause, amount + 0.1 * cause.step)
         if here is None or beside is None:
             amount *= 0.5
             continue
-        after = left - here
-        column = (beside - here) / (0.1 * candidate.step)
-        share = 1.0 - float(after @ after) / whole
-        if best is None or share > best.share:
-            best = _Refined(candidate, amount, share, column, after)
-        power = float(column @ column)
+        found = _Refined.of(cause, amount, (beside - here) / (0.1 * cause.step), left, here)
+        if best is None or found.share > best.share:
+            best = found
+        power = float(found.column @ found.column)
         if power == 0.0:
             break
-        amount = float(np.clip(amount + float(column @ after) / power, *candidate.bounds))
-    return best or _Refined(candidate, 0.0, 0.0, start.column, left)
+        amount = float(np.clip(amount + float(found.column @ found.after) / power, *cause.bounds))
+    return best or _Refined(cause, 0.0, 0.0, start.column, left)
 
 
 def _is_shown(search: _Search, r: _Refined, left: Array) -> bool:
-    """Whether a candidate is worth a name and beyond chance; where balances are plainly off, any amount is."""
-    worth = abs(r.amount) >= r.candidate.least or any(value > CLEAN for value in search.sizes(left).values())
+    """Whether a cause is worth a name and beyond chance; where balances are plainly off, any amount is."""
+    worth = abs(r.amount) >= r.cause.least or any(value > CLEAN for value in search.sizes(left).values())
     return worth and r.share >= LEAST_SHARE and abs(r.amount) >= LEAST_T * search.stderr(r.column, r.after)
 
 
 def _culprit(search: _Search, r: _Refined, others: list[_Refined], left: Array) -> Culprit:
-    candidate, stderr = r.candidate, search.stderr(r.column, r.after)
-    rivals = tuple((o.candidate.key, o.share) for o in others[:REFINED] if o is not r and _is_rival(search, o, r))
+    cause, stderr = r.cause, search.stderr(r.column, r.after)
+    rivals = tuple((o.cause.key, o.share) for o in others[:REFINED] if o is not r and _is_rival(search, o, r))
     was, now, whole = search.squares(left), search.squares(r.after), float(left @ left)
     balances = {b: 1.0 - now[b] / was[b] for b in BALANCES if was[b] > 0.02 * whole}
-    text = in_words(candidate, r.amount, stderr, r.share, rivals)
-    return Culprit(
-        candidate.key,
-        candidate.family,
-        candidate.unit,
-        candidate.remedy,
-        r.amount,
-        stderr,
-        r.share,
-        balances,
-        rivals,
-        text,
-    )
+    said = (cause.key, cause.family, cause.unit, cause.remedy)
+    return Culprit(*said, r.amount, stderr, r.share, balances, rivals, _in_words(r, stderr, rivals))
 
 
-#: Unit of an amount -> factor and unit in which it is said.
-_SAID = {
-    "N": (1.0, "N"),
-    "N s/m": (1.0, "N s/m"),
-    "N/m": (1.0, "N/m"),
-    "N/Pa": (1e5, "N/bar"),
-    "s": (1e3, "ms"),
-    "m": (1e3, "mm"),
-    "Pa": (1e-5, "bar"),
-    "1": (1.0, ""),
-    "share of C": (100.0, "%"),
-    "share": (100.0, "%"),
-}
-_COMPARED = ("{size} moving", "{size} conductance", "{size} dead", "{size} heat", "{size} Coulomb", "{size} viscous",
-             "{size} friction", "{size} supply")  # fmt: skip
+#: Unit of an amount -> factor and unit in which it is said, where they are not those in which people read values.
+_SAID = {"s": (1e3, "ms"), "share of C": (100.0, "%"), "share": (100.0, "%")}
 
 
-def in_words(
-    candidate: Candidate, amount: float, stderr: float, share: float, rivals: tuple[tuple[str, float], ...]
-) -> str:
+def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...]) -> str:
     """Say what explains how much, how large it is, what it cannot be told from, and what to do."""
-    factor, unit = _SAID[candidate.unit]
-    value, spread = factor * amount, factor * NORMAL_95 * stderr
-    compared = candidate.words.startswith(_COMPARED)
-    shown = with_u(abs(value) if compared else value, spread, unit)
+    cause = r.cause
+    size, unit = readable(cause.unit)
+    factor, unit = _SAID.get(cause.unit, (1.0 / size, unit))
+    compared = cause.words.startswith("{size} ")
+    shown = with_u(factor * (abs(r.amount) if compared else r.amount), factor * NORMAL_95 * stderr, unit)
     if compared:
-        shown += " more" if amount > 0.0 else " less"
-    said = candidate.words.format(size=shown)
-    text = f"{100.0 * share:.0f} % of the residual is explained by {said}"
+        shown += " more" if r.amount > 0.0 else " less"
+    text = f"{100.0 * r.share:.0f} % of the residual is explained by {cause.words.format(size=shown)}"
     if rivals:
         text += "; the recordings do not tell it from " + ", ".join(f"{key} ({100 * s:.0f} %)" for key, s in rivals[:4])
-    untold = "" if candidate.described else ". A drive file cannot describe it yet"
-    return f"{text}{untold}. Remedy: {candidate.remedy}."
+    untold = "" if cause.described else ". A drive file cannot describe it yet"
+    return f"{text}{untold}. Remedy: {cause.remedy}."

@@ -1,17 +1,8 @@
-"""Residuals of the three balances along a recording, in their weak form: no measured signal is differentiated.
-
-With a smooth kernel k of compact support, integration by parts moves derivatives from signals to the kernel:
-
-    e_F = k * (m a) - k * (sum of forces - friction)   with k * a = k'' * x            N
-    e_p = k * dp/dt - k * (dp/dt of the energy balance) with k * dp/dt = k' * p        Pa/s
-
-Each is what the model lacks.
-"""
+"""Residuals of the three balances along a recording: where they hold, and how exact they can be."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,20 +10,16 @@ import numpy as np
 from pneudrive.characterise.motion import noise_level
 from pneudrive.describe.valve_flow import openings
 from pneudrive.identify.dynamic.model_error import MODEL_SHARE
-from pneudrive.validate.balance import Terms, evaluate
-from pneudrive.validate.breakaway import moving_mass
+from pneudrive.validate.balance import Scene, Terms, Values, half_support, moving_mass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.validate.signals import Signals
 
     Array = NDArray[np.float64]
 
-#: Half of the kernel's support, s, and the least number of samples in it (assumed: longer than the derivative of the
-#: velocity takes, shorter than a motion).
-HALF_SUPPORT_S, LEAST_SAMPLES = 0.02, 5
 #: Errors below this share of the terms themselves are not worth a name (assumed).
 FLOOR = MODEL_SHARE
 #: Steady friction is there once bristles have bent for this many times their deflection in sliding.
@@ -43,45 +30,6 @@ LAG = 0.2
 #: Nearer than this to an end, beside so many deviations of its noise, a position does not tell whether it is a contact.
 STOP_MARGIN_M, MARGIN_NOISE = 1e-4, 5.0
 BALANCES = ("force", "pressure a", "pressure b")
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """What a candidate may change before the balances are evaluated."""
-
-    drive: Drive
-    position: Array
-    pressures: tuple[Array, Array]
-    opened: Array
-
-    @classmethod
-    def of(cls, drive: Drive, signals: Signals) -> Scene:
-        """Take drive and signals as they are."""
-        pressures = (signals.pressure_a_pa, signals.pressure_b_pa)
-        return cls(drive, signals.position_m, pressures, at_samples(openings(signals.command)))
-
-
-def at_samples(held: Array) -> Array:
-    """Mean of before and after each sample: sums over samples are then right where the command steps."""
-    return 0.5 * (held + np.vstack([held[:1], held[:-1]]))
-
-
-@lru_cache(maxsize=32)
-def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
-    """Give (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time.
-
-    The sums are those of the integrals: a constant has no derivative, a ramp of slope 1 has 1, and so has t^2/2 in the
-    second. Samples alone miss that by so much that at 500 Hz a position of 0.3 m looked like a force.
-    """
-    s = np.arange(-half, half + 1) / (half + 1)
-    width = (half + 1) * step_s
-    inside = 1.0 - s * s
-    value, first = inside**4, -8.0 * s * inside**3
-    second = -8.0 * inside**3 + 48.0 * s * s * inside**2
-    value = value / value.sum()
-    first = first / (-width * (s @ first))
-    second = second - value * second.sum()
-    return value, first, second / (0.5 * width**2 * (s * s @ second))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,35 +50,16 @@ class Residuals:
         At all samples.
     """
 
-    values: tuple[Array, Array, Array]
+    values: Values
     used: tuple[NDArray[np.bool_], ...]
-    scale: tuple[Array, Array, Array]
+    scale: Values
     time_s: Array
     terms: Terms
 
 
-def half_support(signals: Signals) -> int:
-    """Count the samples on each side of a kernel's middle."""
-    return max(LEAST_SAMPLES, round(HALF_SUPPORT_S / signals.step_s))
-
-
-def raw_residuals(scene: Scene, signals: Signals) -> tuple[tuple[Array, Array, Array], Terms]:
-    """Residuals at all samples that a whole kernel surrounds."""
-    half = half_support(signals)
-    k0, k1, k2 = kernel(half, signals.step_s)
-    terms = evaluate(scene.drive, signals, position=scene.position, pressures=scene.pressures, opened=scene.opened)
-    inertia = moving_mass(scene.drive) * np.convolve(scene.position, k2, "valid")
-    force = inertia - np.convolve(terms.force_n - terms.friction_n, k0, "valid")
-    rates = [
-        np.convolve(p, k1, "valid") - np.convolve(rate, k0, "valid")
-        for p, rate in zip(scene.pressures, (terms.pressure_rate_a_pa_s, terms.pressure_rate_b_pa_s), strict=True)
-    ]
-    return (force, rates[0], rates[1]), terms
-
-
 def residuals(drive: Drive, signals: Signals) -> Residuals:
     """Evaluate the balances along a recording, with where they hold and how exact they can be."""
-    values, terms = raw_residuals(Scene.of(drive, signals), signals)
+    scene = Scene.of(drive, signals)
     half = half_support(signals)
     inside = slice(half, signals.time_s.size - half)
     off_the_stops = ~near_stops(drive, signals)
@@ -139,7 +68,7 @@ def residuals(drive: Drive, signals: Signals) -> Residuals:
     free = _whole(off_the_stops | ~_widened(signals.moving, signals.half), half)
     if drive.has_lines:  # what flows through tubes and flow controls is not measured
         free = np.zeros_like(free)
-    return Residuals(values, (sliding, free, free), _scales(drive, signals, terms), signals.time_s[inside], terms)
+    return Residuals(scene.residuals, (sliding, free, free), _scales(scene), signals.time_s[inside], scene.terms)
 
 
 def near_stops(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
@@ -182,28 +111,24 @@ def bending_m(drive: Drive) -> float:
     return float(np.clip(BENT * level / stiffness, LEAST_BENDING_M, MOST_BENDING_M))
 
 
-def _scales(drive: Drive, signals: Signals, terms: Terms) -> tuple[Array, Array, Array]:
+def _scales(scene: Scene) -> Values:
     """Estimate the standard deviations that noise leaves to the residuals, with the floor and a share of the terms."""
-    k0, k1, k2 = kernel(half_support(signals), signals.step_s)
-    noise_x = noise_level(signals.position_m)
-    pressures = (signals.pressure_a_pa, signals.pressure_b_pa)
-    noise_p = [noise_level(p) for p in pressures]
+    drive, signals, terms, (k0, k1, k2) = scene.drive, scene.signals, scene.terms, scene.kernel
     cylinder, x, unsure = drive.cylinder, signals.position_m, signals.velocity_unsure_m_s
+    noise_p = [noise_level(p) for p in scene.pressures]
     areas = (cylinder.area_a_m2, cylinder.area_b_m2)
     push = float(np.hypot(areas[0] * noise_p[0], areas[1] * noise_p[1]) * np.linalg.norm(k0))
-    weight = moving_mass(drive)
-    inertia = weight * noise_x * float(np.linalg.norm(k2))
+    inertia = moving_mass(drive) * noise_level(x) * float(np.linalg.norm(k2))
     size = float(np.sqrt(np.mean(terms.friction_n**2) + np.mean((terms.force_n - terms.friction_n) ** 2)))
     force = np.full(x.size - k0.size + 1, float(np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2)))
-    out = []
-    rates = (terms.pressure_rate_a_pa_s, terms.pressure_rate_b_pa_s)
-    lengths = (x, cylinder.stroke_m - x)
     # Where pressures are nearly equal, flow changes steeply with them: noise becomes flow.
-    shaken = evaluate(drive, signals, pressures=(pressures[0] + noise_p[0], pressures[1] + noise_p[1]))
-    others = (shaken.pressure_rate_a_pa_s, shaken.pressure_rate_b_pa_s)
+    p_a, p_b = scene.pressures
+    shaken = replace(scene, pressures=(p_a + noise_p[0], p_b + noise_p[1]), opened=openings(signals.command)).terms
+    out = []
     for noise, rate, other, p, area, length, dead in zip(
-        noise_p, rates, others, pressures, areas, lengths, cylinder.dead_volume_m3, strict=True
-    ):
+        noise_p, terms.pressure_rates, shaken.pressure_rates, scene.pressures, areas,
+        (x, cylinder.stroke_m - x), cylinder.dead_volume_m3, strict=True,
+    ):  # fmt: skip
         squeezed = drive.gas.heat_capacity_ratio * p * unsure / np.maximum(length + dead / area, dead / area)
         smeared = np.convolve(squeezed, k0, "valid")
         slope = noise * float(np.linalg.norm(k1))

@@ -7,7 +7,8 @@ from oracle.diagnosis_hits import CASES
 from oracle.drive_records import drive, record
 from pneudrive.characterise.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
-from pneudrive.validate.candidates import candidates
+from pneudrive.validate.balance import Scene
+from pneudrive.validate.causes import causes
 from pneudrive.validate.residuals import residuals
 from pneudrive.validate.signals import Signals
 
@@ -70,18 +71,15 @@ def test_residuals_of_a_run_against_its_own_equations_are_rounding_and_sampling(
         assert np.sqrt(np.mean((values[used] / scale[used]) ** 2)) < 1.0
 
 
-def test_every_candidate_acts_on_some_balance():
+def test_every_cause_acts_on_some_balance():
     truth = drive()
     signals = Signals.of(record(truth, 15, duration_s=3.0))
-    from pneudrive.validate.residuals import Scene, raw_residuals
-
     scene = Scene.of(truth, signals)
-    base, _ = raw_residuals(scene, signals)
-    for candidate in candidates(truth):
-        if candidate.profile is None:
-            effect = candidate.effect(scene, signals, candidate.step, base)
-            assert max(float(np.abs(v).max()) for v in effect) > 0.0, candidate.key
-            assert all(np.isfinite(v).all() for v in effect), candidate.key
+    for cause in causes(truth):
+        if cause.profile is None:
+            effect = cause.effect(scene, cause.step)
+            assert max(float(np.abs(v).max()) for v in effect) > 0.0, cause.key
+            assert all(np.isfinite(v).all() for v in effect), cause.key
 
 
 @pytest.mark.parametrize("every", [2, 5, 10])
