@@ -24,6 +24,7 @@ from pneudrive.characteristics.smooth import (
     with_doubt,
 )
 from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.estimate.groups import cells, levels
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,6 +91,11 @@ class Points:
         """Cycles that are points of F(v)."""
         return np.array([not reason for reason in self.reasons], dtype=bool)
 
+    @property
+    def cell(self) -> NDArray[np.int64]:
+        """Number of the condition and speed level of each cycle, shape (n,)."""
+        return cells(self.condition, self.level)
+
     def cycles(self, members: NDArray[np.bool_]) -> list[CycleData]:
         """Give the cycles that are marked."""
         return [d for d, member in zip(self.reduced.data, members, strict=True) if member]
@@ -109,49 +115,28 @@ def points_of(reading: Reading) -> Points | None:
     reduced = reduce(paired, reading.edges_m, np.array([not reason for reason in unsteady], dtype=bool))
     conditions = tuple(sorted({d.condition for d in paired}))
     condition = np.array([conditions.index(d.condition) for d in paired], dtype=np.int64)
-    level, speeds = _levels(reduced.speed_m_s)
+    level = levels(np.log(reduced.speed_m_s), np.log1p(SAME_SPEED))
+    speeds = np.array([reduced.speed_m_s[level == k].mean() for k in range(int(level.max()) + 1)])
     unlikely = implausible(condition, reduced)
     reasons = tuple(a or b for a, b in zip(_reasons(paired, unsteady, condition, level), unlikely, strict=True))
     return Points(reduced, conditions, condition, level, speeds, reasons, unpaired, tuple((d,) for d in paired))
-
-
-def _levels(speed: Array) -> tuple[NDArray[np.int64], Array]:
-    """Speeds within 5 % of the lowest of a group are one level."""
-    order = np.argsort(speed)
-    level = np.zeros(speed.size, dtype=np.int64)
-    lowest, number = speed[order[0]], 0
-    for i in order:
-        if speed[i] > (1.0 + SAME_SPEED) * lowest:
-            lowest, number = speed[i], number + 1
-        level[i] = number
-    means = np.array([speed[level == k].mean() for k in range(number + 1)])
-    return level, means
 
 
 def _reasons(
     data: Sequence[CycleData], unsteady: Sequence[str], condition: NDArray[np.int64], level: NDArray[np.int64]
 ) -> tuple[str, ...]:
     """Say of each cycle why it is no point of F(v). Stick-slip is a matter of a condition and speed, not of a cycle."""
-    bad = np.array([bool(reason) for reason in unsteady], dtype=bool)
+    cell = cells(condition, level)
+    first = {int(c): reason for c, reason in zip(cell[::-1], unsteady[::-1], strict=True) if reason}
+    share = np.bincount(cell, [bool(reason) for reason in unsteady]) / np.bincount(cell)
     found = []
-    _, cell = np.unique(np.column_stack([condition, level]), axis=0, return_inverse=True)
-    members = _members(cell.ravel())
-    for i, d in enumerate(data):
-        same = members[int(cell.ravel()[i])]
-        samples = sum(s.samples for s in d.sides.values())
-        if bad[i] or bad[same].mean() > 0.5:
-            found.append(unsteady[i] or next(unsteady[k] for k in same[bad[same]].tolist()))
-        elif d.flags.get("saturated", 0) > SATURATED_SHARE * samples:
-            found.append("saturated")
+    for d, reason, c in zip(data, unsteady, cell.tolist(), strict=True):
+        limit = SATURATED_SHARE * sum(s.samples for s in d.sides.values())
+        if reason or share[c] > 0.5:
+            found.append(reason or first[c])
         else:
-            found.append("")
+            found.append("saturated" if d.flags.get("saturated", 0) > limit else "")
     return tuple(found)
-
-
-def _members(cell: NDArray[np.int64]) -> list[NDArray[np.intp]]:
-    """Rows of each cell, from 0."""
-    order = np.argsort(cell, kind="stable")
-    return np.split(order, np.cumsum(np.bincount(cell))[:-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from pneudrive.characteristics.curves import Fits, shares_of
 from pneudrive.characteristics.effects import Drift, Repeatability
 from pneudrive.characteristics.smooth import CARRIED
 from pneudrive.estimate.estimates import NORMAL_95, Estimate
+from pneudrive.estimate.groups import cells
 from pneudrive.estimate.mixed import MixedModel, independent
 
 if TYPE_CHECKING:
@@ -143,9 +144,7 @@ def _basis(fits: Fits, sentinels: bool) -> str:
 
 
 def _repeated(fits: Fits) -> bool:
-    points = fits.points
-    cells = np.column_stack([points.condition, points.level])[points.use]
-    return bool((np.unique(cells, axis=0, return_counts=True)[1] > 1).any())
+    return bool((np.bincount(fits.points.cell[fits.points.use]) > 1).any())
 
 
 def repeatability(fits: Fits) -> Repeatability:
@@ -195,12 +194,11 @@ def pure_scatter(fits: Fits) -> Pure | None:
 
     points, fit = fits.points, fits.friction
     use = np.flatnonzero(points.use)
-    places = np.column_stack([points.condition[use], points.level[use]])
-    _, cell, counts = np.unique(places, axis=0, return_inverse=True, return_counts=True)
-    again = counts[cell.ravel()] > 1
+    cell = points.cell[use]
+    again = np.bincount(cell)[cell] > 1
     if not again.any():
         return None
-    use, cell, y, order = use[again], cell.ravel()[again], fit.data.y[again], fit.data.order[again]
+    use, cell, y, order = use[again], cells(cell[again]), fit.data.y[again], fit.data.order[again]
     weight = fit.data.count[again]
     data = [points.reduced.data[i] for i in use]
     blocks = shares_of([[d.head.cycle.block for d in points.members[i]] for i in use])

@@ -46,18 +46,18 @@ class PressureEffects:
 
     levels: str
     speed_m_s: Array
-    slope_a: tuple[Estimate, ...]
-    slope_b: tuple[Estimate, ...]
-    slope_sum: tuple[Estimate, ...]
-    mean_a: Estimate | None
-    mean_b: Estimate | None
-    mean_sum: Estimate | None
-    interaction: FTest | None
-    interaction_n_pa2: Estimate | None
-    curvature: FTest | None
     gauge_pa: tuple[tuple[float, float], ...]
     hidden_n: float
     statement: str
+    slope_a: tuple[Estimate, ...] = ()
+    slope_b: tuple[Estimate, ...] = ()
+    slope_sum: tuple[Estimate, ...] = ()
+    mean_a: Estimate | None = None
+    mean_b: Estimate | None = None
+    mean_sum: Estimate | None = None
+    interaction: FTest | None = None
+    interaction_n_pa2: Estimate | None = None
+    curvature: FTest | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,13 +26,12 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SAME_SLOPE = 1e-3  # of the largest pressure: pairs that lie on one line closer than this do not tell both pressures
-NAMES = {"both": ("p_a", "p_b"), "a": ("p_a",), "b": ("p_b",)}  # of the pressures whose effects can be told
+TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # the chambers whose pressure has an effect that can be told
 #: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure where the order of the
 #: cycles follows pressure and nothing tells the two apart: a seal that runs in or wears (assumed standard uncertainty).
 HIDDEN_CHANGE = 0.1
 #: Of that change, the share that a pressure takes over its range from which on it is said to go with time.
 FOLLOWS_TIME = 0.1
-UNIT = "N/Pa"
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +80,8 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
     if design is None:
         return None
     speed = np.eye(design.speeds.size)[design.level] * design.compared[:, None]
-    slopes = {"both": [design.a, design.b], "a": [design.a], "b": [design.b]}.get(design.kind, [design.a])
+    names = TOLD.get(design.kind, ("sum",))
+    slopes = [design.b if name == "b" else design.a for name in names]
     count = design.speeds.size
     base = np.hstack([design.beside, speed])
     x = np.hstack([base, *(speed * p[:, None] for p in slopes)])
@@ -96,9 +96,10 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
         return None
     u, hidden = accuracy_n(fits, members), _hidden(fits, fit.model, design)
     reach = [u / max(float(np.ptp(p)), 1e-12) for p in slopes]
-    rows_of = [[_row(x.shape[1], len(slopes), count, k, [s]) for s in range(count)] for k in range(len(slopes))]
+    # The last columns are the slopes at each speed, one pressure after the other.
+    rows_of = np.eye(x.shape[1])[-count * len(slopes) :].reshape(len(slopes), count, -1)
     each = [tuple(_slope(fit, row, r, hidden) for row in rows) for rows, r in zip(rows_of, reach, strict=True)]
-    of_mean = [np.mean(rows, axis=0) for rows in rows_of]
+    of_mean = rows_of.mean(axis=1)
     means = [_slope(fit, row, r, hidden) for row, r in zip(of_mean, reach, strict=True)]
     follows = [
         hidden is not None and hidden.share(r) * np.ptp(p) > FOLLOWS_TIME for r, p in zip(of_mean, slopes, strict=True)
@@ -106,28 +107,22 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
     interaction, joint, curvature = None, None, None
     if together.shape[1] and hidden is None:
         rows = np.eye(x.shape[1])[: together.shape[1]]
-        interaction, joint = fit.f_test(rows), _per_pascal(fit.contrast(rows[0]), 2)
+        interaction, joint = fit.f_test(rows), fit.contrast(rows[0]).scaled(PA_PER_BAR**-2, "N/Pa2")
     if hidden is None:
         squares = [design.centred(p) ** 2 * design.compared for p in slopes]
         curvature = _curvature(reading, fits, members, x, design, squares)
-    first = {"both": 0, "a": 0}.get(design.kind)
-    second = {"both": 1, "b": 0}.get(design.kind)
-    total = None if design.kind in {"both", "a", "b"} else 0
+    named: dict[str, Any] = {f"slope_{name}": slope for name, slope in zip(names, each, strict=True)}
+    named |= {f"mean_{name}": mean for name, mean in zip(names, means, strict=True)}
     return PressureEffects(
         levels=title,
         speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
-        slope_a=each[first] if first is not None else (),
-        slope_b=each[second] if second is not None else (),
-        slope_sum=each[total] if total is not None else (),
-        mean_a=means[first] if first is not None else None,
-        mean_b=means[second] if second is not None else None,
-        mean_sum=means[total] if total is not None else None,
-        interaction=interaction,
-        interaction_n_pa2=joint,
-        curvature=curvature,
         gauge_pa=tuple((PA_PER_BAR * a, PA_PER_BAR * b) for a, b in design.pairs),
         hidden_n=hidden.size_n if hidden is not None else 0.0,
         statement=_statement(design, means, interaction, joint, curvature, u) + _order(design, hidden, follows),
+        interaction=interaction,
+        interaction_n_pa2=joint,
+        curvature=curvature,
+        **named,
     )
 
 
@@ -152,14 +147,14 @@ def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_
         return None, members
     compared = members & np.isin(points.level, levels)
     # Equal cycles at other speeds, in one set each; a single one would say nothing.
-    cell = points.condition * (int(points.level.max()) + 1) + points.level
+    cell = points.cell
     sets, counts = np.unique(cell[members & ~compared], return_counts=True)
     beside = members & ~compared & np.isin(cell, sets[counts > 1])
     used = compared | beside
     table = np.array(pairs)
     here = compared[used]
     design = _Design(
-        kind=_kind(table),
+        kind=kind_of(table),
         speeds=points.level_speeds_m_s[levels],
         level=np.where(here, np.searchsorted(levels, points.level[used]), -1),
         a=np.where(here, table[of_cycle[used], 0], 0.0),
@@ -172,7 +167,7 @@ def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_
     return design, used
 
 
-def _kind(pairs: Array) -> str:
+def kind_of(pairs: Array) -> str:
     """Say what pressure pairs can tell: both slopes, one, their sum (equal pressures), or one along another line."""
     away = pairs - pairs.mean(axis=0)
     scale = max(float(np.abs(pairs).max()), 1e-12)
@@ -216,14 +211,6 @@ def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
     return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in fits.points.cycles(members)]))
 
 
-def _row(columns: int, slopes: int, speeds: int, which: int, at: list[int]) -> Array:
-    """Weights of the columns whose sum is the mean of a slope over some speeds."""
-    row = np.zeros(columns)
-    first = columns - (slopes - which) * speeds
-    row[[first + s for s in at]] = 1.0 / len(at)
-    return row
-
-
 @dataclass(frozen=True, eq=False)
 class _Hidden:
     """A change of friction over the campaign that the design does not tell from what it looks for.
@@ -250,11 +237,7 @@ def _hidden(fits: Fits, model: MixedModel, design: _Design) -> _Hidden | None:
 
 def _slope(fit: MixedFit, row: Array, u: float, hidden: _Hidden | None) -> Estimate:
     doubt = u if hidden is None else float(np.hypot(u, hidden.size_n * hidden.share(row)))
-    return _per_pascal(fit.contrast(row).widened(doubt), 1)
-
-
-def _per_pascal(found: Estimate, power: int) -> Estimate:
-    return found.scaled(PA_PER_BAR**-power, UNIT if power == 1 else "N/Pa2")
+    return fit.contrast(row).widened(doubt).scaled(1.0 / PA_PER_BAR, "N/Pa")
 
 
 def _over_speed(design: _Design, columns: list[Array]) -> list[Array]:
@@ -303,7 +286,7 @@ def _statement(
     u: float,
 ) -> str:
     pairs = ", ".join(f"{a:.3g}/{b:.3g}" for a, b in design.pairs)
-    of = zip(means, NAMES.get(design.kind, ("both pressures together",)), strict=True)
+    of = zip(means, _names(design.kind, "both pressures together"), strict=True)
     slopes = " and ".join(f"{mean.scaled(PA_PER_BAR, 'N/bar'):.2f} of {name}" for mean, name in of)
     said = [say("pressure.slopes", pairs=pairs, speeds=design.speeds.size, slopes=slopes)]
     if design.kind != "both":
@@ -317,11 +300,15 @@ def _statement(
     return " ".join(one.text for one in said)
 
 
+def _names(kind: str, both: str) -> list[str]:
+    return [f"p_{name}" for name in TOLD[kind]] if kind in TOLD else [both]
+
+
 def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> str:
     """Say that a pressure changed with time alone, and what that leaves open."""
     if hidden is None or not any(follows):
         return ""
-    of = zip(NAMES.get(design.kind, ("the pressures",)), follows, strict=True)
+    of = zip(_names(design.kind, "the pressures"), follows, strict=True)
     names = " and ".join(name for name, with_time in of if with_time)
     return f" {say('pressure.follows_time', names=names, hidden=hidden.size_n, share=100 * HIDDEN_CHANGE).text}"
 

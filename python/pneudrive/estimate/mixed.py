@@ -174,6 +174,12 @@ class _State:
         solved = cho_solve((lower, True), model.y - model.x @ beta, check_finite=False)
         return cls(sd, solved, beta, inverse @ inverse.T, lower, half_x)
 
+    def deviance(self, model: MixedModel) -> float:
+        """Twice the negative logarithm of the restricted likelihood."""
+        r = np.linalg.qr(self.half_x, mode="r")
+        log_det = 2.0 * float(np.sum(np.log(np.diag(self.lower)))) + 2.0 * float(np.sum(np.log(np.abs(np.diag(r)))))
+        return log_det + float((model.y - model.x @ self.beta) @ self.solved)
+
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
@@ -310,7 +316,7 @@ class MixedFit:
 
     def log_likelihood(self) -> float:
         """Restricted log-likelihood at the most probable standard deviations."""
-        return _log_likelihood(self.model, self.sd)
+        return -0.5 * _State.of(self.model, self.sd).deviance(self.model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,24 +386,13 @@ def independent(x: Array, tolerance: float = 1e-9) -> NDArray[np.intp]:
 # --- restricted likelihood -------------------------------------------------------------------
 
 
-def _log_likelihood(model: MixedModel, sd: Array) -> float:
-    state = _State.of(model, sd)
-    r = np.linalg.qr(state.half_x, mode="r")
-    log_det = 2.0 * float(np.sum(np.log(np.diag(state.lower)))) + 2.0 * float(np.sum(np.log(np.abs(np.diag(r)))))
-    return -0.5 * (log_det + float((model.y - model.x @ state.beta) @ state.solved))
-
-
 def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array]:
     """Negative log posterior of the log standard deviations and its gradient."""
     from scipy.linalg import cho_solve
 
     sd = np.exp(log_sd)
     state = _State.of(model, sd)
-    n = model.y.size
-    r = np.linalg.qr(state.half_x, mode="r")
-    log_det = 2.0 * float(np.sum(np.log(np.diag(state.lower)))) + 2.0 * float(np.sum(np.log(np.abs(np.diag(r)))))
-    quadratic = float((model.y - model.x @ state.beta) @ state.solved)
-    inverse = cho_solve((state.lower, True), np.eye(n), check_finite=False)
+    inverse = cho_solve((state.lower, True), np.eye(model.y.size), check_finite=False)
     vx = inverse @ model.x
     p = inverse - vx @ state.beta_covariance @ vx.T
     gradient = np.empty(sd.size)
@@ -411,7 +406,7 @@ def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array
     share = (sd / scales) ** 2
     power = 1.0 + np.array([c.power for c in model.components])
     prior = float(np.sum(0.5 * (1.0 + power) * np.log1p(share) - power * log_sd))
-    return 0.5 * (log_det + quadratic) + prior, gradient + (1.0 + power) * share / (1.0 + share) - power
+    return 0.5 * state.deviance(model) + prior, gradient + (1.0 + power) * share / (1.0 + share) - power
 
 
 def _search(model: MixedModel, start: Array, scales: Array) -> Array:

@@ -16,6 +16,7 @@ from pneudrive.characteristics.condense import grouped
 from pneudrive.characteristics.curves import MOST_CELLS, MOST_CYCLES, shares_of
 from pneudrive.characteristics.threads import one_thread
 from pneudrive.estimate.estimates import Estimate, FTest
+from pneudrive.estimate.groups import cells, levels
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.estimate.splines import centred_walk
 from pneudrive.show import Shown
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SAME_SPEED = 0.03
-STEP = 0.04  # of the logarithm of speed: speeds that are the same lie in one or in neighbouring steps
 SAME_PRESSURE_PA = 2000.0  # planned pressures that differ by less are the same point
 FEWEST_CYCLES = 6  # of both campaigns at common points
 BEND_SPEEDS = 4  # from which on a difference may bend over speed
@@ -39,7 +39,7 @@ KINDS = ("sweep", "sentinel")
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class CommonPoints:
     """Cycles of both campaigns at common points, shape (n,) each.
 
     Of large campaigns, neighbouring repeats at one point are one row.
@@ -88,7 +88,7 @@ class CurveComparison(Shown):
 
     Attributes
     ----------
-    points : Points
+    points : CommonPoints
     shape : FTest
         Of the difference over all speeds: level, slope and bend together.
     pressure : FTest or None
@@ -105,7 +105,7 @@ class CurveComparison(Shown):
         Both campaigns have more than one block, so that what blocks differ by is in the tests.
     """
 
-    points: Points
+    points: CommonPoints
     shape: FTest
     pressure: FTest | None
     mean: Estimate
@@ -141,7 +141,7 @@ def compare_curves(
         return _compared(points, float(np.sqrt(2.0)) * gain)
 
 
-def _compared(points: Points, u: float) -> CurveComparison:
+def _compared(points: CommonPoints, u: float) -> CurveComparison:
     """Test for a difference; means are less certain by `u` than chance makes them."""
     sign = points.campaign.astype(np.float64) - 0.5
     m = points.speed_m_s.size
@@ -184,71 +184,64 @@ def holm(p: Array) -> Array:
     return out
 
 
-def common_points(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Points:
+def common_points(first: CampaignCharacteristics, second: CampaignCharacteristics) -> CommonPoints:
     """Collect the cycles at speeds and pressures that both campaigns have."""
     usable = [_usable(found) for found in (first, second)]
-    levels = [{c.condition.title for c in cycles} for cycles in usable]
-    with_levels = bool(levels[0] & levels[1]) and max(len(found) for found in levels) > 1
-    places = _Places()
-    rows: list[tuple[int, int, CycleResult]] = []
+    titles = [{c.condition.title for c in cycles} for cycles in usable]
+    with_levels = bool(titles[0] & titles[1]) and max(len(found) for found in titles) > 1
     ambient = [found.identity.ambient_pressure_pa for found in (first, second)]
-    for k, cycles in enumerate(usable):
-        for c in cycles:
-            a, b = (round(p - ambient[k], -2) for p in (c.condition.pressure_a_pa, c.condition.pressure_b_pa))
-            rows.append((k, places.of((c.speed_m_s, a, b, c.condition.title if with_levels else "")), c))
-    keys = places.keys
-    common = sorted(
-        {at for k, at, _ in rows if k == 0} & {at for k, at, _ in rows if k == 1},
-        key=lambda i: (keys[i][3], keys[i][1], keys[i][2], keys[i][0]),
-    )
-    both = [common[i] for i in np.linspace(0, len(common) - 1, min(len(common), MOST_POINTS)).round().astype(int)]
-    number = {at: i for i, at in enumerate(both)}
-    rows = [(k, number[at], c) for k, at, c in rows if at in number]
-    campaign = np.array([k for k, _, _ in rows], dtype=np.int64)
-    point = np.array([at for _, at, _ in rows], dtype=np.int64)
-    named = [(k, c.block) for k, _, c in rows]
+    rows = [(k, c) for k, cycles in enumerate(usable) for c in cycles]
+    keys = [
+        (
+            c.condition.title if with_levels else "",
+            round(c.condition.pressure_a_pa - ambient[k], -2),
+            round(c.condition.pressure_b_pa - ambient[k], -2),
+            c.speed_m_s,
+        )
+        for k, c in rows
+    ]
+    campaign = np.array([k for k, _ in rows], dtype=np.int64)
+    place = _places(keys)
+    common = np.intersect1d(place[campaign == 0], place[campaign == 1])
+    at = sorted((int(np.argmax(place == one)) for one in common), key=lambda i: keys[i])  # the first cycle of each
+    both = [at[i] for i in np.linspace(0, len(at) - 1, min(len(at), MOST_POINTS)).round().astype(int)]
+    number = {int(place[i]): n for n, i in enumerate(both)}
+    used = [i for i in range(len(rows)) if int(place[i]) in number]
+    cycles = [rows[i][1] for i in used]
+    campaign, point = campaign[used], np.array([number[int(place[i])] for i in used], dtype=np.int64)
+    named = [(rows[i][0], rows[i][1].block) for i in used]
     known = {block: i for i, block in enumerate(dict.fromkeys(named))}
     blocks = [known[block] for block in named]
     groups = _groups(campaign, point, blocks)
-    first_of = [group[0] for group in groups]
+    heads = [group[0] for group in groups]
 
     def mean(values: list[float]) -> Array:
         return np.array([np.mean([values[i] for i in group]) for group in groups], dtype=np.float64)
 
-    last = [max((c.index for c in cycles), default=1) for cycles in usable]
+    last = [max((c.index for c in found), default=1) for found in usable]
     count = np.array([len(group) for group in groups], dtype=float)
-    return Points(
-        log_n=mean([float(np.log(c.friction_n)) for _, _, c in rows]),
-        noise=mean([(c.stderr_n / c.friction_n) ** 2 for _, _, c in rows]) / count,
+    return CommonPoints(
+        log_n=mean([float(np.log(c.friction_n)) for c in cycles]),
+        noise=mean([(c.stderr_n / c.friction_n) ** 2 for c in cycles]) / count,
         count=count,
-        campaign=campaign[first_of],
-        point=point[first_of],
+        campaign=campaign[heads],
+        point=point[heads],
         block=shares_of([[blocks[i] for i in group] for group in groups]),
-        order=mean([c.index / last[k] for k, _, c in rows]),
-        speed_m_s=np.array([keys[i][0] for i in both]),
+        order=mean([c.index / last[k] for c, k in zip(cycles, campaign, strict=True)]),
+        speed_m_s=np.array([keys[i][3] for i in both]),
         gauge_pa=np.array([keys[i][1:3] for i in both]).reshape(-1, 2),
-        levels=tuple(keys[i][3] for i in both),
-        left_out=len(common) - len(both),
+        levels=tuple(keys[i][0] for i in both),
+        left_out=len(at) - len(both),
     )
 
 
-class _Places:
-    """Speeds at pressures and levels, each with a number; one that is the same as an earlier one has its number."""
-
-    def __init__(self) -> None:
-        self.keys: list[tuple[float, float, float, str]] = []
-        self._near: dict[tuple[int, str], list[int]] = {}
-
-    def of(self, key: tuple[float, float, float, str]) -> int:
-        """Give the number of the earliest that is the same; a new one where there is none."""
-        step = int(np.floor(np.log(key[0]) / STEP))
-        near = sorted(i for k in (-1, 0, 1) for i in self._near.get((step + k, key[3]), ()))
-        found = next((i for i in near if _same(self.keys[i], key)), None)
-        if found is None:
-            found = len(self.keys)
-            self.keys.append(key)
-            self._near.setdefault((step, key[3]), []).append(found)
-        return found
+def _places(keys: list[tuple[str, float, float, float]]) -> NDArray[np.int64]:
+    """Give one number to all cycles at the same levels, pressures and speed."""
+    if not keys:
+        return np.zeros(0, dtype=np.int64)
+    title, a, b, speed = zip(*keys, strict=True)
+    pressures = (levels(np.array(side), SAME_PRESSURE_PA) for side in (a, b))
+    return cells(np.unique(title, return_inverse=True)[1], *pressures, levels(np.log(speed), np.log1p(SAME_SPEED)))
 
 
 def _groups(campaign: NDArray[np.int64], point: NDArray[np.int64], blocks: list[int]) -> list[list[int]]:
@@ -274,12 +267,7 @@ def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
     ]
 
 
-def _same(a: tuple[float, float, float, str], b: tuple[float, float, float, str]) -> bool:
-    close = abs(a[1] - b[1]) < SAME_PRESSURE_PA and abs(a[2] - b[2]) < SAME_PRESSURE_PA
-    return close and a[3] == b[3] and abs(a[0] - b[0]) < SAME_SPEED * a[0]
-
-
-def _shape_columns(points: Points) -> Array:
+def _shape_columns(points: CommonPoints) -> Array:
     """Level, slope and bend over log speed, centred over the points, shape (m, 1 to 3)."""
     u = np.log10(points.speed_m_s)
     u = u - u.mean()
@@ -292,7 +280,7 @@ def _shape_columns(points: Points) -> Array:
     return np.column_stack(columns)
 
 
-def _pressure_columns(points: Points) -> Array:
+def _pressure_columns(points: CommonPoints) -> Array:
     """Pressures of both chambers, or their sum where they are always equal; per bar, centred."""
     bar = points.gauge_pa / 1e5
     if np.allclose(bar[:, 0], bar[:, 1], atol=0.02):
@@ -300,7 +288,7 @@ def _pressure_columns(points: Points) -> Array:
     return bar - bar.mean(axis=0)
 
 
-def _model(points: Points, x: Array) -> MixedModel:
+def _model(points: CommonPoints, x: Array) -> MixedModel:
     components = []
     for k in (0, 1):
         own = (points.campaign == k).astype(float)
@@ -315,7 +303,7 @@ def _model(points: Points, x: Array) -> MixedModel:
     return MixedModel(points.log_n, x, points.noise, tuple(components))
 
 
-def _each(points: Points, dummies: Array, sign: Array, u: float) -> tuple[Estimate, ...]:
+def _each(points: CommonPoints, dummies: Array, sign: Array, u: float) -> tuple[Estimate, ...]:
     """Difference at each point by itself."""
     m = dummies.shape[1]
     x = np.c_[dummies, dummies * sign[:, None]]
@@ -323,7 +311,7 @@ def _each(points: Points, dummies: Array, sign: Array, u: float) -> tuple[Estima
     return tuple(fit.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
 
 
-def _means(points: Points) -> Array:
+def _means(points: CommonPoints) -> Array:
     m = points.speed_m_s.size
     out = np.zeros((2, m))
     for k in (0, 1):

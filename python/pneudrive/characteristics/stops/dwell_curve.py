@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.estimate.groups import cells, levels
 from pneudrive.estimate.mixed import Functionals, MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.estimate.splines import gaussian
 
@@ -84,11 +85,8 @@ class DwellData:
     @property
     def durations(self) -> int:
         """Largest number of different durations at a condition."""
-        counts = []
-        for c in range(len(self.conditions)):
-            u = np.sort(self.log_s[self.condition == c])
-            counts.append(1 + int((np.diff(u) > SAME_DURATION).sum()) if u.size else 0)
-        return max(counts)
+        level = levels(self.log_s, SAME_DURATION)
+        return max(np.unique(level[self.condition == c]).size for c in range(len(self.conditions)))
 
     def __len__(self) -> int:
         """Give the number of stops."""
@@ -252,10 +250,7 @@ def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect,
 def _first_scatter(data: DwellData, x: Array) -> float:
     """First estimate of the scatter beyond noise: within equal stops, or about lines where nothing is repeated."""
     y = data.increment_n
-    order = np.lexsort((data.log_s, data.condition))
-    new = (np.diff(data.condition[order]) != 0) | (np.diff(data.log_s[order]) > SAME_DURATION)
-    cell = np.empty(y.size, dtype=int)
-    cell[order] = np.r_[0, np.cumsum(new)]
+    cell = cells(data.condition, levels(data.log_s, SAME_DURATION))
     counts = np.bincount(cell)
     repeats = int((counts - 1).sum())
     if repeats >= 3:

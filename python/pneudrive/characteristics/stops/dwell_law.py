@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.characteristics.pressure import TOLD, kind_of
 from pneudrive.characteristics.sentences import say
-from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, DwellCurve, DwellData, fit_curve
+from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, SAME_DURATION, DwellCurve, DwellData, fit_curve
 from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, DwellLawFit, fit_forms
 from pneudrive.characteristics.stops.stop import SPOILING
 from pneudrive.estimate.estimates import mean_estimate
+from pneudrive.estimate.groups import levels
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -52,13 +55,13 @@ class DwellPressure:
     statement : str
     """
 
-    slope_a: Estimate | None
-    slope_b: Estimate | None
-    slope_sum: Estimate | None
-    increment_a: Estimate | None
-    increment_b: Estimate | None
-    increment_sum: Estimate | None
     statement: str
+    slope_a: Estimate | None = None
+    slope_b: Estimate | None = None
+    slope_sum: Estimate | None = None
+    increment_a: Estimate | None = None
+    increment_b: Estimate | None = None
+    increment_sum: Estimate | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -231,8 +234,7 @@ def _inertia(stops: Sequence[Stop]) -> float:
 
 
 def _durations(stops: Sequence[Stop]) -> int:
-    logs = np.sort(np.log10([max(s.dwell_s, 1e-6) for s in stops]))
-    return 1 + int((np.diff(logs) > 0.02).sum()) if logs.size else 0
+    return np.unique(levels(np.log10([max(s.dwell_s, 1e-6) for s in stops]), SAME_DURATION)).size
 
 
 def _reference(durations: list[float]) -> float:
@@ -284,34 +286,19 @@ def _running_drift(stops: Sequence[Stop]) -> float:
 def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
     """Regress slopes and increments of the conditions on their pressures, as functionals of the one model."""
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
-    spread = np.ptp(gauge, axis=0) > SAME_PRESSURE_PA
-    if len(gauge) < 2 or not spread.any():
+    if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None
-    away = gauge - gauge.mean(axis=0)
-    together = bool(np.allclose(gauge[:, 0], gauge[:, 1], atol=SAME_PRESSURE_PA))
-    names, columns = [], []
-    if together:
-        names, columns = ["sum"], [away[:, 0]]
-    elif np.linalg.matrix_rank(away / np.abs(away).max(), tol=1e-6) == 2 and len(gauge) >= 3:
-        names, columns = ["a", "b"], [away[:, 0], away[:, 1]]
-    elif spread.sum() == 1:
-        names, columns = [("a", "b")[int(np.argmax(spread))]], [away[:, int(np.argmax(spread))]]
-    text = {
-        ("sum",): "both pressures moved together: their effects cannot be told apart",
-        ("a", "b"): "effects of both pressures, each with the other one held",
-        ("a",): "only the pressure in chamber a was varied",
-        ("b",): "only the pressure in chamber b was varied",
-    }.get(tuple(names), "the pressures moved along one line: their effects cannot be told apart")
+    kind = kind_of(gauge / PA_PER_BAR)
+    names = () if kind == "line" else TOLD.get(kind, ("sum",))
     found: dict[str, Estimate] = {}
     if names:
-        rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:]
+        away = gauge - gauge.mean(axis=0)
+        columns = [away[:, 1] if name == "b" else away[:, 0] for name in names]
+        rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(np.float64)
         for word, functionals in (("slope", curve.slopes(at)), ("increment", curve.values(at))):
-            for name, estimate in zip(
-                names, functionals.combine(rows.astype(np.float64)).estimates("N/Pa"), strict=True
-            ):
-                found[f"{word}_{name}"] = estimate
-    keys = [f"{w}_{n}" for w in ("slope", "increment") for n in ("a", "b", "sum")]
-    return DwellPressure(**{key: found.get(key) for key in keys}, statement=text)
+            estimates = functionals.combine(rows).estimates("N/Pa")
+            found |= {f"{word}_{name}": estimate for name, estimate in zip(names, estimates, strict=True)}
+    return DwellPressure(say(f"stops.pressure_{kind}").text, **found)
 
 
 # --- what the stops carry ------------------------------------------------------------------------------------------

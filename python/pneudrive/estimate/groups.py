@@ -1,0 +1,38 @@
+"""Values that are the same but for chance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def levels(values: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
+    """Give the number of the level that each value lies on; a level holds those within `reach` of its least one.
+
+    Examples
+    --------
+    >>> levels(np.array([3.0, 1.0, 1.1, 2.9]), 0.2).tolist()
+    [1, 0, 0, 1]
+    """
+    level = np.zeros(values.size, dtype=np.int64)
+    least, number = -np.inf, -1
+    for i in np.argsort(values):
+        if values[i] - least > reach:
+            least, number = values[i], number + 1
+        level[i] = number
+    return level
+
+
+def cells(*columns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Give the number of each combination that occurs, from columns of shape (n,).
+
+    Examples
+    --------
+    >>> cells(np.array([0, 0, 1, 0]), np.array([2, 5, 2, 2])).tolist()
+    [0, 1, 2, 0]
+    """
+    return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel()
