@@ -15,14 +15,14 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
+from pneudrive.estimate.information import weak_coordinates
 from pneudrive.estimate.transforms import intervals
-from pneudrive.identify.assemble import SINGULAR_SHARE, covariance, systematic
+from pneudrive.identify.assemble import covariance, statistics_of, systematic
 from pneudrive.identify.fit import ambient_of, fingerprint, recordings_of
 from pneudrive.identify.law_fit import LawFit
 from pneudrive.identify.model import AnyLaw
 from pneudrive.identify.observations import observations
-from pneudrive.identify.robust import deviance, estimate
-from pneudrive.identify.support import information_criteria
+from pneudrive.identify.robust import estimate
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -32,12 +32,9 @@ if TYPE_CHECKING:
 
     from pneudrive.describe import Friction
     from pneudrive.identify.model import Observations
-    from pneudrive.identify.robust import Estimate
 
     Array = NDArray[np.float64]
 
-#: Starts: the given values, and as many more within this factor of them.
-STARTS, FACTOR = 5, 5.0
 #: A derivative below this share of the largest friction, over the parameter's whole size, is none.
 NO_EFFECT = 1e-9
 
@@ -81,7 +78,7 @@ def fit_any_law(
             f"law {friction.law!r} has no parameter {unknown[0]!r}", rule="its parameters: " + ", ".join(known)
         )
     seen = _seen(_with_sizes(AnyLaw(friction, known), data), data)
-    model = _with_sizes(AnyLaw(friction, tuple(free) if free else seen), data)
+    model = _with_sizes(AnyLaw(friction, tuple(free) if free else seen, seed=seed), data)
     if not model.names:
         raise FitError("steady sliding shows none of the free parameters", value=", ".join(free or known))
     if len(data) <= len(model.names):
@@ -89,8 +86,11 @@ def fit_any_law(
             "the friction map has too few values for this law",
             value=f"{len(data)} values, {len(model.names)} parameters",
         )
-    found, starts, agreeing = _best(model, data, loss, seed)
-    fit = _described(model, data, found, tuple(n for n in known if n not in seen), (starts, agreeing))
+    found = estimate(model, data, loss=loss)
+    matrix, theta = covariance(model, found), model.natural(found.q)
+    reach = student(len(data) - len(model.names)) * np.sqrt(np.diag(matrix))
+    low, high = intervals(theta, reach, model.transforms.lower)
+    lost = weak_coordinates(found.jacobian) | found.active
     origin = {
         "version": __version__,
         "map_sha256": fingerprint(data),
@@ -100,7 +100,19 @@ def fit_any_law(
         "ambient_pressure_pa": ambient,
         "recordings": recordings_of(friction_map),
     }
-    return replace(fit, provenance=origin)
+    return LawFit(
+        model=model,
+        values=dict(zip(model.names, theta.tolist(), strict=True)),
+        units={entry["key"]: entry["unit"] for entry in model.entries()},
+        free=model.names,
+        covariance=matrix,
+        intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
+        systematic=dict(zip(model.names, systematic(model, data, found).tolist(), strict=True)),
+        undetermined=tuple(n for n, is_lost in zip(model.names, lost, strict=True) if is_lost),
+        unseen=tuple(n for n in known if n not in seen),
+        statistics=statistics_of(model, data, found),
+        provenance=origin,
+    )
 
 
 def _with_sizes(model: AnyLaw, data: Observations) -> AnyLaw:
@@ -122,54 +134,3 @@ def _seen(model: AnyLaw, data: Observations) -> tuple[str, ...]:
     value, jac = model.value_and_jacobian(model.internal(model.given), data)
     size = np.abs(jac).max(axis=0)
     return tuple(n for n, s in zip(model.names, size, strict=True) if s > NO_EFFECT * np.abs(value).max())
-
-
-def _best(model: AnyLaw, data: Observations, loss: str, seed: int) -> tuple[Estimate, int, int]:
-    """Estimate from the guesses and from places about them; the most likely one."""
-    given = model.internal(model.given)
-    noise = np.random.default_rng(seed).uniform(-1.0, 1.0, (STARTS, given.size)) * np.log(FACTOR)
-    lower, upper = model.bounds(data)
-    found = []
-    for step in np.vstack([np.zeros(given.size), noise]):
-        start = np.clip(given + np.where(model.positive, step, 0.0), lower, upper)
-        found.append(estimate(model, data, loss=loss, start=start))  # pyright: ignore[reportArgumentType]
-    sizes = np.array([deviance(data, one) for one in found])
-    agreeing = int(np.sum(sizes < sizes.min() + 0.01))
-    return found[int(np.argmin(sizes))], len(found), agreeing
-
-
-def _described(
-    model: AnyLaw, data: Observations, found: Estimate, unseen: tuple[str, ...], starts: tuple[int, int]
-) -> LawFit:
-    size = np.linalg.norm(found.jacobian, axis=0)
-    dead = size == 0.0
-    scaled = found.jacobian / np.where(dead, 1.0, size)
-    _, singular, vt = np.linalg.svd(scaled, full_matrices=False)
-    weak = vt[singular < SINGULAR_SHARE * singular[0]]
-    open_ones = dead | found.active | (np.abs(weak) > 0.3).any(axis=0)
-    dof = len(data) - len(model.names)
-    matrix = covariance(model, found)
-    theta, reach = model.natural(found.q), student(dof) * np.sqrt(np.diag(matrix))
-    low, high = intervals(theta, reach, model.transforms.lower)
-    statistics = {
-        "values": float(len(data)),
-        "degrees_of_freedom": float(dof),
-        "scale": found.scale,
-        "rms_n": float(np.sqrt(np.mean((found.residual * data.stderr_n) ** 2))),
-        **information_criteria(model, data, found),
-        "starts": float(starts[0]),
-        "starts_agreeing": float(starts[1]),
-    }
-    return LawFit(
-        model=model,
-        values=dict(zip(model.names, theta.tolist(), strict=True)),
-        units={entry["key"]: entry["unit"] for entry in model.entries()},
-        free=model.names,
-        intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
-        systematic=dict(zip(model.names, systematic(model, data, found).tolist(), strict=True)),
-        covariance=matrix,
-        undetermined=tuple(n for n, is_open in zip(model.names, open_ones, strict=True) if is_open),
-        unseen=unseen,
-        statistics=statistics,
-        provenance={},
-    )

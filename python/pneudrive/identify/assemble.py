@@ -6,22 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.estimate.information import covariance_of, shift_of
 from pneudrive.identify.model import UNITS, unit_of
 from pneudrive.identify.result import FrictionFit
-from pneudrive.identify.support import information_criteria
+from pneudrive.identify.robust import deviance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.identify.base import Undetermined
-    from pneudrive.identify.model import AnyLaw, FrictionModel, Observations
-    from pneudrive.identify.robust import Estimate
+    from pneudrive.identify.model import FrictionModel, Observations, StaticLaw
+    from pneudrive.identify.robust import RobustEstimate
     from pneudrive.identify.support import Support
 
     Array = NDArray[np.float64]
-
-#: Singular values of the scaled Jacobian below this share of the largest are directions without information.
-SINGULAR_SHARE = 1e-4
 
 
 def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
@@ -40,7 +38,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
         systematic=shared,
         undetermined=tuple(lost),
         notes=tuple(notes),
-        statistics=_statistics(support),
+        statistics=statistics_of(model, data, found, support.scatter_n),
         provenance=provenance,
         model=model,
         observations=data,
@@ -66,45 +64,39 @@ def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict
     return parameters
 
 
-def _statistics(support: Support) -> dict[str, float]:
-    model, data, found = support.model, support.data, support.found
-    residual = found.residual
+def statistics_of(
+    model: StaticLaw, data: Observations, found: RobustEstimate, scatter_n: float = 0.0
+) -> dict[str, float]:
+    """Return how well a law fits; AICc and BIC come from the deviance."""
+    residual, n = found.residual, len(data)
     weighted_mean = float(np.average(data.friction_n, weights=data.stderr_n**-2))
     spread = float(np.sum(((data.friction_n - weighted_mean) / data.stderr_n) ** 2))
+    k, fit = len(model.names) + model.chosen + 1, deviance(data, found)
+    small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
     return {
-        "values": float(len(data)),
-        "degrees_of_freedom": float(len(data) - len(model.names) - model.chosen),
+        "values": float(n),
+        "degrees_of_freedom": float(n - len(model.names) - model.chosen),
         "scale": found.scale,
         "variance": found.variance,
-        "scatter_n": support.scatter_n,
+        "scatter_n": scatter_n,
         "rms_n": float(np.sqrt(np.mean((residual * data.stderr_n) ** 2))),
         "outlying": float(np.sum(found.weight < 0.5)),
         "fit_percent": 100.0 * (1.0 - float(np.sqrt(np.sum(residual**2) / spread))) if spread > 0.0 else float("nan"),
         "starts": float(found.starts),
         "starts_agreeing": float(found.agreeing),
-        **information_criteria(model, data, found),
+        "aicc": fit + 2.0 * k + small,
+        "bic": fit + k * float(np.log(n)),
     }
 
 
-def internal_covariance(found: Estimate) -> Array:
-    """Covariance of the internal coordinates; directions that the data do not determine are left out."""
-    size = np.linalg.norm(found.jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    scaled = found.jacobian / size
-    inner = np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_SHARE**2, hermitian=True) / np.outer(size, size)
-    return found.variance * inner
-
-
-def covariance(model: FrictionModel | AnyLaw, found: Estimate) -> Array:
+def covariance(model: StaticLaw, found: RobustEstimate) -> Array:
     """Covariance in natural units; directions that the data do not determine are left out (the intervals are open)."""
     to_natural = model.natural_jacobian(found.q)
-    matrix = to_natural @ internal_covariance(found) @ to_natural.T
+    matrix = to_natural @ covariance_of(found.jacobian, found.variance) @ to_natural.T
     return 0.5 * (matrix + matrix.T)
 
 
-def systematic(model: FrictionModel | AnyLaw, data: Observations, found: Estimate) -> Array:
+def systematic(model: StaticLaw, data: Observations, found: RobustEstimate) -> Array:
     """Carry what all rows share to a standard uncertainty of each parameter, to first order."""
-    size = np.linalg.norm(found.jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    shift = np.linalg.pinv(found.jacobian / size, rcond=1e-4) @ (data.u_systematic_n / data.stderr_n) / size
+    shift = shift_of(found.jacobian, data.u_systematic_n / data.stderr_n)
     return np.abs(model.natural_jacobian(found.q) @ shift)

@@ -99,7 +99,7 @@ def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "hu
         else:
             sign = rng.choice([-1.0, 1.0], len(blocks))[np.unique(data.group, return_inverse=True)[1]]
             again = replace(data, friction_n=fitted + sign * residual)
-        found[i] = model.natural(estimate(model, again, loss=loss, start=start).q)
+        found[i] = model.natural(estimate(model, again, loss=loss, starts=[start]).q)
     intervals = Intervals(intervals_of_draws(fit.free, found), fit.undetermined)
     return Bootstrap(fit.free, found, intervals, len(blocks), kind)
 

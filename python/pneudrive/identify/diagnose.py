@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError
+from pneudrive.estimate.information import weak_coordinates
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.levels import distinct_levels
 from pneudrive.numbers import plain
@@ -17,14 +18,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.identify.model import FrictionModel, Observations
-    from pneudrive.identify.robust import Estimate
+    from pneudrive.identify.robust import RobustEstimate
 
     Array = NDArray[np.float64]
 
 #: Gauge pressures that differ by less are one level: about 0.5 % of a 10 bar transducer.
 SAME_PRESSURE_PA = 5e3
-#: Directions of the scaled Jacobian below this share of the largest are not determined.
-SINGULAR_SHARE = 1e-4
 #: Without a level below this multiple of vs the data see only the tail of the Stribeck curve, in which a larger
 #: Fs and a smaller vs look alike (at 2 vs the tail is exp(-4) = 2 % of the excess).
 TAIL = 2.0
@@ -176,7 +175,7 @@ def _collinear(a: Array, b: Array) -> bool:
 def diagnose(
     model: FrictionModel,
     data: Observations,
-    found: Estimate,
+    found: RobustEstimate,
     intervals: dict[str, tuple[float, float]],
 ) -> list[Undetermined]:
     """Statements on parameters that were free but that the data do not bound.
@@ -191,7 +190,7 @@ def diagnose(
     if model.stribeck:
         for statement in _stribeck(theta, data, intervals):
             statements.setdefault(statement.parameter, statement)
-    for name in _weak_directions(model, found):
+    for name in np.array(model.names)[weak_coordinates(found.jacobian)].tolist():
         statements.setdefault(
             name,
             Undetermined(
@@ -215,7 +214,7 @@ def diagnose(
 def without_support(
     model: FrictionModel,
     data: Observations,
-    found: Estimate,
+    found: RobustEstimate,
     intervals: dict[str, tuple[float, float]],
     excess_p_value: float | None,
 ) -> tuple[FrictionModel, list[Undetermined]]:
@@ -303,13 +302,3 @@ def _stribeck(
         reason = f"the slowest level, {_mm_s(slowest)}, is too fast to see the limit of friction at zero speed"
         out.append(Undetermined("breakaway", reason, f"add levels below {_mm_s(0.5 * vs)}"))
     return out
-
-
-def _weak_directions(model: FrictionModel, found: Estimate) -> list[str]:
-    size = np.linalg.norm(found.jacobian, axis=0)
-    dead = [n for n, s in zip(model.names, size, strict=True) if s == 0.0]
-    size[size == 0.0] = 1.0
-    _, singular, vt = np.linalg.svd(found.jacobian / size, full_matrices=False)
-    weak = vt[singular < SINGULAR_SHARE * singular[0]]
-    names = [n for k, n in enumerate(model.names) if weak.size and np.max(np.abs(weak[:, k])) > 0.3]
-    return dead + [n for n in names if n not in dead]

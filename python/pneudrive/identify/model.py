@@ -54,6 +54,12 @@ UNITS = {
 }
 #: Stribeck exponents found in the literature lie in 0.5 to 2 [armstrong1994]; the bounds leave room on both sides.
 EXPONENT_BOUNDS = (0.3, 4.0)
+#: Starting values of a free Stribeck exponent: Tustin's exponential, Gauss, and one between.
+EXPONENT_STARTS = (1.0, 1.5, 2.0)
+STARTS_PER_DECADE = 8
+KEPT_STARTS = 3
+#: Starts of a search for any law: the given values, and as many more within this factor of them.
+STARTS, FACTOR = 5, 5.0
 #: Smallest excess Fs - Fc that the logarithm can reach, relative to the largest friction: far below any noise.
 EXCESS_FLOOR = 1e-9
 
@@ -125,6 +131,10 @@ class StaticLaw:
 
     def bounds(self, data: Observations) -> tuple[Array, Array]:
         """Lower and upper bounds of the internal coordinates for these data."""
+        raise NotImplementedError
+
+    def starting_points(self, data: Observations) -> list[Array]:
+        """Find internal coordinates to start from, best first."""
         raise NotImplementedError
 
     def value(self, q: Array, data: Observations) -> Array:
@@ -322,6 +332,56 @@ class FrictionModel(StaticLaw):
         columns_of |= {f"breakaway_{c}": b_s * g for c, g in pressures.items()}
         return np.stack([columns_of[n] for n in self.names if not n.startswith("stribeck_")], axis=-1)
 
+    def starting_points(self, data: Observations) -> list[Array]:
+        """Find internal coordinates to start from, best first.
+
+        At each Stribeck velocity of a logarithmic grid the forces are a linear problem with forces and excess not
+        negative; the best few local minima of the grid are kept.
+        """
+        if not self.stribeck:
+            return [self._linear_start(data, 0.0, None)[1]]
+        lower, upper = self.bounds(data)
+        count = max(3, round((upper[2] - lower[2]) / np.log(10.0) * STARTS_PER_DECADE))
+        exponents = [None] if self.exponent is not None else [float(np.log(n)) for n in EXPONENT_STARTS]
+        kept: list[tuple[float, Array]] = []
+        for log_n in exponents:
+            scored = [self._linear_start(data, lv, log_n) for lv in np.linspace(lower[2] + 0.1, upper[2] - 0.1, count)]
+            costs = np.array([s[0] for s in scored])
+            padded = np.r_[np.inf, costs, np.inf]
+            minima = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]))
+            kept += [scored[i] for i in minima]
+        kept.sort(key=lambda s: s[0])
+        return [np.clip(q, lower + 1e-12, upper) for _, q in kept[:KEPT_STARTS]]
+
+    def _linear_start(self, data: Observations, log_velocity: float, log_exponent: float | None) -> tuple[float, Array]:
+        """Sum of absolute residuals and coordinates of the best forces at a Stribeck velocity and exponent."""
+        from scipy.optimize import nnls
+
+        columns = self.linear_columns(data, np.array([log_velocity]), log_exponent)[0]
+        names = [n for n in self.names if not n.startswith("stribeck_")]
+        if self.stribeck:  # from (Fc, Fs) to (Fc, Fs - Fc), both not negative
+            columns[:, 0] += columns[:, 1]
+        signed = [i for i, n in enumerate(names) if n not in ("coulomb", "breakaway", "viscous")]
+        weight = 1.0 / data.stderr_n
+        size = np.linalg.norm(columns * weight[:, None], axis=0)
+        size[size == 0.0] = 1.0
+        design = np.hstack([columns / size, -columns[:, signed] / size[signed]])
+        solution, residual = np.zeros(design.shape[1]), data.friction_n
+        for _ in range(3):  # three reweightings towards least absolute deviations: outliers must not choose the basin
+            solution, _ = nnls(design * weight[:, None], data.friction_n * weight, maxiter=30 * design.shape[1])
+            residual = (data.friction_n - design @ solution) / data.stderr_n
+            typical = np.median(np.abs(residual)) + 1e-12 * np.max(np.abs(data.friction_n / data.stderr_n))
+            weight = 1.0 / (data.stderr_n * np.sqrt(np.maximum(np.abs(residual) / (2.0 * typical), 1.0)))
+        forces = solution[: len(names)]
+        forces[signed] -= solution[len(names) :]
+        value = dict(zip(names, forces / size, strict=True))
+        if self.stribeck:
+            value["breakaway"] += value["coulomb"]
+            value["stribeck_velocity"] = float(np.exp(log_velocity))
+            value["stribeck_exponent"] = 2.0 if log_exponent is None else float(np.exp(log_exponent))
+        q = self.internal(np.array([value[n] for n in self.names]))
+        return float(np.sum(np.abs(residual))), q
+
     def _pressures(self, data: Observations) -> dict[str, Array]:
         a, b = data.gauge_a_pa, data.gauge_b_pa
         of = {"a": a, "b": b}
@@ -344,11 +404,14 @@ class AnyLaw(StaticLaw):
         Free parameters of the law.
     start : tuple of float
         Where to search, SI; the values of `friction` where nothing is said.
+    seed : int
+        Of the further starts, within a factor of five of the given values.
     """
 
     friction: Friction
     names: tuple[str, ...]
     start: tuple[float, ...] = field(default=(), compare=False)
+    seed: int = field(default=1, compare=False)
     stribeck: bool = field(default=False, init=False)  # no shortcuts of the Stribeck laws
     chosen: int = field(default=0, init=False)
 
@@ -412,6 +475,13 @@ class AnyLaw(StaticLaw):
             law, at, names, data.speed_m_s, data.gauge_a_pa, data.gauge_b_pa, zero, tables
         )
         return force, slopes @ self.natural_jacobian(q)
+
+    def starting_points(self, data: Observations) -> list[Array]:
+        """Return the given values and places about them."""
+        given, (lower, upper) = self.internal(self.given), self.bounds(data)
+        noise = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (STARTS, given.size)) * np.log(FACTOR)
+        steps = np.where(self.positive, np.vstack([np.zeros(given.size), noise]), 0.0)
+        return list(np.clip(given + steps, lower, upper))
 
     def entries(self) -> list[dict[str, Any]]:
         """Return what the core says of each free parameter: bounds, unit, meaning."""

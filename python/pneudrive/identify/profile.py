@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.identify.model import FrictionModel, Observations
-    from pneudrive.identify.robust import Estimate
+    from pneudrive.identify.robust import RobustEstimate
 
     Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ SINGULAR_SHARE = 1e-7
 
 
 def profile_intervals(
-    model: FrictionModel, data: Observations, found: Estimate, quantile: float, least: float | None = None
+    model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float, least: float | None = None
 ) -> dict[str, tuple[float, float]]:
     """Intervals of all free parameters, natural units.
 
@@ -41,7 +41,7 @@ def profile_intervals(
     ----------
     model : FrictionModel
     data : Observations
-    found : Estimate
+    found : RobustEstimate
         The estimate; its pseudo-values and variance define the equivalent plain least squares problem.
     quantile : float
         Two-sided Student quantile of the wanted probability.
@@ -101,7 +101,7 @@ def _crossings(log_value: Array, slack: Array) -> tuple[float, float]:
     return float(np.exp(edge(first, first - 1))), float(np.exp(edge(last, last + 1)))
 
 
-def _grid(model: FrictionModel, data: Observations, found: Estimate, quantile: float) -> tuple[Array, Array]:
+def _grid(model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float) -> tuple[Array, Array]:
     """Grids of log vs and log n: the whole range coarsely, the neighbourhood of the estimate finely."""
     nothing = np.zeros(1)
     if not model.stribeck:
@@ -163,7 +163,7 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
 
 
 def _close(
-    model: FrictionModel, data: Observations, found: Estimate, low: dict[str, float], high: dict[str, float]
+    model: FrictionModel, data: Observations, found: RobustEstimate, low: dict[str, float], high: dict[str, float]
 ) -> dict[str, tuple[float, float]]:
     """Bounds that the data did not set become open; what cannot be negative stops at zero."""
     lower, upper = model.bounds(data)

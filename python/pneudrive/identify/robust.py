@@ -15,9 +15,11 @@ from pneudrive.characterise.spread import robust_deviation
 from pneudrive.estimate.losses import LINEAR, LOSSES, Loss
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
-    from pneudrive.identify.model import FrictionModel, Observations
+    from pneudrive.identify.model import Observations, StaticLaw
 
     Array = NDArray[np.float64]
 
@@ -25,10 +27,6 @@ if TYPE_CHECKING:
 SCALE_FLOOR = 1e-10
 #: Rounds of (estimate, scale); the scale settles to 1e-6 in three to five.
 MAX_ROUNDS = 20
-#: Starting values of a free Stribeck exponent: Tustin's exponential, Gauss, and one between.
-EXPONENT_STARTS = (1.0, 1.5, 2.0)
-STARTS_PER_DECADE = 8
-KEPT_STARTS = 3
 #: Starts with ln vs nearer than this ended at the same estimate.
 SAME_VELOCITY = 0.05
 #: An estimate is hardly worse than another if its cost, half the deviance, is within this (p = 0.05 for one parameter).
@@ -36,7 +34,7 @@ HARDLY_WORSE = 1.92
 
 
 @dataclass(frozen=True)
-class Estimate:
+class RobustEstimate:
     """A robust estimate in internal coordinates.
 
     Attributes
@@ -80,40 +78,40 @@ class Estimate:
 
 
 def estimate(
-    model: FrictionModel,
+    model: StaticLaw,
     data: Observations,
     *,
     loss: str = "huber",
     fixed_scale: bool = False,
-    start: Array | None = None,
-) -> Estimate:
-    """Estimate the free parameters of `model`.
+    starts: Sequence[Array] = (),
+) -> RobustEstimate:
+    """RobustEstimate the free parameters of `model`.
 
     Parameters
     ----------
-    model : FrictionModel
+    model : StaticLaw
     data : Observations
     loss : str
         ``linear`` (plain weighted least squares) or a name in ``LOSSES``. The scale is Huber's with any of them: a
         loss that gives far outliers no weight has no scale of its own.
     fixed_scale : bool
         Take the stated standard errors as exact (the only choice where there are no more rows than parameters).
-    start : ndarray, shape (p,), optional
-        Internal coordinates to start from alone, where a near estimate is known.
+    starts : sequence of ndarray, shape (p,)
+        Internal coordinates to start from; by default those of `starting_points`.
 
     Returns
     -------
-    Estimate
+    RobustEstimate
     """
     if loss not in ("linear", "huber"):
-        near = estimate(model, data, fixed_scale=fixed_scale, start=start)
+        near = estimate(model, data, fixed_scale=fixed_scale, starts=starts)
         q = _polish(model, data, near.q, LOSSES[loss], near.scale)[0]
         found = _describe(model, data, q, near.scale, LOSSES[loss], fixed_scale)
         return replace(found, starts=near.starts, agreeing=near.agreeing, rival=near.rival)
     kind = LINEAR if loss == "linear" else LOSSES[loss]
     dof = _freedom(model, data)
     floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
-    starts = starting_points(model, data) if start is None else [start]
+    starts = starts or model.starting_points(data)
     scale = 1.0 if fixed_scale else max(_mad(_residual(model, starts[0], data), dof), floor)
     candidates = [_polish(model, data, q, kind, scale) for q in starts]
     q, best = min(candidates, key=lambda c: c[1])
@@ -135,11 +133,11 @@ def estimate(
     return replace(found, **told)
 
 
-def _freedom(model: FrictionModel, data: Observations) -> int:
+def _freedom(model: StaticLaw, data: Observations) -> int:
     return max(len(data) - len(model.names) - model.chosen, 1)
 
 
-def deviance(data: Observations, found: Estimate) -> float:
+def deviance(data: Observations, found: RobustEstimate) -> float:
     """Twice the negative log-likelihood, but for a constant, of the density whose logarithm is the loss [huber2009].
 
     Normal where the loss is quadratic.
@@ -147,64 +145,11 @@ def deviance(data: Observations, found: Estimate) -> float:
     return 2.0 * (found.cost + len(data) * np.log(found.scale) + float(np.sum(np.log(data.stderr_n))))
 
 
-def starting_points(model: FrictionModel, data: Observations) -> list[Array]:
-    """Find internal coordinates to start from, best first.
-
-    At each Stribeck velocity of a logarithmic grid the forces are a linear problem with forces and excess not
-    negative; the best few local minima of the grid are kept.
-    """
-    if not model.stribeck:
-        return [_linear_start(model, data, 0.0, None)[1]]
-    lower, upper = model.bounds(data)
-    count = max(3, round((upper[2] - lower[2]) / np.log(10.0) * STARTS_PER_DECADE))
-    exponents = [None] if model.exponent is not None else [float(np.log(n)) for n in EXPONENT_STARTS]
-    kept: list[tuple[float, Array]] = []
-    for log_n in exponents:
-        scored = [_linear_start(model, data, lv, log_n) for lv in np.linspace(lower[2] + 0.1, upper[2] - 0.1, count)]
-        costs = np.array([s[0] for s in scored])
-        padded = np.r_[np.inf, costs, np.inf]
-        minima = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]))
-        kept += [scored[i] for i in minima]
-    kept.sort(key=lambda s: s[0])
-    return [np.clip(q, lower + 1e-12, upper) for _, q in kept[:KEPT_STARTS]]
-
-
-def _linear_start(
-    model: FrictionModel, data: Observations, log_velocity: float, log_exponent: float | None
-) -> tuple[float, Array]:
-    from scipy.optimize import nnls
-
-    columns = model.linear_columns(data, np.array([log_velocity]), log_exponent)[0]
-    names = [n for n in model.names if not n.startswith("stribeck_")]
-    if model.stribeck:  # from (Fc, Fs) to (Fc, Fs - Fc), both not negative
-        columns[:, 0] += columns[:, 1]
-    signed = [i for i, n in enumerate(names) if n not in ("coulomb", "breakaway", "viscous")]
-    weight = 1.0 / data.stderr_n
-    size = np.linalg.norm(columns * weight[:, None], axis=0)
-    size[size == 0.0] = 1.0
-    design = np.hstack([columns / size, -columns[:, signed] / size[signed]])
-    solution, residual = np.zeros(design.shape[1]), data.friction_n
-    for _ in range(3):  # three reweightings towards least absolute deviations: outliers must not choose the basin
-        solution, _ = nnls(design * weight[:, None], data.friction_n * weight, maxiter=30 * design.shape[1])
-        residual = (data.friction_n - design @ solution) / data.stderr_n
-        typical = np.median(np.abs(residual)) + 1e-12 * np.max(np.abs(data.friction_n / data.stderr_n))
-        weight = 1.0 / (data.stderr_n * np.sqrt(np.maximum(np.abs(residual) / (2.0 * typical), 1.0)))
-    forces = solution[: len(names)]
-    forces[signed] -= solution[len(names) :]
-    value = dict(zip(names, forces / size, strict=True))
-    if model.stribeck:
-        value["breakaway"] += value["coulomb"]
-        value["stribeck_velocity"] = float(np.exp(log_velocity))
-        value["stribeck_exponent"] = 2.0 if log_exponent is None else float(np.exp(log_exponent))
-    q = model.internal(np.array([value[n] for n in model.names]))
-    return float(np.sum(np.abs(residual))), q
-
-
-def _residual(model: FrictionModel, q: Array, data: Observations) -> Array:
+def _residual(model: StaticLaw, q: Array, data: Observations) -> Array:
     return (data.friction_n - model.value(q, data)) / data.stderr_n
 
 
-def _polish(model: FrictionModel, data: Observations, q: Array, kind: Loss, scale: float) -> tuple[Array, float]:
+def _polish(model: StaticLaw, data: Observations, q: Array, kind: Loss, scale: float) -> tuple[Array, float]:
     from scipy.optimize import least_squares
 
     lower, upper = model.bounds(data)
@@ -259,8 +204,8 @@ def proposal_2(residual: Array, scale: float, dof: int, k: float) -> float:
 
 
 def _describe(
-    model: FrictionModel, data: Observations, q: Array, scale: float, kind: Loss, fixed_scale: bool
-) -> Estimate:
+    model: StaticLaw, data: Observations, q: Array, scale: float, kind: Loss, fixed_scale: bool
+) -> RobustEstimate:
     value, jac = model.value_and_jacobian(q, data)
     residual = (data.friction_n - value) / data.stderr_n
     u = residual / scale
@@ -277,7 +222,7 @@ def _describe(
     active = (q - lower < reach) | (upper - q < reach)
     if model.stribeck:  # an excess that cannot be told from zero is at its bound, whatever its logarithm
         active[1] = active[1] or np.exp(q[1]) < 1e-6 * np.max(np.abs(data.friction_n))
-    return Estimate(
+    return RobustEstimate(
         q=q,
         scale=scale,
         residual=residual,

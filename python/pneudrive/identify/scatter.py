@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.robust import Estimate, deviance, estimate
+from pneudrive.identify.robust import RobustEstimate, deviance, estimate
 
 if TYPE_CHECKING:
     from pneudrive.identify.model import FrictionModel, Observations
@@ -28,8 +28,8 @@ CLEARLY = 6.6
 
 
 def with_scatter(
-    model: FrictionModel, data: Observations, found: Estimate, *, loss: str
-) -> tuple[Observations, Estimate, float]:
+    model: FrictionModel, data: Observations, found: RobustEstimate, *, loss: str
+) -> tuple[Observations, RobustEstimate, float]:
     """Add a scatter to the standard errors where the residuals ask for it and are then more likely.
 
     The other explanation of large residuals, standard errors that are too small by one factor, is what an estimate
@@ -44,7 +44,7 @@ def with_scatter(
 
     Returns
     -------
-    Observations, Estimate, float
+    Observations, RobustEstimate, float
         With the scatter's standard deviation in N (0 where there is none).
     """
     from scipy.optimize import brentq
@@ -59,7 +59,7 @@ def with_scatter(
         return replace(data, stderr_n=np.hypot(data.stderr_n, scatter))
 
     def excess(log_scatter: float) -> float:
-        nearer = estimate(model, spread(float(np.exp(log_scatter))), loss=loss, start=found.q)
+        nearer = estimate(model, spread(float(np.exp(log_scatter))), loss=loss, starts=[found.q])
         return float(np.log(nearer.scale))
 
     most = 2.0 * found.scale * float(data.stderr_n.max()) + 2.0 * float(np.ptp(data.friction_n))

@@ -10,12 +10,16 @@ import numpy as np
 from pneudrive.characterise.spread import student
 from pneudrive.identify.diagnose import without_support
 from pneudrive.identify.profile import profile_intervals
-from pneudrive.identify.robust import Estimate, deviance, estimate
+from pneudrive.identify.robust import RobustEstimate, deviance, estimate
 from pneudrive.identify.scatter import with_scatter
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from pneudrive.identify.base import Undetermined
-    from pneudrive.identify.model import AnyLaw, FrictionModel, Observations
+    from pneudrive.identify.model import FrictionModel, Observations
+
+    Array = NDArray[np.float64]
 
 #: Knees that are tried, as multiples of the largest gauge pressure; beyond four the curve is a straight line to 20 %
 #: of its end, and below a tenth a step.
@@ -33,7 +37,7 @@ class Support:
 
     model: FrictionModel
     data: Observations
-    found: Estimate
+    found: RobustEstimate
     scatter_n: float
     intervals: dict[str, tuple[float, float]]
     lost: list[Undetermined]
@@ -43,9 +47,7 @@ def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) ->
     """Fit, and leave out the parts of the law that the values do not support: they would only blur the others."""
     lost: list[Undetermined] = []
     while True:
-        dof = len(stated) - len(model.names) - model.chosen
-        found = estimate(model, stated, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
-        data, found, scatter = with_scatter(model, stated, found, loss=loss)
+        data, found, scatter, dof = _estimated(model, stated, loss)
         intervals = _over_knees(model, data, found, student(dof), loss)
         smaller, statements = without_support(model, data, found, intervals, _excess_p_value(model, data, found, dof))
         if smaller == model:
@@ -55,10 +57,14 @@ def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) ->
 
 def as_it_is(model: FrictionModel, data: Observations, loss: str) -> Support:
     """Fit without leaving anything out and without profile intervals: for values that are predicted many times."""
+    data, found, scatter, _ = _estimated(model, data, loss)
+    return Support(model, data, found, scatter, {}, [])
+
+
+def _estimated(model: FrictionModel, data: Observations, loss: str) -> tuple[Observations, RobustEstimate, float, int]:
     dof = len(data) - len(model.names) - model.chosen
     found = estimate(model, data, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
-    data, found, scatter = with_scatter(model, data, found, loss=loss)
-    return Support(model, data, found, scatter, {}, [])
+    return *with_scatter(model, data, found, loss=loss), dof
 
 
 def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionModel:
@@ -66,24 +72,25 @@ def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionMo
     if model.pressure != "saturating" or not model.chambers:
         return model
     top = float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
-    start, best, least, chosen = None, model, np.inf, 1.0
+    starts: list[Array] = []
+    best, least, chosen = model, np.inf, 1.0
     for share in KNEES[::-1]:  # from the nearest to a straight line on, each from the estimate before
         tried = replace(model, knee_pa=share * top)
-        found = estimate(tried, data, loss=loss, start=start)
-        start, size = found.q, deviance(data, found)
+        found = estimate(tried, data, loss=loss, starts=starts)
+        starts, size = [found.q], deviance(data, found)
         if size < least:
             best, least, chosen = tried, size, share
     for share in chosen * FINER:
         if KNEES[0] <= share <= KNEES[-1]:
             tried = replace(model, knee_pa=share * top)
-            size = deviance(data, estimate(tried, data, loss=loss, start=start))
+            size = deviance(data, estimate(tried, data, loss=loss, starts=starts))
             if size < least:
                 best, least = tried, size
     return best
 
 
 def _over_knees(
-    model: FrictionModel, data: Observations, found: Estimate, quantile: float, loss: str
+    model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float, loss: str
 ) -> dict[str, tuple[float, float]]:
     """Profile intervals, over all knees that the values allow: at one knee alone the slopes seem known far too well."""
     out = profile_intervals(model, data, found, quantile)
@@ -97,7 +104,7 @@ def _over_knees(
             if not KNEES[0] * top <= knee <= KNEES[-1] * top:
                 break
             tried = replace(model, knee_pa=float(knee))
-            near = estimate(tried, pseudo, loss="linear", start=found.q)
+            near = estimate(tried, pseudo, loss="linear", starts=[found.q])
             near = replace(near, pseudo=found.pseudo, variance=found.variance)
             more = profile_intervals(tried, data, near, quantile, least)
             if not more:
@@ -106,7 +113,7 @@ def _over_knees(
     return out
 
 
-def _excess_p_value(model: FrictionModel, data: Observations, found: Estimate, dof: int) -> float | None:
+def _excess_p_value(model: FrictionModel, data: Observations, found: RobustEstimate, dof: int) -> float | None:
     """F test of the Stribeck part against the same law without it, on the same pseudo-values."""
     from scipy.special import fdtrc
 
@@ -119,10 +126,3 @@ def _excess_p_value(model: FrictionModel, data: Observations, found: Estimate, d
     extra = len(model.names) - len(smaller.names)
     gain = float(np.sum(without.residual**2)) - cost
     return float(fdtrc(extra, dof, max(gain, 0.0) / extra / found.variance))
-
-
-def information_criteria(model: FrictionModel | AnyLaw, data: Observations, found: Estimate) -> dict[str, float]:
-    """AICc and BIC from the deviance, see `robust.deviance`."""
-    n, k, fit = len(data), len(model.names) + model.chosen + 1, deviance(data, found)
-    small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
-    return {"aicc": fit + 2.0 * k + small, "bic": fit + k * float(np.log(n))}
