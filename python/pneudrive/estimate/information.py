@@ -50,7 +50,7 @@ def weak_coordinates(jacobian: Array) -> NDArray[np.bool_]:
 
     Examples
     --------
-    >>> weak_coordinates(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0]]))
+    >>> weak_coordinates(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [2.0, 2.0, 0.0]]))
     array([ True,  True, False])
     """
     _, singular, vt = np.linalg.svd(jacobian / _sizes(jacobian), full_matrices=False)
