@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.extract import RecordingResult, extract
+from pneudrive.characterise.extract import RecordingResult, extract, friction_points
 from pneudrive.characterise.formats import as_numbers
 from pneudrive.characterise.layout import Layout, stem
 from pneudrive.characterise.load import RecordingFile, to_recording
 from pneudrive.characterise.pool import in_processes
 from pneudrive.characterise.pool import workers as usual_workers
-from pneudrive.characterise.pressure_line import friction_points
 from pneudrive.characterise.text_table import column_number
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import open_table

@@ -1,17 +1,18 @@
-"""Recordings of a drive: command, position, chamber pressures and whatever else was measured over time."""
+"""Recordings of a drive or of a fixed volume: what was commanded and what was measured over time."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.layout import Layout, stem
-from pneudrive.characterise.load import convert, read_raw, shifted
+from pneudrive.characterise.layout import Layout, SampledLayout, stem
+from pneudrive.characterise.load import convert, find_layout, layout_beside, read_raw, shifted
+from pneudrive.characterise.plausible import refuse_pressure
 from pneudrive.characterise.trajectories import is_run
 from pneudrive.errors import RecordingError
 from pneudrive.files.content import parse_json
@@ -20,7 +21,7 @@ from pneudrive.show import Shown
 from pneudrive.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 NEEDED = ("time_s", "command", "position_m", "pressure_a_pa", "pressure_b_pa")
 OPTIONAL = ("velocity_m_s", "temperature_a_k", "temperature_b_k", "force_n", "friction_force_n")
 LEAST_SAMPLES = 50
+#: Columns of a fixed volume in SI; the first two are needed.
+OF_VOLUME = ("time_s", "pressure_pa", "command", "inlet_pressure_pa")
+LEAST_OF_VOLUME = 10
 #: Columns that only a simulation has all of.
 _SIMULATED = {"acceleration_m_s2", "mass_flow_a_kg_s", "mass_flow_b_kg_s"}
 _LAYOUT_COLUMNS = {
@@ -39,6 +43,8 @@ _LAYOUT_COLUMNS = {
     "position": "position_m",
     "velocity": "velocity_m_s",
     "force": "force_n",
+    "pressure": "pressure_pa",
+    "inlet_pressure": "inlet_pressure_pa",
     **{f"pressure_{c}": f"pressure_{c}_pa" for c in "ab"},
     **{f"temperature_{c}": f"temperature_{c}_k" for c in "ab"},
 }
@@ -99,6 +105,35 @@ class DriveRecording(Shown):
         return self.time_s[change], command[change]
 
 
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class VolumeRecording(DriveRecording):
+    """What was measured of a fixed volume.
+
+    Its columns are ``time_s`` (rising, from 0), ``pressure_pa`` (absolute), ``command`` (share of the line's full
+    opening, held from each sample to the next; 1 where nothing was recorded), and ``inlet_pressure_pa`` (absolute,
+    between the line and the tube) where that was recorded.
+    """
+
+    @property
+    def pressure_pa(self) -> Array:
+        """Pressure of the volume, absolute, Pa."""
+        return self.columns["pressure_pa"]
+
+    @property
+    def opening(self) -> Array:
+        """Share of the line's full opening."""
+        return self.columns["command"]
+
+    @property
+    def measured(self) -> dict[str, Array]:
+        """The pressures that were recorded, by the names of what a simulated tank shows."""
+        return {name: self.columns[name] for name in ("pressure_pa", "inlet_pressure_pa") if name in self}
+
+    def at(self, keep: NDArray[np.bool_]) -> VolumeRecording:
+        """Return the recording at some of its samples."""
+        return replace(self, columns={name: column[keep] for name, column in self.columns.items()})
+
+
 def drive_recording(
     columns: Mapping[str, Any],
     name: str = "recording",
@@ -124,30 +159,99 @@ def drive_recording(
     RecordingError
         A column is missing or not finite, lengths differ, times do not rise, or a command is beyond -1 .. 1.
     """
-    missing = [c for c in needed if c not in columns]
-    if missing:
-        raise RecordingError(
-            f"the recording lacks {', '.join(missing)}",
-            where=str(source or name),
-            value=f"columns: {', '.join(map(str, columns))}",
-            rule=f"a recording of a drive has {', '.join(needed)}",
-            remedy="name the columns as `pneudrive simulate --out` does, or say in a layout where they are",
-        )
-    used = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in (*NEEDED, *OPTIONAL) if c in columns}
     where = str(source or name)
+    remedy = "name the columns as `pneudrive simulate --out` does, or say in a layout where they are"
+    _need(columns, needed, where, f"a recording of a drive has {', '.join(needed)}", remedy)
+    used = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in (*NEEDED, *OPTIONAL) if c in columns}
     _check(used, where, gaps=gaps)
     time = used["time_s"]
-    digest = hashlib.sha256(b"".join(values.tobytes() for values in used.values())).hexdigest()
     kept = {**used, "time_s": time - time[0]}
-    return DriveRecording(name, kept, dict(labels or {}), source, digest, set(columns) >= _SIMULATED)
+    return DriveRecording(name, kept, dict(labels or {}), source, _digest(used.values()), set(columns) >= _SIMULATED)
+
+
+def volume_recording(
+    columns: Mapping[str, Any],
+    name: str = "recording",
+    labels: Mapping[str, str] | None = None,
+    source: Path | None = None,
+) -> VolumeRecording:
+    """Make a recording of a fixed volume of columns in SI: ``time_s``, ``pressure_pa``, and more of `OF_VOLUME`.
+
+    Samples that are not finite, and such that repeat a time, are left out.
+
+    Raises
+    ------
+    RecordingError
+        A column is missing, lengths differ, time runs backwards, too few samples are left, a pressure is impossible,
+        or an opening is beyond 0 .. 1.
+    """
+    where = str(source or name)
+    rule = (
+        "a fixed volume has time_s and pressure_pa (absolute), command where its line opens or shuts, and "
+        "inlet_pressure_pa where that before a tube was recorded"
+    )
+    _need(columns, OF_VOLUME[:2], where, rule)
+    values = {c: np.asarray(columns[c], dtype=np.float64).ravel() for c in OF_VOLUME if c in columns}
+    values.setdefault("command", np.ones(values["time_s"].size))
+    _same_length(values, where)
+    finite = np.all([np.isfinite(column) for column in values.values()], axis=0)
+    values = {name: column[finite] for name, column in values.items()}
+    _refuse_fall(values["time_s"], np.diff(values["time_s"]) < 0.0, "time runs backwards", where)
+    fresh = np.r_[True, np.diff(values["time_s"]) > 0.0][: values["time_s"].size]
+    values = {name: column[fresh] for name, column in values.items()}
+    time = values["time_s"]
+    if time.size < LEAST_OF_VOLUME:
+        raise RecordingError(f"{time.size} samples are left", where=where, rule=f"at least {LEAST_OF_VOLUME}")
+    for pressure in ("pressure_pa", "inlet_pressure_pa"):
+        if pressure in values:
+            refuse_pressure(pressure.removesuffix("_pa"), values[pressure], where)
+    _within(values["command"], 0.0, "the share of the line's full opening", where)
+    kept = {**values, "time_s": time - time[0]}
+    return VolumeRecording(name, kept, dict(labels or {}), source, _digest(values[c] for c in OF_VOLUME if c in values))
+
+
+def _need(
+    columns: Mapping[str, Any], needed: Sequence[str], where: str, rule: str, remedy: str | None = None
+) -> None:
+    missing = [c for c in needed if c not in columns]
+    if missing:
+        shown = f"columns: {', '.join(map(str, columns))}"
+        raise RecordingError(
+            f"the recording lacks {', '.join(missing)}", where=where, value=shown, rule=rule, remedy=remedy
+        )
+
+
+def _same_length(columns: dict[str, Array], where: str) -> None:
+    if any(values.shape != (columns["time_s"].size,) for values in columns.values()):
+        shown = ", ".join(f"{c}: {values.shape}" for c, values in columns.items())
+        raise RecordingError("the columns differ in length", where=where, value=shown)
+
+
+def _refuse_fall(time_s: Array, falls: NDArray[np.bool_], what: str, where: str) -> None:
+    if falls.any():
+        at = int(np.argmax(falls))
+        shown = f"{time_s[at]:g} s, then {time_s[at + 1]:g} s"
+        raise RecordingError(what, where=f"{where}, sample {at + 1}", value=shown)
+
+
+def _within(command: Array, lowest: float, meaning: str, where: str) -> None:
+    beyond = np.flatnonzero((command < lowest) | (command > 1.0))
+    if beyond.size:
+        raise RecordingError(
+            f"command = {command[beyond[0]]:g}",
+            where=f"{where}, sample {beyond[0]}",
+            rule=f"{lowest:g} <= command <= 1: {meaning}",
+            remedy="scale it in the layout: command = { column = ..., scale = ..., offset = ... }",
+        )
+
+
+def _digest(columns: Iterable[Array]) -> str:
+    return hashlib.sha256(b"".join(values.tobytes() for values in columns)).hexdigest()
 
 
 def _check(columns: dict[str, Array], where: str, *, gaps: bool) -> None:
-    sizes = {c: v.shape for c, v in columns.items()}
+    _same_length(columns, where)
     n = columns["time_s"].size
-    if any(shape != (n,) for shape in sizes.values()):
-        shown = ", ".join(f"{c}: {shape}" for c, shape in sizes.items())
-        raise RecordingError("the columns differ in length", where=where, value=shown)
     if n < LEAST_SAMPLES:
         raise RecordingError(f"the recording has {n} samples", where=where, rule=f"at least {LEAST_SAMPLES}")
     for column, values in columns.items():
@@ -157,19 +261,8 @@ def _check(columns: dict[str, Array], where: str, *, gaps: bool) -> None:
         if bad.size:
             remedy = "cut the file there, or fill short gaps"
             raise RecordingError(f"{column} is not finite", where=f"{where}, sample {bad[0]}", remedy=remedy)
-    time, command = columns["time_s"], columns["command"]
-    falls = np.flatnonzero(np.diff(time) <= 0.0)
-    if falls.size:
-        shown = f"{time[falls[0]]:g} s, then {time[falls[0] + 1]:g} s"
-        raise RecordingError("time_s does not rise", where=f"{where}, sample {falls[0] + 1}", value=shown)
-    beyond = np.flatnonzero(np.abs(command) > 1.0)
-    if beyond.size:
-        raise RecordingError(
-            f"command = {command[beyond[0]]:g}",
-            where=f"{where}, sample {beyond[0]}",
-            rule="-1 <= command <= 1: the share of the valve's full opening, with sign",
-            remedy="scale it in the layout: command = { column = ..., scale = ..., offset = ... }",
-        )
+    _refuse_fall(columns["time_s"], np.diff(columns["time_s"]) <= 0.0, "time_s does not rise", where)
+    _within(columns["command"], -1.0, "the share of the valve's full opening, with sign", where)
     for side in [side for side in "ab" if f"pressure_{side}_pa" in columns]:
         low = float(np.fmin.reduce(columns[f"pressure_{side}_pa"]))
         if low <= 0.0:
@@ -203,22 +296,55 @@ def read_drive_recordings(
     RecordingError, LayoutError
         With file, value, rule and remedy.
     """
-    single = isinstance(recordings, str | Path | Mapping | DriveRecording) or is_run(recordings)
-    given = [recordings] if single else list(recordings)  # type: ignore[arg-type]
-    if not given:
-        raise RecordingError("no recording is named", remedy="give at least one file")
-    said = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
+    given, said = _given(recordings, layout)
     out: list[DriveRecording] = []
     for number, item in enumerate(given, start=1):
-        read = _read(item, f"recording {number}", said, needed, gaps=gaps)  # type: ignore[arg-type]
+        read = _read(item, f"recording {number}", said, needed, gaps=gaps)
         taken = {r.name for r in out}
         if read.name in taken:
             folder = read.source.parent.name if read.source is not None else f"{number}"
-            read = DriveRecording(
-                f"{folder}/{read.name}", read.columns, read.labels, read.source, read.sha256, read.synthetic
-            )
+            read = replace(read, name=f"{folder}/{read.name}")
         out.append(read)
     return out
+
+
+def read_volume_recordings(
+    recordings: Any,  # noqa: ANN401 - one or several, of several kinds
+    layout: Layout | str | Path | None = None,
+) -> list[VolumeRecording]:
+    """Read recordings of a fixed volume.
+
+    Parameters
+    ----------
+    recordings
+        One or several of: a file, a mapping of SI columns, a `VolumeRecording`.
+    layout
+        How files are read (``kind = "fixed-volume"``); None: ``layout.toml`` beside each file, or in the folder above.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        With file, value, rule and remedy.
+    """
+    given, layout = _given(recordings, layout)
+    out = []
+    for number, item in enumerate(given, start=1):
+        if isinstance(item, VolumeRecording):
+            out.append(item)
+        elif isinstance(item, Mapping):
+            out.append(volume_recording(item, f"recording {number}"))
+        else:
+            said = (layout or layout_beside(Path(item))).for_volume_file(Path(item))
+            out.append(volume_recording(_columns_of(Path(item), said), stem(Path(item)), said.labels, Path(item)))
+    return out
+
+
+def _given(recordings: Any, layout: Layout | str | Path | None) -> tuple[list[Any], Layout | None]:  # noqa: ANN401
+    single = isinstance(recordings, str | Path | Mapping | DriveRecording) or is_run(recordings)
+    given: list[Any] = [recordings] if single else [*recordings]  # type: ignore[misc]
+    if not given:
+        raise RecordingError("no recording is named", remedy="give at least one file")
+    return given, layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
 
 
 def _read(
@@ -236,7 +362,8 @@ def _read(
     path = Path(str(item))
     if layout is None and (columns := _own_columns(path, needed)) is not None:
         return drive_recording(columns, stem(path), _own_labels(path), path, needed, gaps=gaps)
-    return _through(path, layout or _beside(path), needed, gaps=gaps)
+    said = (layout or _beside(path)).for_drive_file(path)
+    return drive_recording(_columns_of(path, said), stem(path), said.labels, path, needed, gaps=gaps)
 
 
 def _own_columns(path: Path, needed: Sequence[str]) -> dict[str, Array] | None:
@@ -258,9 +385,9 @@ def _own_labels(path: Path) -> dict[str, str]:
 def _beside(path: Path) -> Layout:
     if not path.is_file():
         raise RecordingError("there is no such file", where=str(path))
-    for folder in (path.parent, path.parent.parent):
-        if (folder / "layout.toml").is_file():
-            return Layout.load(folder / "layout.toml")
+    beside = find_layout(path)
+    if beside is not None:
+        return beside
     raise RecordingError(
         "the file is no recording of a drive, and no layout says how it is read",
         where=str(path),
@@ -277,14 +404,12 @@ def _first_line(path: Path) -> str | None:
     return f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None
 
 
-def _through(path: Path, layout: Layout, needed: Sequence[str], *, gaps: bool) -> DriveRecording:
-    said = layout.for_drive_file(path)
+def _columns_of(path: Path, said: SampledLayout) -> dict[str, Array]:
+    """Read a file through a layout: columns in SI, on one time base."""
     raw, _, _ = read_raw(path, said)
     values = {channel: convert(said, channel, column) for channel, column in raw.items()}
-    time = values["time"]
     for channel, column in said.columns.items():
         delay = column.delay_s - said.columns["time"].delay_s
         if channel != "time" and delay:
-            values[channel] = shifted(time, values[channel], delay)
-    columns = {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
-    return drive_recording(columns, stem(path), said.labels, path, needed, gaps=gaps)
+            values[channel] = shifted(values["time"], values[channel], delay)
+    return {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}

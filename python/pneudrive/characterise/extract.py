@@ -7,28 +7,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.budget import (
-    BudgetEntry,
-    DirectionMeans,
-    combined,
-    expanded,
-    systematic_budget,
-    uncertainty_of,
-)
+from pneudrive.characterise.budget import BudgetEntry, combined, expanded, systematic_budget, uncertainty_of
 from pneudrive.characterise.closure import ClosurePoint
 from pneudrive.characterise.friction_map import MapRow
 from pneudrive.characterise.levels import speed_levels
-from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, straight_line, thinned
-from pneudrive.characterise.plausible import doubts_of, refuse_impossible
-from pneudrive.characterise.pressure_line import ALL_RECORDINGS
-from pneudrive.characterise.profile import Profile, build_profile, stroke_means
+from pneudrive.characterise.motion import Stroke, middle, straight_line
+from pneudrive.characterise.plausible import doubts_of
+from pneudrive.characterise.pressure_line import ALL_RECORDINGS, FrictionPoint
 from pneudrive.characterise.recording import Recording
-from pneudrive.characterise.reversal import ReversalPeak, find_reversal_peaks, usable
+from pneudrive.characterise.reversal import ReversalPeak, breakaway
 from pneudrive.characterise.samples import clean
-from pneudrive.characterise.settling import Motion, SampleChoice
 from pneudrive.characterise.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
-from pneudrive.characterise.stick_slip import StickSlip, measure_stick_slip
+from pneudrive.characterise.stick_slip import StickSlip
 from pneudrive.errors import RecordingError
+from pneudrive.friction.pairing import Grid, Profile, pair, stroke_means
+from pneudrive.friction.sliding import (
+    SampleChoice,
+    Sliding,
+    StrokeFriction,
+    WindowMeans,
+    find_motion,
+    judge,
+    mean_of_strokes,
+    stroke_frictions,
+)
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -37,8 +39,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DEFAULT_WINDOW = (0.2, 0.8)  # of the stroke
-# A stroke counts in the window when it has settled samples in at least this share of its bins.
-COVERED_SHARE = 0.5
 RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is no point of F(v)
 
 
@@ -69,6 +69,7 @@ class Level(Shown):
     stick_slip: tuple[StickSlip, ...]
     flags: tuple[str, ...]
     rows: tuple[MapRow, ...]
+    sides: dict[int, WindowMeans]
     doubts: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -79,7 +80,7 @@ class Level(Shown):
     @property
     def speed_m_s(self) -> float:
         """Mean speed of the directions in the window, not negative."""
-        return float(np.mean([abs(row.velocity_m_s) for row in self.rows]))
+        return float(np.mean([abs(side.means.speed_m_s) for side in self.sides.values()]))
 
     @property
     def speed_stderr_m_s(self) -> float:
@@ -89,7 +90,7 @@ class Level(Shown):
 
     def gauge_pa(self, ambient_pressure_pa: float) -> dict[str, float]:
         """Mean gauge pressure of the directions in chambers ``a`` and ``b``."""
-        means = {side: np.mean([getattr(row, f"pressure_{side}_pa") for row in self.rows]) for side in ("a", "b")}
+        means = {side: np.mean([getattr(s.means, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
         return {side: float(mean) - ambient_pressure_pa for side, mean in means.items()}
 
     def larger_gauge_pa(self, ambient_pressure_pa: float) -> float:
@@ -98,25 +99,11 @@ class Level(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
-class RecordingResult(Shown):
+class RecordingResult(Sliding, Shown):
     """What one recording gave. ``recording`` is the cleaned one, with its counts of flags."""
 
-    recording: Recording
-    strokes: tuple[Stroke, ...]
-    settled: NDArray[np.bool_]
-    balance_n: NDArray[np.float64]
     levels: tuple[Level, ...]
     closure_points: tuple[ClosurePoint, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Moved:
-    """A recording after its samples were judged: what its speed levels are put together from."""
-
-    recording: Recording
-    strokes: tuple[Stroke, ...]
-    settled: NDArray[np.bool_]
-    balance_n: NDArray[np.float64]
 
 
 def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
@@ -127,32 +114,18 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     RecordingError
         No motion, too few samples, or no stroke with settled samples in the window.
     """
-    moved = judged(recording, choice)
-    window = window_of(moved.recording, moved.strokes, choice)
-    groups = (pieces_of(moved, members, window, choice) for members in speed_levels(list(moved.strokes)))
-    return result_of(moved, [group for group in groups if group is not None], window, choice)
+    sliding = judge(find_motion(clean(recording)), choice)
+    window = window_of(sliding, choice)
+    levels = speed_levels(list(sliding.strokes))
+    return result_of(sliding, [stroke_frictions(sliding, members, window) for members in levels], window, choice)
 
 
-def judged(recording: Recording, choice: SampleChoice) -> Moved:
-    """Clean a recording, find its strokes, and choose the samples that count.
-
-    Raises
-    ------
-    RecordingError
-        No motion, too few samples, or what no rig can have measured.
-    """
-    recording = clean(recording)
-    strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
-    refuse_impossible(recording, strokes)
-    acceleration: NDArray[np.float64] | float = 0.0
-    if recording.mass_beyond_sensor_kg:
-        acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
-    motion = Motion(recording.time_s, recording.position_m, recording.balance_n(acceleration), strokes)
-    settled, balance = choice.choose(motion)
-    return Moved(recording, tuple(strokes), settled, balance)
-
-
-def result_of(moved: Moved, groups: list[Pieces], window: tuple[float, float], choice: SampleChoice) -> RecordingResult:
+def result_of(
+    sliding: Sliding,
+    groups: Sequence[tuple[Grid, list[StrokeFriction]]],
+    window: tuple[float, float],
+    choice: SampleChoice,
+) -> RecordingResult:
     """Put the speed levels together.
 
     Raises
@@ -161,22 +134,22 @@ def result_of(moved: Moved, groups: list[Pieces], window: tuple[float, float], c
         No level has settled samples in the window.
     """
     levels: list[Level] = []
-    for pieces in groups:
-        level = _level(moved.recording, len(levels), pieces, window, choice)
+    for grid, strokes in groups:
+        level = _level(sliding.recording, len(levels), grid, strokes, window, choice)
         if level is not None:
             levels.append(level)
     if not levels:
         raise RecordingError(
             "no stroke has settled samples in the window",
-            where=moved.recording.name,
-            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {len(moved.strokes)} strokes",
+            where=sliding.recording.name,
+            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {len(sliding.strokes)} strokes",
             remedy="widen window.position in the layout, or record longer strokes",
         )
-    points = [p for p in (_closure_point(moved.recording, level) for level in levels) if p is not None]
-    return RecordingResult(moved.recording, moved.strokes, moved.settled, moved.balance_n, tuple(levels), tuple(points))
+    points = [p for p in (_closure_point(sliding.recording, level) for level in levels) if p is not None]
+    return RecordingResult(**vars(sliding), levels=tuple(levels), closure_points=tuple(points))
 
 
-def window_of(recording: Recording, strokes: Sequence[Stroke], choice: SampleChoice) -> tuple[float, float]:
+def window_of(sliding: Sliding, choice: SampleChoice) -> tuple[float, float]:
     """Positions between which friction is averaged: those of the layout, or the middle of the strokes.
 
     Raises
@@ -184,6 +157,7 @@ def window_of(recording: Recording, strokes: Sequence[Stroke], choice: SampleCho
     RecordingError
         The layout's lie outside the motion.
     """
+    recording, strokes = sliding.recording, sliding.strokes
     low = float(np.median([min(s.from_m, s.to_m) for s in strokes]))
     high = float(np.median([max(s.from_m, s.to_m) for s in strokes]))
     if not choice.uses_window:
@@ -202,76 +176,36 @@ def window_of(recording: Recording, strokes: Sequence[Stroke], choice: SampleCho
     return low + DEFAULT_WINDOW[0] * travel, low + DEFAULT_WINDOW[1] * travel
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """What the strokes of one speed level leave: it grows with their number, and not with the samples.
-
-    ``used`` are the strokes that cover the window, ``rows`` their bins, shape (strokes, bins), ``times_s`` their
-    beginnings, ``sample_means_n`` the means of all their samples that count, each by direction.
-    """
-
-    strokes: tuple[Stroke, ...]
-    profile: Profile
-    used: dict[int, list[Stroke]]
-    rows: dict[int, NDArray[np.float64]]
-    times_s: dict[int, NDArray[np.float64]]
-    sample_means_n: dict[int, NDArray[np.float64]]
-    conditions: dict[int, Conditions]
-    peaks: tuple[ReversalPeak, ...]
-    stick_slip: tuple[StickSlip, ...]
-
-
-def pieces_of(
-    moved: Moved,
-    strokes: list[Stroke],
+def _level(
+    recording: Recording,
+    index: int,
+    grid: Grid,
+    strokes: Sequence[StrokeFriction],
     window: tuple[float, float],
     choice: SampleChoice,
-    bins: int | None = None,
-) -> Pieces | None:
-    """Take from the samples what a level of these strokes needs; None where no stroke covers the window."""
-    recording, balance, settled = moved.recording, moved.balance_n, moved.settled
-    profile = build_profile(recording.name, 0, strokes, recording.position_m, balance, settled, window, bins)
-    used, rows = _covering(strokes, profile)
-    if not used:
-        return None
-    means = {}
-    if not choice.uses_window:
-        means = {d: np.array([balance[s.samples][settled[s.samples]].mean() for s in used[d]]) for d in used}
-    slips = [_stick_slip(recording, s) for members in used.values() for s in members]
-    return Pieces(
-        strokes=tuple(strokes),
-        profile=profile,
-        used=used,
-        rows=rows,
-        times_s={d: recording.time_s[[s.start for s in members]] for d, members in used.items()},
-        sample_means_n=means,
-        conditions={d: _conditions(recording, members, settled, window) for d, members in used.items()},
-        peaks=tuple(find_reversal_peaks(recording, strokes, balance, profile)) if len(used) == 2 else (),
-        stick_slip=tuple(s for s in slips if s is not None),
-    )
-
-
-def _level(
-    recording: Recording, index: int, pieces: Pieces, window: tuple[float, float], choice: SampleChoice
 ) -> Level | None:
-    """Put one speed level together; None where the directions share no bin of the window."""
-    profile, used, rows, conditions = replace(pieces.profile, level=index), pieces.used, pieces.rows, pieces.conditions
+    """Put one speed level together; None where no stroke covers the window, or the directions share no bin of it."""
+    ways = {d: [s for s in strokes if s.stroke.direction == d] for d in (1, -1)}
+    profile = pair(grid, {d: _rows_over(grid, members) for d, members in ways.items()})
+    used = {d: [s for s in members if s.inside] for d, members in ways.items() if any(s.inside for s in members)}
+    rows = {d: _rows_over(grid, members) for d, members in used.items()}
     # Equal positions: only bins that every present direction has.
     bins = profile.in_window.copy()
     for matrix in rows.values():
         bins &= np.isfinite(matrix).any(axis=0)
-    if not bins.any():
+    if not used or not bins.any():
         return None
-    means = (
-        {d: stroke_means(matrix, bins) for d, matrix in rows.items()} if choice.uses_window else pieces.sample_means_n
-    )
+    sides = {d: mean_of_strokes([s.inside for s in members if s.inside]) for d, members in used.items()}
+    means = {
+        d: stroke_means(rows[d], bins) if choice.uses_window else np.array([s.mean_n for s in members])
+        for d, members in used.items()
+    }
     spreads = {d: spread_of(means.get(d, np.zeros(0))) for d in (1, -1)}
-    found = _estimate(recording, profile, bins, spreads, rows, conditions)
-    paired = len(used) == 2
+    found = _estimate(recording, profile, bins, spreads, rows, sides)
     level = Level(
         recording=recording.name,
         index=index,
-        strokes=pieces.strokes,
+        strokes=tuple(s.stroke for s in strokes),
         profile=profile,
         window_m=window,
         friction_n=found.friction_n,
@@ -280,34 +214,36 @@ def _level(
         u_systematic_n=found.u_friction_n,
         u_offset_n=found.u_offset_n,
         spreads=spreads,
-        stroke_friction_n={d: d * (m - (found.offset_n if paired else 0.0)) for d, m in means.items()},
-        stroke_times_s=pieces.times_s,
+        stroke_friction_n={d: d * (m - (found.offset_n if len(used) == 2 else 0.0)) for d, m in means.items()},
+        stroke_times_s={d: np.array([s.time_s for s in members]) for d, members in used.items()},
         budget=tuple(found.budget),
-        peaks=tuple(replace(peak, level=index) for peak in pieces.peaks),
-        stick_slip=pieces.stick_slip,
+        peaks=tuple(s.peak for s in strokes if s.peak),
+        stick_slip=tuple(s.stick_slip for members in used.values() for s in members if s.stick_slip),
         flags=(),
         rows=(),
+        sides=sides,
     )
-    # What may be wrong is judged by the means of the rows, which carry it in turn.
-    doubts = doubts_of(recording, replace(level, rows=_rows(recording, level, conditions, used)))
-    flags = (*_level_flags(recording, level, used, conditions, bins), *doubts)
+    ambient = recording.ambient_pressure_pa
+    doubts = doubts_of(
+        recording,
+        gauge_pa=level.gauge_pa(ambient),
+        speed_m_s=level.speed_m_s,
+        friction_n=level.friction_n,
+        offset_n=level.offset_n,
+        u_offset_n=level.u_offset_n,
+    )
+    flags = (*_level_flags(recording, level, used, bins), *doubts)
     level = replace(level, flags=flags, doubts=doubts)
-    return replace(level, rows=_rows(recording, level, conditions, used))
+    return replace(level, rows=_rows(recording, level, used))
 
 
-def _covering(
-    strokes: list[Stroke], profile: Profile
-) -> tuple[dict[int, list[Stroke]], dict[int, NDArray[np.float64]]]:
-    """Keep the strokes that cover the window, and their bins, by direction; a direction without any is absent."""
-    used: dict[int, list[Stroke]] = {}
-    rows: dict[int, NDArray[np.float64]] = {}
-    for direction, matrix in ((1, profile.up_strokes_n), (-1, profile.down_strokes_n)):
-        covered = np.isfinite(matrix[:, profile.in_window]).mean(axis=1) >= COVERED_SHARE
-        if covered.any():
-            members = [s for s in strokes if s.direction == direction]
-            used[direction] = [s for s, ok in zip(members, covered, strict=True) if ok]
-            rows[direction] = matrix[covered]
-    return used, rows
+def _rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> NDArray[np.float64]:
+    """Bring the bins of some strokes to one grid, shape (strokes, bins)."""
+    rows = np.full((len(strokes), grid.stop - grid.first), np.nan)
+    for row, stroke in zip(rows, strokes, strict=True):
+        at = stroke.first - grid.first
+        row[at : at + stroke.balance_n.size] = stroke.balance_n
+    return rows
 
 
 @dataclass(frozen=True)
@@ -328,17 +264,16 @@ def _estimate(
     bins: NDArray[np.bool_],
     spreads: dict[int, Spread],
     rows: dict[int, NDArray[np.float64]],
-    conditions: dict[int, Conditions],
+    sides: dict[int, WindowMeans],
 ) -> _Estimate:
     """Pair the directions, or take the one that is there, and state the uncertainty."""
-    only = next(iter(conditions))
-    up, down = (conditions.get(d, conditions[only]).means for d in (1, -1))
-    paired = len(conditions) == 2
+    only = next(iter(sides))
+    up, down = (sides.get(d, sides[only]).means for d in (1, -1))
     known = bins & np.isfinite(profile.offset_n)
     slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
     budget = systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s)))
     u_friction, u_offset = combined(budget)
-    if not paired:
+    if len(sides) == 1:
         stderr = spreads[only].stderr_n
         if not np.isfinite(stderr):
             stderr = profile_stderr(rows[only][0][bins])
@@ -355,65 +290,16 @@ def _estimate(
     return _Estimate(half_difference, half_sum, stderr, u_friction, u_offset, budget)
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """Means over the settled samples of the window in one direction."""
-
-    means: DirectionMeans
-    samples: int
-    pressure_moves_n: float
-
-
-def _conditions(
-    recording: Recording, strokes: list[Stroke], settled: NDArray[np.bool_], window: tuple[float, float]
-) -> Conditions:
-    position = recording.position_m
-    inside = (position >= window[0]) & (position <= window[1]) & settled
-    force, pressure_a, pressure_b, speed, moves = [], [], [], [], []
-    samples = 0
-    for stroke in strokes:
-        index = np.flatnonzero(inside[stroke.samples]) + stroke.start
-        samples += index.size
-        force.append(recording.force_n[index].mean())
-        pressure_a.append(recording.pressure_a_pa[index].mean())
-        pressure_b.append(recording.pressure_b_pa[index].mean())
-        time = recording.time_s[index[-1]] - recording.time_s[index[0]]
-        speed.append((position[index[-1]] - position[index[0]]) / time if time > 0 else stroke.speed_m_s)
-        moves.append(
-            _usual_range(recording.pressure_a_pa[index]) * recording.area_a_m2
-            + _usual_range(recording.pressure_b_pa[index]) * recording.area_b_m2
-        )
-    means = DirectionMeans(*(float(np.mean(v)) for v in (force, pressure_a, pressure_b, speed)))
-    return Conditions(means, samples, float(np.median(moves)))
-
-
-def _usual_range(values: NDArray[np.float64]) -> float:
-    """Range that holds all but the lowest and highest 5 % of the values."""
-    some = np.sort(thinned(values))
-    margin = int(0.05 * some.size)
-    return float(some[some.size - 1 - margin] - some[margin])
-
-
-def _stick_slip(recording: Recording, stroke: Stroke) -> StickSlip | None:
-    share = (recording.position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
-    inside = np.flatnonzero((share >= 0.1) & (share <= 0.9))
-    if inside.size < 20:
-        return None
-    section = slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
-    return measure_stick_slip(recording.time_s[section], recording.position_m[section])
-
-
 def _level_flags(
     recording: Recording,
     level: Level,
-    used: dict[int, list[Stroke]],
-    conditions: dict[int, Conditions],
+    used: dict[int, list[StrokeFriction]],
     bins: NDArray[np.bool_],
 ) -> tuple[str, ...]:
     """Names of what the reader of the map should know."""
     flags = [kind for kind, count in recording.flags.items() if count]
     slips = level.stick_slip
-    speeds = [abs(c.means.speed_m_s) for c in conditions.values()]
+    speeds = [abs(c.means.speed_m_s) for c in level.sides.values()]
     stick_slip = bool(slips) and float(np.mean([s.found for s in slips])) > 0.5
     ripple = bool(slips) and float(np.median([s.ripple for s in slips])) > RIPPLE_LIMIT
     seen = {
@@ -424,44 +310,37 @@ def _level_flags(
         "stick_slip": stick_slip,
         "speed_ripple": ripple and not stick_slip,
         "window_not_covered": bins.sum() < 0.9 * level.profile.in_window.sum(),
-        "pressure_moves": any(c.pressure_moves_n > 0.5 * abs(level.friction_n) for c in conditions.values()),
+        "pressure_moves": any(c.pressure_moves_n > 0.5 * abs(level.friction_n) for c in level.sides.values()),
         "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
     }
     return (*flags, *(name for name, is_so in seen.items() if is_so))
 
 
-def _rows(
-    recording: Recording, level: Level, conditions: dict[int, Conditions], used: dict[int, list[Stroke]]
-) -> tuple[MapRow, ...]:
+def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFriction]]) -> tuple[MapRow, ...]:
     """Write the map's rows, one per direction that is there."""
     rows = []
-    for direction, condition in conditions.items():
+    for direction, side in level.sides.items():
         peaks = [p for p in level.peaks if p.direction == direction]
-        good = usable(peaks)
-        dwells = [s.dwell_s for s in used[direction] if s.index > 0]
-        rates = [p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]
-        spoiled = ("breakaway_spoiled",) if peaks and not good else ()
+        spoiled = ("breakaway_spoiled",) if peaks and all(p.flags for p in peaks) else ()
         rows.append(
             MapRow(
                 recording=level.recording,
                 direction=direction,
-                velocity_m_s=condition.means.speed_m_s,
-                pressure_a_pa=condition.means.pressure_a_pa,
-                pressure_b_pa=condition.means.pressure_b_pa,
+                velocity_m_s=side.means.speed_m_s,
+                pressure_a_pa=side.means.pressure_a_pa,
+                pressure_b_pa=side.means.pressure_b_pa,
                 balance_n=level.spreads[direction].mean_n,
                 friction_n=level.friction_n,
                 offset_n=level.offset_n,
                 stderr_n=level.stderr_n,
                 u_systematic_n=level.u_systematic_n,
-                samples=condition.samples,
+                samples=side.samples,
                 strokes=len(used[direction]),
                 position_from_m=level.window_m[0],
                 position_to_m=level.window_m[1],
-                breakaway_n=float(np.median([p.friction_n for p in good])) if good else float("nan"),
-                dwell_s=float(np.median(dwells)) if dwells else float("nan"),
-                loading_rate_n_s=float(np.median(rates)) if rates else float("nan"),
                 flags=",".join((*level.flags, *spoiled)),
                 labels=recording.labels,
+                **breakaway(peaks, [s.stroke for s in used[direction]]),
             )
         )
     return tuple(rows)
@@ -469,7 +348,7 @@ def _rows(
 
 def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
     """Half the sum of both directions' forces, by way of the balance so that positions are equal."""
-    if len(level.rows) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
+    if len(level.sides) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
         return None
     gauge, weight = level.gauge_pa(recording.ambient_pressure_pa), recording.weight_n
     force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
@@ -485,3 +364,21 @@ def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
         u_a_pa=uncertainty_of(level.budget, "pressure a: common error"),
         u_b_pa=uncertainty_of(level.budget, "pressure b: common error"),
     )
+
+
+def friction_points(result: RecordingResult) -> list[FrictionPoint]:
+    """Give one point per speed level: friction at the gauge pressure of the side that is pressurised more."""
+    recording = result.recording
+    return [
+        FrictionPoint(
+            recording=recording.name,
+            seal=recording.labels.get("seal", ALL_RECORDINGS),
+            run=recording.labels.get("run", "1"),
+            pressure_pa=level.larger_gauge_pa(recording.ambient_pressure_pa),
+            speed_m_s=level.speed_m_s,
+            friction_n=level.friction_n,
+            expanded_n=level.expanded_n,
+            speed_stderr_m_s=level.speed_stderr_m_s,
+        )
+        for level in result.levels
+    ]

@@ -90,11 +90,16 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     return [file.read() for file in recording_files(paths, layout)]
 
 
+def find_layout(file: Path) -> Layout | None:
+    """Load ``layout.toml`` from the folder of a file, or from the one above; None where there is none."""
+    there = [f / "layout.toml" for f in (file.parent, file.parent.parent) if (f / "layout.toml").is_file()]
+    return Layout.load(there[0]) if there else None
+
+
 def layout_beside(file: Path) -> Layout:
     """Load ``layout.toml`` from the folder of a file, or from the one above."""
-    for folder in (file.parent, file.parent.parent):
-        if (folder / "layout.toml").is_file():
-            return Layout.load(folder / "layout.toml")
+    if (found := find_layout(file)) is not None:
+        return found
     if not file.exists():
         raise RecordingError("there is no such file", where=str(file))
     raise RecordingError("no layout says how to read this file", where=str(file), remedy=MISSING_LAYOUT)

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.drive_recording import DriveRecording
-    from pneudrive.characterise.extract import Level
     from pneudrive.characterise.motion import Stroke
     from pneudrive.characterise.recording import Recording
     from pneudrive.describe import Drive
@@ -207,33 +206,40 @@ def _all_within(values: NDArray[np.float64], low: float, high: float) -> bool:
     return bool(low <= values.min() and values.max() <= high)
 
 
-def doubts_of(recording: Recording, level: Level) -> dict[str, str]:
-    """Say what about a level of a recording is possible, and hardly so: flag -> what to look at, in a sentence.
+def doubts_of(
+    recording: Recording,
+    gauge_pa: dict[str, float],
+    speed_m_s: float,
+    friction_n: float,
+    offset_n: float,
+    u_offset_n: float,
+) -> dict[str, str]:
+    """Say what about a speed level is possible, and hardly so: flag -> what to look at, in a sentence.
 
     A recording whose areas are zero has no pressure to be held against: its force is the friction itself.
     """
     ambient, found = recording.ambient_pressure_pa, {}
-    gauge = level.gauge_pa(ambient)
+    lowest, highest = min(gauge_pa.values()), max(gauge_pa.values())
     areas = recording.area_a_m2, recording.area_b_m2
-    if min(gauge.values()) < -BELOW_AMBIENT * ambient:
+    if lowest < -BELOW_AMBIENT * ambient:
         found["below_ambient"] = (
-            f"a chamber is at {(min(gauge.values()) + ambient) / 1e5:.3g} bar absolute, below ambient pressure: a "
+            f"a chamber is at {(lowest + ambient) / 1e5:.3g} bar absolute, below ambient pressure: a "
             "vacuum, or gauge pressures that the layout calls absolute"
         )
-    if max(gauge.values()) + ambient > PRESSURES_PA[1] or level.speed_m_s > SPEEDS_M_S[1]:
+    if highest + ambient > PRESSURES_PA[1] or speed_m_s > SPEEDS_M_S[1]:
         found["beyond_usual"] = (
-            f"pressures up to {(max(gauge.values()) + ambient) / 1e5:.3g} bar absolute at {level.speed_m_s:.3g} m/s "
+            f"pressures up to {(highest + ambient) / 1e5:.3g} bar absolute at {speed_m_s:.3g} m/s "
             "are unusual for pneumatic drives: look at the units of pressure, position and time"
         )
-    pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + recording.weight_n
-    friction, missed = abs(level.friction_n), abs(level.offset_n)  # the offset is NaN where one direction is missing
+    pushed = gauge_pa["b"] * areas[1] - gauge_pa["a"] * areas[0] + recording.weight_n
+    friction, missed = abs(friction_n), abs(offset_n)  # the offset is NaN where one direction is missing
     if (
         any(areas)
-        and missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * level.u_offset_n)
+        and missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * u_offset_n)
         and abs(pushed) > friction
     ):
         found["force_not_pressure"] = (
-            f"the mean force of both directions is {pushed + level.offset_n:.4g} N where pressure times area (and "
+            f"the mean force of both directions is {pushed + offset_n:.4g} N where pressure times area (and "
             f"weight) is {pushed:.4g} N: look at the sign and unit of the force, the chamber of each pressure, gauge "
             "or absolute, and the bore; or the sensor was zeroed under pressure"
         )

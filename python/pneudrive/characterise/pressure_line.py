@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.extract import RecordingResult
-
 BAND_POINTS = 41
 ALL_RECORDINGS = "all recordings"  # the group of recordings that no label tells apart
 SAME_SPEED = 0.02  # controlled speeds closer than this are one level
@@ -76,24 +74,6 @@ class PressureLine(Shown):
     basis: str
     speed_pressure_correlation: float
     statement: str
-
-
-def friction_points(result: RecordingResult) -> list[FrictionPoint]:
-    """Give one point per speed level: friction at the gauge pressure of the side that is pressurised more."""
-    recording = result.recording
-    return [
-        FrictionPoint(
-            recording=recording.name,
-            seal=recording.labels.get("seal", ALL_RECORDINGS),
-            run=recording.labels.get("run", "1"),
-            pressure_pa=level.larger_gauge_pa(recording.ambient_pressure_pa),
-            speed_m_s=level.speed_m_s,
-            friction_n=level.friction_n,
-            expanded_n=level.expanded_n,
-            speed_stderr_m_s=level.speed_stderr_m_s,
-        )
-        for level in result.levels
-    ]
 
 
 def run_spread(points: list[FrictionPoint]) -> RunSpread | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.campaign import find_cycles, read_cycles
-from pneudrive.characterise.drive_recording import read_drive_recordings
+from pneudrive.characterise.drive_recording import read_drive_recordings, read_volume_recordings
 from pneudrive.characterise.formats import read_all
 from pneudrive.characterise.guesses import Guess, guess_columns
 from pneudrive.characterise.layout import Layout
@@ -18,7 +18,6 @@ from pneudrive.characterise.motion import find_strokes
 from pneudrive.characterise.propose_text import layout_text
 from pneudrive.characterise.sniff import Reading, sniff_format, sniff_text
 from pneudrive.characterise.text_table import TextForm, read_bytes, read_text
-from pneudrive.characterise.volume_recording import read_volume_recordings
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.watch import UNWATCHED
 

@@ -10,11 +10,13 @@ import numpy as np
 from pneudrive.characterise.motion import local_slope, middle, noise_level, straight_line
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from pneudrive.characterise.motion import Stroke
-    from pneudrive.characterise.profile import Profile
     from pneudrive.characterise.recording import Recording
+    from pneudrive.friction.pairing import Profile
 
 NEEDED_RISE_SAMPLES = 10
 # A pressure change during the rise spoils the peak when it moves the force by this share of it.
@@ -39,7 +41,6 @@ class ReversalPeak:
     """
 
     recording: str
-    level: int
     stroke: int
     direction: int
     time_s: float
@@ -55,7 +56,7 @@ class ReversalPeak:
 
 
 def find_reversal_peaks(
-    recording: Recording, strokes: list[Stroke], balance_n: NDArray[np.float64], profile: Profile
+    recording: Recording, strokes: Sequence[Stroke], balance_n: NDArray[np.float64], profile: Profile
 ) -> list[ReversalPeak]:
     """Find the peak after each reversal that starts one of ``strokes``.
 
@@ -126,7 +127,6 @@ def _peak(
         flags.append("no_peak")  # still rising where the search ends: no maximum of its own
     return ReversalPeak(
         recording=recording.name,
-        level=profile.level,
         stroke=stroke.index,
         direction=stroke.direction,
         time_s=float(times[top]),
@@ -188,6 +188,21 @@ def _peak_flags(
     return flags
 
 
-def usable(peaks: list[ReversalPeak]) -> list[ReversalPeak]:
-    """Peaks that nothing spoils."""
-    return [peak for peak in peaks if not peak.flags]
+def breakaway(peaks: Sequence[ReversalPeak], strokes: Sequence[Stroke]) -> dict[str, float]:
+    """Give the breakaway of one direction: medians over the reversals before its strokes, NaN where there is none.
+
+    Returns
+    -------
+    dict
+        ``breakaway_n`` of the peaks that nothing spoils, ``dwell_s``, ``loading_rate_n_s``.
+    """
+    return {
+        "breakaway_n": median([p.friction_n for p in peaks if not p.flags]),
+        "dwell_s": median([s.dwell_s for s in strokes if s.index > 0]),
+        "loading_rate_n_s": median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
+    }
+
+
+def median(values: Sequence[float]) -> float:
+    """Median of a few values, most often of one, for which NumPy takes long; NaN where there is none."""
+    return float(np.median(values)) if len(values) > 1 else values[0] if values else float("nan")

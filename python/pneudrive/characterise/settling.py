@@ -3,54 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import local_slope, straight_line
-from pneudrive.characterise.profile import bin_means
+from pneudrive.characterise.motion import straight_line
+from pneudrive.friction.pairing import bin_means
+from pneudrive.friction.sliding import SampleChoice as SampleChoice
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.motion import Stroke
+    from pneudrive.friction.sliding import SlidingMotion
 
 LEVEL_BINS = 40  # over the travel: what the balance of one direction is read from
 LEAST_SWING = 0.5  # of its median: where a friction that varies over position is followed no further
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """What a choice of samples may look at: arrays of shape (n,), and the strokes in them."""
-
-    time_s: NDArray[np.float64]
-    position_m: NDArray[np.float64]
-    balance_n: NDArray[np.float64]
-    strokes: list[Stroke]
-
-    @cached_property
-    def velocity_m_s(self) -> NDArray[np.float64]:
-        """Slope of the position over a few samples."""
-        return local_slope(self.time_s, self.position_m)
-
-
-class SampleChoice(Protocol):
-    """A way to choose, and perhaps smooth, the samples of a stroke that enter its mean."""
-
-    @property
-    def name(self) -> str:
-        """Name for provenance."""
-        ...
-
-    @property
-    def uses_window(self) -> bool:
-        """Whether the mean is over equal positions of the window; otherwise over all samples that count."""
-        ...
-
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Give the mask of samples that count, shape (n,), and the balance to average, shape (n,)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -73,7 +40,7 @@ class Settled:
     name: str = "settled"
     uses_window: bool = True
 
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: SlidingMotion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Give the mask of settled samples and the balance as it is."""
         position_m, balance_n = motion.position_m, motion.balance_n
         velocity = motion.velocity_m_s
@@ -110,7 +77,7 @@ class SourcePaper:
     name: str = "source-paper"
     uses_window: bool = False
 
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: SlidingMotion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Give the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()
@@ -150,7 +117,7 @@ class _Levels:
         return direction * (balance_n - start) / (self.swing_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
 
 
-def _levels(motion: Motion) -> _Levels | None:
+def _levels(motion: SlidingMotion) -> _Levels | None:
     """Levels of both directions; None where one is missing, or nothing tells them apart."""
     ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
     low, high = min(ends), max(ends)

@@ -14,9 +14,12 @@ from pneudrive.show import Shown
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.characterise.motion import Stroke
+
 STUCK_SHARE = 0.2  # below this share of the mean speed the piston counts as stuck
 SLIP_SHARE = 1.2  # above it a slip has begun; the gap between the two keeps noise from counting
 MINIMUM_PERIODS = 3
+FEWEST_SAMPLES = 20  # of a section
 # Glitches of a position sensor look like short rests with jumps after them, but the travel is made between them.
 SLIPPED_SHARE = 0.5  # of the travel is made in slips at least
 RESTED_SHARE = 0.05  # of the time is spent stuck at least
@@ -80,18 +83,33 @@ def find_stick_slip(
     time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
     if time_s.shape != position_m.shape or time_s.ndim != 1:
         raise RecordingError("time and position must be one-dimensional and of one length", where="find_stick_slip")
-    results = []
-    for stroke in find_strokes("motion", time_s, position_m):
-        part = stroke.samples
-        share = (position_m[part] - stroke.from_m) / (stroke.to_m - stroke.from_m)
-        first = int(np.argmax(share >= trim))
-        last = int(share.size - np.argmax(share[::-1] <= 1 - trim))
-        if last - first < 20:
-            continue
-        section = slice(stroke.start + first, stroke.start + last)
-        velocity = None if velocity_m_s is None else np.asarray(velocity_m_s, dtype=float)[section]
-        results.append(measure_stick_slip(time_s[section], position_m[section], velocity))
-    return results
+    velocity = None if velocity_m_s is None else np.asarray(velocity_m_s, dtype=float)
+    strokes = find_strokes("motion", time_s, position_m)
+    found = [stick_slip_of(stroke, time_s, position_m, velocity, trim) for stroke in strokes]
+    return [slips for slips in found if slips is not None]
+
+
+def middle_of(stroke: Stroke, position_m: NDArray[np.float64], trim: float = 0.1) -> slice | None:
+    """Give the samples of a stroke without its ends, a share of its travel each; None where they are too few."""
+    share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
+    inside = np.flatnonzero((share >= trim) & (share <= 1 - trim))
+    if inside.size < FEWEST_SAMPLES:
+        return None
+    return slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
+
+
+def stick_slip_of(
+    stroke: Stroke,
+    time_s: NDArray[np.float64],
+    position_m: NDArray[np.float64],
+    velocity_m_s: NDArray[np.float64] | None = None,
+    trim: float = 0.1,
+) -> StickSlip | None:
+    """Measure stick-slip in the middle of a stroke; None where that has too few samples."""
+    part = middle_of(stroke, position_m, trim)
+    if part is None:
+        return None
+    return measure_stick_slip(time_s[part], position_m[part], None if velocity_m_s is None else velocity_m_s[part])
 
 
 def measure_stick_slip(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +15,7 @@ from pneudrive.files.bounds import bound, within
 from pneudrive.files.packed import pieces
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
+    import polars as pl
     from numpy.typing import NDArray
 
 NO_SENSOR = 1e100
@@ -164,9 +163,8 @@ def read_text(
     width = len(split_row(first, form.delimiter))
     use = [column_number(column, names, width, path) for column in wanted]
     forms = {at: dates[column] for at, column in enumerate(wanted) if dates and column in dates}
-    rows = _Rows(lines, start, form, use, path)
-    columns, flags = rows.fast(forms) or rows.slow(forms)
-    return Table(names=[str(w) for w in wanted], columns=[measurable(c) for c in columns], flags=flags)
+    columns, flags = _parse(lines, start, form, use, forms, path)
+    return Table(names=[str(w) for w in wanted], columns=columns, flags=flags)
 
 
 def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
@@ -199,74 +197,54 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
     return column
 
 
-@dataclass
-class _Rows:
-    """The rows of a table and the numbers of the columns to use."""
+def _parse(
+    lines: list[str], start: int, form: TextForm, use: list[int], dates: dict[int, str], path: Path
+) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
+    """Parse the columns to use; single broken rows are counted, many are an error that names the first.
 
-    lines: list[str]
-    start: int
-    form: TextForm
-    use: list[int]
-    path: Path
+    `dates` gives the form of those that hold dates and times, by their place in `use`.
+    """
+    import polars as pl
 
-    def fast(self, dates: dict[int, str]) -> tuple[list[NDArray[np.float64]], dict[str, int]] | None:
-        """Parse with NumPy's reader; None where a row is not as expected. ``dates``: place in ``use`` -> form."""
-        form, numbers = self.form, [at for at in range(len(self.use)) if at not in dates]
-        if form.thousands or (form.decimal != "." and form.delimiter == "."):
-            return None
-        text = "\n".join(self.lines[self.start :])
-        try:
-            table = np.loadtxt(
-                io.StringIO(text if form.decimal == "." else text.replace(form.decimal, ".")),
-                delimiter=form.delimiter,
-                usecols=[self.use[at] for at in numbers],
-                comments=form.comment,
-                ndmin=2,
-            )
-        except ValueError:
-            return None
-        columns = dict(zip(numbers, table.T, strict=True))
-        if dates:
-            rows = [split_row(line, form.delimiter) for _, line in self._numbered()]
-            if len(rows) != len(table) or min(map(len, rows)) <= max(self.use[at] for at in dates):
-                return None
-            columns |= self._seconds({at: [row[self.use[at]] for row in rows] for at in dates}, dates)
-        return [columns[at] for at in range(len(self.use))], {}
+    numbers = [at for at, line in enumerate(lines[start:], start) if line.strip() and line[:1] != form.comment]
+    rows = pl.Series([lines[at] for at in numbers], dtype=pl.String)
+    if form.delimiter is None:
+        rows = rows.str.strip_chars().str.replace_all(r"\s+", " ")
+    fields = rows.str.split(form.delimiter or " ")
+    texts = [fields.list.get(i, null_on_oob=True).str.strip_chars().str.strip_chars('"') for i in use]
+    values = {at: _numbers(text, form) for at, text in enumerate(texts) if at not in dates}
+    good = np.ones(len(rows), dtype=bool)
+    for text in texts:
+        good &= text.is_not_null().to_numpy()
+    for column in values.values():
+        good &= column.is_not_null().to_numpy()
+    bad = np.flatnonzero(~good)
+    if bad.size > max(UNREADABLE_SHARE * len(rows), 1):
+        raise RecordingError(
+            f"{bad.size} of {len(rows)} rows are not numbers",
+            where=f"{path}, line {numbers[bad[0]] + 1}",
+            value=lines[numbers[bad[0]]].strip()[:120],
+            remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
+        )
+    columns = [
+        seconds(text.filter(good).to_list(), dates[at], path)
+        if at in dates
+        else measurable(values[at].filter(good).to_numpy())
+        for at, text in enumerate(texts)
+    ]
+    return columns, ({"unreadable_row": bad.size} if bad.size else {})
 
-    def slow(self, dates: dict[int, str]) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
-        """Parse line by line; single broken rows are counted, many are an error that names the first."""
-        form = self.form
-        numbers = [(at, column) for at, column in enumerate(self.use) if at not in dates]
-        rows: list[list[float]] = []
-        texts: dict[int, list[str]] = {at: [] for at in dates}
-        bad: list[int] = []
-        for number, line in self._numbered():
-            fields = split_row(line, form.delimiter)
-            try:
-                row = [to_number(fields[column], form) for _, column in numbers]
-                stamps = [fields[self.use[at]] for at in dates]
-            except (ValueError, IndexError):
-                bad.append(number)
-                continue
-            rows.append(row)
-            for at, stamp in zip(dates, stamps, strict=True):
-                texts[at].append(stamp)
-        if len(bad) > max(UNREADABLE_SHARE * (len(rows) + len(bad)), 1):
-            raise RecordingError(
-                f"{len(bad)} of {len(rows) + len(bad)} rows are not numbers",
-                where=f"{self.path}, line {bad[0]}",
-                value=self.lines[bad[0] - 1].strip()[:120],
-                remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
-            )
-        table = np.array(rows, dtype=np.float64).reshape(-1, len(numbers))
-        columns = {at: table[:, i] for i, (at, _) in enumerate(numbers)} | self._seconds(texts, dates)
-        return [columns[at] for at in range(len(self.use))], ({"unreadable_row": len(bad)} if bad else {})
 
-    def _numbered(self) -> Iterator[tuple[int, str]]:
-        """Give the rows with the number of their line, without empty ones and comments."""
-        for number, line in enumerate(self.lines[self.start :], start=self.start + 1):
-            if line.strip() and not line.startswith(self.form.comment):
-                yield number, line
+def _numbers(text: pl.Series, form: TextForm) -> pl.Series:
+    """Read fields as `to_number` does, a comment behind a number left out; null where one is no number."""
+    import polars as pl
 
-    def _seconds(self, texts: dict[int, list[str]], dates: dict[int, str]) -> dict[int, NDArray[np.float64]]:
-        return {at: seconds(column, dates[at], self.path) for at, column in texts.items()}
+    text = text.str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
+    if form.thousands == form.decimal:
+        parts = text.str.extract_groups(rf"^(.*)({re.escape(form.decimal)}.*)$").struct.unnest()
+        whole, rest = (parts.to_series(i).fill_null("") for i in (0, 1))
+        text = (whole.str.replace_all(form.decimal, "", literal=True) + rest).set(rest == "", None).fill_null(text)
+    elif form.thousands:
+        text = text.str.replace_all(form.thousands, "", literal=True)
+    text = text.str.replace(form.decimal, ".", literal=True)
+    return text.set(text == "", "nan").cast(pl.Float64, strict=False)

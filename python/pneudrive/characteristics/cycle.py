@@ -12,18 +12,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.budget import DirectionMeans, systematic_budget
-from pneudrive.characterise.motion import Stroke, find_strokes, local_slope, middle, quantiles
-from pneudrive.characterise.plausible import refuse_impossible
-from pneudrive.characterise.profile import build_profile
+from pneudrive.characterise.motion import Stroke, middle, quantiles
 from pneudrive.characterise.recording import Recording
-from pneudrive.characterise.reversal import find_reversal_peaks, usable
-from pneudrive.characterise.settling import Motion, SampleChoice
-from pneudrive.characterise.stick_slip import measure_stick_slip
+from pneudrive.characterise.reversal import ReversalPeak, breakaway, find_reversal_peaks, median
+from pneudrive.characterise.stick_slip import measure_stick_slip, middle_of
 from pneudrive.characteristics.basics import Condition
 from pneudrive.characteristics.pressure_zero import SIDES, Standing
 from pneudrive.characteristics.raw import recording_of, steps_of
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
+from pneudrive.friction.pairing import pair
+from pneudrive.friction.sliding import (
+    SampleChoice,
+    SlidingMotion,
+    by_direction,
+    find_motion,
+    mean_speed,
+    stroke_grid,
+    stroke_rows,
+)
 from pneudrive.rig.interface import Hold
 
 if TYPE_CHECKING:
@@ -180,21 +187,17 @@ def read_sliding(
         If more than half of it is damaged, it does not move, holds what no rig can do, or has no settled part.
     """
     recording, flags = recording_of(file, identity, samples)
-    strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
-    refuse_impossible(recording, strokes)
-    _one_speed(recording, strokes)
     # In the settled part the piston does not accelerate but for ripple, whose mean is nothing: acceleration from
     # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
-    acceleration: Array | float = 0.0
-    if not choice.uses_window and recording.mass_beyond_sensor_kg:
-        acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
-    motion = Motion(recording.time_s, recording.position_m, recording.balance_n(acceleration), strokes)
+    motion = find_motion(recording, inertia=not choice.uses_window)
+    _one_speed(motion)
     settled, balance = choice.choose(motion)
     if choice.uses_window:
         settled = settled & ~_ends(motion)
-    sides = {d: side for d in (1, -1) if (side := _side(recording, motion, settled, balance, d, edges_m)) is not None}
+    sides = {d: side for d in (1, -1) if (side := _side(motion, settled, balance, d, edges_m)) is not None}
     if not sides:
-        raise RecordingError("no stroke has a settled part", where=recording.name, value=f"{len(strokes)} strokes")
+        value = f"{len(motion.strokes)} strokes"
+        raise RecordingError("no stroke has a settled part", where=recording.name, value=value)
     stated = _systematic(recording, sides)
     return CycleData(
         head=file.head,
@@ -251,18 +254,18 @@ def _temperature(samples: Samples) -> float:
     return float(known.mean()) if known.size else float("nan")
 
 
-def _one_speed(recording: Recording, strokes: list[Stroke]) -> None:
-    speeds = np.abs([stroke.speed_m_s for stroke in strokes])
+def _one_speed(motion: SlidingMotion) -> None:
+    speeds = np.abs([stroke.speed_m_s for stroke in motion.strokes])
     if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
         raise RecordingError(
             "the strokes of the cycle have different speeds",
-            where=recording.name,
+            where=motion.recording.name,
             value=f"{1e3 * speeds.min():.4g} to {1e3 * speeds.max():.4g} mm/s",
             rule="a cycle is one point of the characteristic",
         )
 
 
-def _ends(motion: Motion) -> NDArray[np.bool_]:
+def _ends(motion: SlidingMotion) -> NDArray[np.bool_]:
     """Mark what lies near the end of each stroke, where the axis brakes."""
     mask = np.zeros(motion.time_s.size, dtype=bool)
     velocity = motion.velocity_m_s
@@ -275,18 +278,19 @@ def _ends(motion: Motion) -> NDArray[np.bool_]:
 
 
 def _side(
-    recording: Recording,
-    motion: Motion,
+    motion: SlidingMotion,
     settled: NDArray[np.bool_],
     balance_n: Array,
     direction: int,
     edges_m: Array,
 ) -> Side | None:
     """Put the strokes of one direction together; None where nothing has settled."""
+    recording = motion.recording
     strokes = [s for s in motion.strokes if s.direction == direction and settled[s.samples].sum() >= MINIMUM_SAMPLES]
     if not strokes:
         return None
-    index = np.concatenate([np.flatnonzero(settled[s.samples]) + s.start for s in strokes])
+    of_stroke = [np.flatnonzero(settled[s.samples]) + s.start for s in strokes]
+    index = np.concatenate(of_stroke)
     stands = np.gradient(motion.time_s)[index]
     place = np.floor((motion.position_m[index] - edges_m[0]) / (edges_m[1] - edges_m[0])).astype(np.int64)
     inside = (place >= 0) & (place < edges_m.size - 1)
@@ -309,9 +313,8 @@ def _side(
     def mean(values: Array) -> float:
         return float(stands @ values[index] / stands.sum())
 
-    speeds = [_speed(motion, settled, s) for s in strokes]
-    peaks = _peaks(recording, motion, settled, strokes)
-    slipping, slips = _ripple(recording, motion, balance_n, strokes)
+    speeds = [mean_speed(recording, here, float("nan")) for here in of_stroke]
+    slipping, slips = _ripple(recording, balance_n, strokes)
     squares = np.bincount(place, weights=stands * balance_n[index] ** 2, minlength=bins)
     means = binned(balance_n)
     inside_bins = np.where(covered, squares / np.where(weight > 0, weight, 1.0) - means**2, np.nan)
@@ -327,7 +330,7 @@ def _side(
         strokes=len(strokes),
         scatter_n=scatter,
         stick_slip=slipping,
-        **peaks,
+        **_breakaway(motion, settled, strokes),
         **slips,
     )
 
@@ -339,67 +342,42 @@ def _covered(position_m: Array, edges_m: Array) -> NDArray[np.bool_]:
     return (edges_m[:-1] >= position_m.min() - slack) & (edges_m[1:] <= position_m.max() + slack)
 
 
-def _speed(motion: Motion, settled: NDArray[np.bool_], stroke: Stroke) -> float:
-    index = np.flatnonzero(settled[stroke.samples]) + stroke.start
-    duration = motion.time_s[index[-1]] - motion.time_s[index[0]]
-    return float((motion.position_m[index[-1]] - motion.position_m[index[0]]) / duration) if duration > 0 else np.nan
-
-
-def _peaks(recording: Recording, motion: Motion, settled: NDArray[np.bool_], strokes: list[Stroke]) -> dict[str, float]:
+def _breakaway(motion: SlidingMotion, settled: NDArray[np.bool_], strokes: list[Stroke]) -> dict[str, float]:
     """Breakaway after the reversals before these strokes."""
-    dwells = [s.dwell_s for s in strokes if s.index > 0]
-    if not dwells:  # the first stroke has no reversal before it
-        return dict.fromkeys(("breakaway_n", "dwell_s", "loading_rate_n_s"), float("nan"))
-    low, high = float(motion.position_m.min()), float(motion.position_m.max())
-    window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
-    profile = build_profile(recording.name, 0, motion.strokes, motion.position_m, motion.balance_n, settled, window)
-    peaks = find_reversal_peaks(recording, strokes, motion.balance_n, profile)
-    good = usable(peaks)
-    rates = [p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]
-    return {
-        "breakaway_n": _median([p.friction_n for p in good]) if good else float("nan"),
-        "dwell_s": _median(dwells),
-        "loading_rate_n_s": _median(rates) if rates else float("nan"),
-    }
+    peaks: list[ReversalPeak] = []
+    if any(s.index > 0 for s in strokes):  # the first stroke has no reversal before it
+        position = motion.position_m
+        low, high = float(position.min()), float(position.max())
+        window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
+        grid = stroke_grid(position, motion.strokes, window)
+        rows = stroke_rows(position, motion.balance_n, settled, motion.strokes, grid)
+        profile = pair(grid, by_direction(motion.strokes, rows))
+        peaks = find_reversal_peaks(motion.recording, strokes, motion.balance_n, profile)
+    return breakaway(peaks, strokes)
 
 
-def _median(values: list[float]) -> float:
-    """Median of a few values, most often of one, for which NumPy takes long."""
-    return values[0] if len(values) == 1 else float(np.median(values))
-
-
-def _ripple(
-    recording: Recording, motion: Motion, balance_n: Array, strokes: list[Stroke]
-) -> tuple[bool, dict[str, float]]:
+def _ripple(recording: Recording, balance_n: Array, strokes: list[Stroke]) -> tuple[bool, dict[str, float]]:
     """Stick-slip in the middle 80 % of the strokes, on samples that are even in time.
 
     The axis may run evenly while the piston behind a soft force sensor does not: where the stiffness is known, the
     piston's own position is the axis' less the deflection.
     """
     found, behind, swings = [], [], []
-    for stroke in strokes:
-        share = (motion.position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
-        inside = np.flatnonzero((share >= 0.1) & (share <= 0.9))
-        if inside.size < MINIMUM_SAMPLES:
-            continue
-        part = slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
-        time, position, force = _even(motion.time_s[part], motion.position_m[part], recording.force_n[part])
+    for part in [part for stroke in strokes if (part := middle_of(stroke, recording.position_m)) is not None]:
+        time, position, force = _even(recording.time_s[part], recording.position_m[part], recording.force_n[part])
         found.append(measure_stick_slip(time, position))
         if recording.stiffness_n_m:
             behind.append(measure_stick_slip(time, position - force / recording.stiffness_n_m))
         low, high = quantiles(balance_n[part], 0.02, 0.98)
         swings.append(high - low)
-    nothing = float("nan")
-    if not found:
-        return False, dict.fromkeys(("ripple", "period_s", "step_m", "swing_n", "piston_ripple"), nothing)
     seen = max((found, behind), key=lambda slips: sum(s.found for s in slips))
-    slipping = sum(s.found for s in seen) > 0.5 * len(seen)
+    slipping = bool(seen) and sum(s.found for s in seen) > 0.5 * len(seen)
     return slipping, {
-        "ripple": _median([s.ripple for s in found]),
-        "period_s": _median([s.period_s for s in seen]) if slipping else nothing,
-        "step_m": _median([s.step_m for s in seen]) if slipping else nothing,
-        "swing_n": _median(swings),
-        "piston_ripple": _median([s.ripple for s in behind]) if behind else nothing,
+        "ripple": median([s.ripple for s in found]),
+        "period_s": median([s.period_s for s in seen if slipping]),
+        "step_m": median([s.step_m for s in seen if slipping]),
+        "swing_n": median(swings),
+        "piston_ripple": median([s.ripple for s in behind]),
     }
 
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import find_strokes, local_slope
 from pneudrive.characteristics.cycle import condition_of
 from pneudrive.characteristics.effects import Loop
 from pneudrive.characteristics.raw import recording_of
 from pneudrive.errors import PneudriveError
+from pneudrive.friction.sliding import find_motion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,16 +70,12 @@ def reversal_loop(file: CycleFile, identity: Identity, offset_n: float) -> Loop 
         None where the cycle has no reversal.
     """
     recording, _ = recording_of(file, identity, file.samples())
-    strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
-    turns = [(a, b) for a, b in pairwise(strokes) if a.direction != b.direction]
+    motion = find_motion(recording)
+    turns = [(a, b) for a, b in pairwise(motion.strokes) if a.direction != b.direction]
     if not turns:
         return None
     before, after = turns[0]
-    velocity = local_slope(recording.time_s, recording.position_m)
-    acceleration: Array | float = 0.0
-    if recording.mass_beyond_sensor_kg:
-        acceleration = local_slope(recording.time_s, velocity)
-    friction = recording.balance_n(acceleration) - offset_n
+    velocity, friction = motion.velocity_m_s, motion.balance_n - offset_n
     turn = after.from_m
     travel = abs(after.to_m - after.from_m)
     away = np.abs(recording.position_m - turn)

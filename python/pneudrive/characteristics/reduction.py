@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.autocorrelation import stderrs_of_means
+from pneudrive.friction.pairing import known_mean
 from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ def _relative_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
     pattern = np.zeros(bins)
     for _ in range(ITERATIONS):
         level = _relative_means(values, pattern, common)
-        pattern = _mean(values / level[:, None], axis=0) - 1.0
+        pattern = known_mean(values / level[:, None], axis=0) - 1.0
         pattern = np.nan_to_num(pattern - pattern[common].mean())
     return pattern
 
@@ -163,7 +164,7 @@ def _additive_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
     if values.shape[0] < ENOUGH_CYCLES:
         return pattern
     for _ in range(ITERATIONS):
-        pattern = _mean(values - _additive_means(values, pattern, common)[:, None], axis=0)
+        pattern = known_mean(values - _additive_means(values, pattern, common)[:, None], axis=0)
         pattern = np.nan_to_num(pattern - pattern[common].mean())
     return pattern
 
@@ -185,13 +186,6 @@ def _used(values: Array, common: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mark the common bins; all bins in a row that has none of these."""
     has = np.asarray((np.isfinite(values) & common).any(axis=1))
     return np.where(has[:, None], common[None, :], True)
-
-
-def _mean(values: Array, axis: int) -> Array:
-    known = np.isfinite(values)
-    count = known.sum(axis=axis)
-    total = np.where(known, values, 0.0).sum(axis=axis)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def _within(rest: Array, common: NDArray[np.bool_], speed: Array) -> Array:

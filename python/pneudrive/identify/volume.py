@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.characterise.volume_recording import VolumeRecording, read_volume_recordings
+from pneudrive.characterise.drive_recording import VolumeRecording, read_volume_recordings
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.identify.base import Undetermined

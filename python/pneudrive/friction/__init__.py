@@ -1,0 +1,1 @@
+"""Sliding friction of recordings and of campaigns: what both are reduced by."""

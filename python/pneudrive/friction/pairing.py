@@ -1,0 +1,167 @@
+"""Friction and offset against position: both directions paired at equal position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MAXIMUM_BINS = 100
+MINIMUM_BINS = 5
+SAMPLES_PER_BIN = 4
+ALTERNATIONS, CONVERGED = 50, 1e-9
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Equal bins of position, of which those of a window count from 0: the window's ends are edges of bins.
+
+    Attributes
+    ----------
+    low_m, width_m : float
+        Lower end of the window, width of a bin.
+    in_window : int
+        Number of bins of the window.
+    first, stop : int
+        Number of the first bin, below the window negative, and of the one behind the last.
+    """
+
+    low_m: float
+    width_m: float
+    in_window: int
+    first: int
+    stop: int
+
+    @property
+    def edges_m(self) -> Array:
+        """Edges of the bins."""
+        return np.asarray(self.low_m + self.width_m * np.arange(self.first, self.stop + 1), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
+class Profile:
+    """Balance, friction and offset over position for one recording and speed level.
+
+    ``position_m`` (m,) are bin centres; ``up_n``/``down_n`` (m,) the mean balance of the strokes in
+    +x/-x, ``friction_n`` half their difference, ``offset_n`` half their sum, NaN where a direction
+    has no settled samples. ``up_strokes_n`` (strokes, m) and ``down_strokes_n`` keep every stroke.
+    ``in_window`` (m,) marks the bins that enter the friction map.
+    """
+
+    position_m: Array
+    up_n: Array
+    down_n: Array
+    friction_n: Array
+    offset_n: Array
+    up_strokes_n: Array
+    down_strokes_n: Array
+    in_window: NDArray[np.bool_]
+
+    def strokes_n(self, direction: int) -> Array:
+        """Balance of the strokes of one direction, shape (strokes, m)."""
+        return self.up_strokes_n if direction > 0 else self.down_strokes_n
+
+
+def grid_over(
+    window_m: tuple[float, float], ends_m: Sequence[float], samples_in_window: float, count: int | None = None
+) -> Grid:
+    """Divide the way between the outermost of some ends into bins.
+
+    Parameters
+    ----------
+    window_m : tuple of float
+    ends_m : sequence of float
+    samples_in_window : float
+        Of a stroke: there are so many bins that it has about four samples in each.
+    count : int, optional
+        Bins of the window; None: as many as the samples fill.
+    """
+    low, high = window_m
+    filled = int(np.clip(int(samples_in_window) // SAMPLES_PER_BIN, MINIMUM_BINS, MAXIMUM_BINS))
+    core = np.linspace(low, high, (count or filled) + 1)
+    width = core[1] - core[0]
+    below = max(int(np.ceil((low - min(ends_m)) / width)), 0)
+    above = max(int(np.ceil((max(ends_m) - high) / width)), 0)
+    return Grid(low, float(width), core.size - 1, -below, core.size - 1 + above)
+
+
+def bin_means(position_m: Array, values: Array, edges_m: Array) -> Array:
+    """Mean of ``values`` in each position bin, shape (bins,), NaN where a bin is empty."""
+    bins = edges_m.size - 1
+    place = np.floor((position_m - edges_m[0]) / (edges_m[-1] - edges_m[0]) * bins).astype(np.int64)
+    inside = (place >= 0) & (place < bins)
+    place, values = place[inside], values[inside]
+    count = np.bincount(place, minlength=bins)
+    total = np.bincount(place, weights=values, minlength=bins)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def pair(grid: Grid, strokes_n: dict[int, Array]) -> Profile:
+    """Pair the directions at equal position.
+
+    Parameters
+    ----------
+    grid : Grid
+    strokes_n : dict of ndarray, shape (strokes, bins)
+        By direction +1/-1.
+    """
+    edges = grid.edges_m
+    up, down = mean_profile(strokes_n[1]), mean_profile(strokes_n[-1])
+    number = np.arange(grid.first, grid.stop)
+    return Profile(
+        position_m=(edges[:-1] + edges[1:]) / 2,
+        up_n=up,
+        down_n=down,
+        friction_n=(up - down) / 2,
+        offset_n=(up + down) / 2,
+        up_strokes_n=strokes_n[1],
+        down_strokes_n=strokes_n[-1],
+        in_window=(number >= 0) & (number < grid.in_window),
+    )
+
+
+def mean_profile(strokes_n: Array) -> Array:
+    """Mean over strokes in each bin, shape (bins,), with the level of each stroke kept apart.
+
+    A stroke that misses bins (a gap in the recording) must not shift the profile there: the
+    two-way model  value = stroke + bin  is fitted by alternation, and the profile is  bin + mean stroke.
+    """
+    if strokes_n.shape[0] == 0:
+        return np.full(strokes_n.shape[1], np.nan)
+    if strokes_n.shape[0] == 1:
+        return strokes_n[0].copy()
+    known = np.isfinite(strokes_n)
+    if known.all():
+        return strokes_n.mean(axis=0)
+    level = np.zeros(strokes_n.shape[0])
+    profile = np.zeros(strokes_n.shape[1])
+    for _ in range(ALTERNATIONS):
+        profile = known_mean(strokes_n - level[:, None], axis=0)
+        change = np.nan_to_num(known_mean(strokes_n - profile[None, :], axis=1) - level)
+        level += change - (level + change).mean()
+        if np.abs(change).max() <= CONVERGED * np.abs(strokes_n[known]).max(initial=0.0):
+            break
+    return profile
+
+
+def stroke_means(strokes_n: Array, bins: NDArray[np.bool_]) -> Array:
+    """Mean of each stroke over the chosen bins, shape (strokes,), missing bins filled from the profile."""
+    part = strokes_n[:, bins]
+    profile = mean_profile(part)
+    return known_mean(part - profile[None, :], axis=1) + np.nanmean(profile)
+
+
+def known_mean(values: Array, axis: int) -> Array:
+    """Mean of the finite values; NaN, and no warning, where there is none."""
+    known = np.isfinite(values)
+    count = known.sum(axis=axis)
+    total = np.where(known, values, 0.0).sum(axis=axis)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
