@@ -210,9 +210,7 @@ def volume_recording(
     return VolumeRecording(name, kept, dict(labels or {}), source, _digest(values[c] for c in OF_VOLUME if c in values))
 
 
-def _need(
-    columns: Mapping[str, Any], needed: Sequence[str], where: str, rule: str, remedy: str | None = None
-) -> None:
+def _need(columns: Mapping[str, Any], needed: Sequence[str], where: str, rule: str, remedy: str | None = None) -> None:
     missing = [c for c in needed if c not in columns]
     if missing:
         shown = f"columns: {', '.join(map(str, columns))}"

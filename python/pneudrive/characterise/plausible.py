@@ -233,11 +233,7 @@ def doubts_of(
         )
     pushed = gauge_pa["b"] * areas[1] - gauge_pa["a"] * areas[0] + recording.weight_n
     friction, missed = abs(friction_n), abs(offset_n)  # the offset is NaN where one direction is missing
-    if (
-        any(areas)
-        and missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * u_offset_n)
-        and abs(pushed) > friction
-    ):
+    if any(areas) and missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * u_offset_n) and abs(pushed) > friction:
         found["force_not_pressure"] = (
             f"the mean force of both directions is {pushed + offset_n:.4g} N where pressure times area (and "
             f"weight) is {pushed:.4g} N: look at the sign and unit of the force, the chamber of each pressure, gauge "
