@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
+from pneudrive.characteristics.dependences import dependences_of
 from pneudrive.characteristics.threads import one_thread
 from pneudrive.errors import FitError
 from pneudrive.identify.fit import LAWS, fit_friction
@@ -45,10 +47,11 @@ def _fit_campaign(
     found: CampaignCharacteristics, laws: Sequence[str]
 ) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
     table = found.friction_map
-    levels = [", ".join(level for level in row if level) for row in _levels(found)]
+    every = _levels(found)
+    levels = [", ".join(level for level in row if level) for row in every]
     fits: dict[str, dict[str, FrictionFit]] = {}
     problems: list[str] = []
-    for group in dict.fromkeys(levels):
+    for group, own in dict(zip(levels, every, strict=True)).items():
         part = table.isel(row=np.flatnonzero(np.array([level == group for level in levels])))
         spread = max(float(np.ptp(part[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
         for law in laws:
@@ -58,10 +61,11 @@ def _fit_campaign(
             except FitError as error:
                 problems.append(f"{name}, {law}: {error.what}")
             else:
-                fits.setdefault(name, {})[law] = fit
+                viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
+                fits.setdefault(name, {})[law] = replace(fit, dependences=dependences_of(found, viscous, own))
     return fits, problems
 
 
-def _levels(found: CampaignCharacteristics) -> list[tuple[str, ...]]:
+def _levels(found: CampaignCharacteristics) -> list[tuple[str, str, str]]:
     columns = [found.friction_map[name].to_numpy().tolist() for name in ("mounting", "seal", "drive")]
     return list(zip(*columns, strict=True))

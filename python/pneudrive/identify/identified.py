@@ -6,7 +6,7 @@ Fits of friction maps and fits of whole records both end here, so that a drive f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from pneudrive import units
@@ -22,7 +22,8 @@ from pneudrive.errors import FitError, nearest, warn
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
+    from pneudrive.identify.dependences import Dependences
 
 #: Digits of the bounds of an interval, which are rounded outwards, and of a value without an interval.
 DIGITS = 5
@@ -61,6 +62,12 @@ class Identified:
     confidence: float = 0.95
     model_errors: Mapping[str, float] = field(default_factory=dict)
 
+    def lowered(self, forces: Mapping[str, float]) -> Identified:
+        """Take these forces off values and intervals, by name."""
+        values = {name: value - forces.get(name, 0.0) for name, value in self.values.items()}
+        ends = {n: (low - forces.get(n, 0.0), high - forces.get(n, 0.0)) for n, (low, high) in self.intervals.items()}
+        return replace(self, values=values, intervals=ends)
+
     def origins(self, marks: Mapping[str, Quantity | StatedPressure | None]) -> dict[str, dict[str, object]]:
         """Tables of provenance, with the units that `marks` give."""
         out = {}
@@ -76,7 +83,12 @@ class Identified:
         return out
 
 
-def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, object] | None = None) -> Drive:
+def apply_identified(
+    found: Identified,
+    drive: Drive,
+    tables: Mapping[str, object] | None = None,
+    beside: Dependences | None = None,
+) -> Drive:
     """Return a drive with identified values, each with its interval and its recordings.
 
     Parameters
@@ -85,6 +97,8 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
     drive : Drive
     tables : mapping, optional
         Further changes that go with the values, as of `Drive.replace`: a law, a shape.
+    beside : Dependences, optional
+        Tables of friction that were measured beside; what the age of a sliding contact adds is taken off the values.
 
     Warns
     -----
@@ -99,6 +113,8 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
         A value that the drive refuses.
     """
     changes: dict[str, object] = dict(tables or {})
+    if beside is not None:
+        found = found.lowered({f"friction.{name}": force for name, force in beside.sliding.items()})
     known = marks_of(drive)
     law = changes.get("friction.law")
     entry = drive.friction.entry if law is None else friction_laws()[str(law)]
@@ -120,8 +136,15 @@ def apply_identified(found: Identified, drive: Drive, tables: Mapping[str, objec
     changes |= _within_limits(found, drive, set(changes))
     if law is None:
         changes |= _assumed(found, drive)
+    if beside is not None:
+        changes |= {f"friction.{key}": table for key, table in beside.tables.items()}
     after = drive.replace(changes)
-    origins = found.origins(marks_of(after))
+    marks = marks_of(after)
+    origins = found.origins(marks)
+    if beside is not None:
+        inside = {name: ends for name, ends in beside.intervals.items() if name in marks}
+        sources = dict.fromkeys(inside, (beside.source,))
+        origins |= replace(found, values=beside.values, intervals=inside, sources=sources).origins(marks)
     return after.replace({"provenance": {name: origin for name, origin in origins.items() if name not in own}})
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
 from pneudrive.identify.base import Fit
+from pneudrive.identify.dependences import Dependences
 from pneudrive.identify.friction_curve import Curve, Entry, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
 from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, Observations, at_conditions
@@ -80,6 +81,8 @@ class FrictionFit(Fit):
         The values that were fitted (None when read from a file).
     weights : ndarray or None
         Huber weight of each value.
+    dependences : Dependences
+        What was measured beside: direction, position, stops, temperature. `apply` puts it into the drive, too.
     """
 
     KIND: ClassVar[str] = "friction map"
@@ -93,6 +96,7 @@ class FrictionFit(Fit):
     model: FrictionModel
     observations: Observations | None = field(default=None, repr=False)
     weights: Array | None = field(default=None, repr=False)
+    dependences: Dependences = field(default_factory=Dependences)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -205,7 +209,9 @@ class FrictionFit(Fit):
         changes: dict[str, object] = {"friction.law": self.law} if other_law else {}
         if takes_curve and self.model.lorentzian:
             changes["friction.stribeck_shape"] = "lorentzian"
-        return apply_identified(self.identified(curve=takes_curve and not self.model.lorentzian), drive, changes)
+        found = self.identified(curve=takes_curve and not self.model.lorentzian)
+        law = str(changes.get("friction.law", drive.friction.law))
+        return apply_identified(found, drive, changes, self.dependences.for_law(law))
 
     def identified(self, *, curve: bool = False) -> Identified:
         """Return the determined parameters under their names in the drive file; with `curve` the exponent too.
@@ -282,6 +288,11 @@ class FrictionFit(Fit):
         """Return the parameters, and the sums of two slopes, of which half stands for each."""
         return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
 
+    def _last(self) -> dict[str, Any]:
+        """Return what was measured beside the sliding law."""
+        found = self.dependences.table()
+        return {"dependences": found} if found else {}
+
     def _first(self) -> dict[str, Any]:
         return {"law": self.law, "notes": list(self.notes), "model": self.model.table()}
 
@@ -306,6 +317,7 @@ class FrictionFit(Fit):
         known = {n for n, entry in cls._entries(content).items() if "standard_error" in entry}
         found["intervals"] = {n: ends for n, ends in found["intervals"].items() if n in known}
         found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
+        found["dependences"] = Dependences.of_table(content.get("dependences", {}))
         return found | {"law": content["law"], "model": model}
 
     def _shown(self) -> dict[str, float]:

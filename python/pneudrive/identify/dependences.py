@@ -1,0 +1,64 @@
+"""What acts on the friction of a fit beside speed and pressure: direction, position, stops, temperature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from pneudrive.describe.friction import has_bristles
+
+
+@dataclass(frozen=True)
+class Dependences:
+    """Tables of a drive's friction that were measured beside its sliding law.
+
+    Attributes
+    ----------
+    tables : dict
+        Key in ``[friction]`` -> table as the drive file has it: ``direction``, ``position``, ``dwell``, ...
+    values : dict
+        Dotted name in the drive file -> value in SI, of what has an interval.
+    intervals : dict
+        Dotted name -> (lower, upper), 95 %, SI.
+    sliding : dict
+        ``coulomb`` and ``breakaway`` -> force in N that the age of a sliding contact adds to them. Both a measured
+        sliding law and a drive with ``[friction.dwell]`` hold it, so that it is taken off where they meet.
+    notes : tuple of str
+        What was measured and does not go into a drive, and why; what is assumed.
+    source : str
+        The campaign.
+    """
+
+    tables: dict[str, dict[str, Any]] = field(default_factory=dict)
+    values: dict[str, float] = field(default_factory=dict)
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    sliding: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    source: str = ""
+
+    def table(self) -> dict[str, Any]:
+        """Return it as a fit.toml holds it; empty where nothing was measured."""
+        if not self.tables and not self.notes:
+            return {}
+        ends = {name: [self.values[name], *self.intervals[name]] for name in self.intervals}
+        said = {"source": self.source, "notes": list(self.notes)}
+        return said | {"sliding": self.sliding, "intervals": ends, "friction": self.tables}
+
+    @classmethod
+    def of_table(cls, content: dict[str, Any]) -> Dependences:
+        """Read what :meth:`table` gave."""
+        ends = {name: tuple(float(end) for end in three) for name, three in content.get("intervals", {}).items()}
+        return cls(
+            tables=dict(content.get("friction", {})),
+            values={name: three[0] for name, three in ends.items()},
+            intervals={name: (three[1], three[2]) for name, three in ends.items()},
+            sliding={name: float(force) for name, force in content.get("sliding", {}).items()},
+            notes=tuple(content.get("notes", ())),
+            source=str(content.get("source", "")),
+        )
+
+    def for_law(self, law: str) -> Dependences:
+        """Leave out relaxation, which belongs to bristles, where the law has none."""
+        if "relaxation" not in self.tables or has_bristles(law):
+            return self
+        return replace(self, tables={key: table for key, table in self.tables.items() if key != "relaxation"})
