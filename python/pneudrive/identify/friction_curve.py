@@ -170,14 +170,7 @@ def curve_of_friction(
     friction: Friction, title: str, speed: Array, gauges_pa: tuple[float, float], entries: Sequence[Entry]
 ) -> Curve:
     """Take the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
-    from pneudrive import _core
-
-    core = friction.core()
-    law, parameters, pressure = core.pop("law"), core.pop("parameters"), core.pop("pressure", None)
-    sides = [
-        np.asarray(_core.steady_friction(law, parameters, sign * speed, *gauges_pa, pressure, core or None)) * sign
-        for sign in (1.0, -1.0)
-    ]
+    sides = [steady_friction(friction, sign * speed, *gauges_pa) for sign in (1.0, -1.0)]
     lost = [text for key, text in _TABLES.items() if getattr(friction, key) is not None]
     if friction.law not in ("coulomb", "stribeck"):
         lost.append(f"presliding and friction that lags behind speed (law {friction.law}): only its steady curve")
@@ -186,4 +179,17 @@ def curve_of_friction(
     exponent = 1.0 if shape == "exponential" else exponent
     plain = friction.law == "coulomb" or (exponent == 1.0 and shape not in ("gaussian", "lorentzian"))
     curve = 0.5 * (sides[0] + sides[1])
-    return Curve(title, law, shape, speed, curve, *gauges_pa, tuple(entries), tuple(lost), plain)
+    return Curve(title, friction.law, shape, speed, curve, *gauges_pa, tuple(entries), tuple(lost), plain)
+
+
+def steady_friction(
+    friction: Friction, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
+) -> Array:
+    """Steady friction of a law against the motion, N, at signed velocities, gauge pressures and a position."""
+    from pneudrive import _core
+
+    core = friction.core()
+    law, parameters, pressure = core.pop("law"), core.pop("parameters"), core.pop("pressure", None)
+    v = np.ascontiguousarray(velocity_m_s, dtype=np.float64)
+    force = _core.steady_friction(law, parameters, v, gauge_a_pa, gauge_b_pa, pressure, core or None, position_m)
+    return np.asarray(force) * np.sign(v)

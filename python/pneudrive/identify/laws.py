@@ -78,9 +78,6 @@ class Compared(Shown):
     name: str
     pressure: str | None
     fit: FrictionFit
-    free: int
-    aicc: float
-    bic: float
     error_n: float
     error: float
     coverage: float
@@ -88,6 +85,21 @@ class Compared(Shown):
     worst: float
     worst_at: str
     viscous: bool
+
+    @property
+    def free(self) -> int:
+        """Free parameters, with the knee."""
+        return len(self.fit.free) + self.fit.model.chosen
+
+    @property
+    def aicc(self) -> float:
+        """Of the fit."""
+        return self.fit.statistics["aicc"]
+
+    @property
+    def bic(self) -> float:
+        """Of the fit."""
+        return self.fit.statistics["bic"]
 
     @property
     def title(self) -> str:
@@ -205,38 +217,32 @@ def compare_laws(
 def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
     """Leave out laws of which the values carry no more than of a plainer one that is compared too, and say so."""
     asked = {(row.name, row.pressure) for row in rows}
-    kept, curve, line = [], [], []
+    kept, plainer = [], {"curve": dict[str, None](), "line": dict[str, None]()}
     for row in rows:
         form = row.pressure and row.fit.model.pressure
         name = row.name if row.fit.model.stribeck else "coulomb"
         if (name, form) == (row.name, row.pressure) or (name, form) not in asked:
             kept.append(row)
             continue
-        curve += [row.name] if name != row.name else []
-        line += [str(row.pressure)] if form != row.pressure else []
-    said = []
-    if curve:
-        said.append(f"these values carry no Stribeck curve: coulomb stands for {', '.join(dict.fromkeys(curve))}")
-    if line:
-        listed = ", ".join(dict.fromkeys(line))
-        said.append(f"these pressures carry no more than a straight line: linear stands for {listed} in pressure")
-    return kept, said
+        plainer["curve"] |= {row.name: None} if name != row.name else {}
+        plainer["line"] |= {str(row.pressure): None} if form != row.pressure else {}
+    words = {
+        "curve": "these values carry no Stribeck curve: coulomb stands for {}",
+        "line": "these pressures carry no more than a straight line: linear stands for {} in pressure",
+    }
+    return kept, [words[what].format(", ".join(names)) for what, names in plainer.items() if names]
 
 
 def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:
-    if wanted is not None and not wanted:
-        return (None,)
     if wanted is not None:
         for form in wanted:
             if form not in PRESSURE_FORMS:
                 raise FitError(
                     f"there is no dependence on pressure called {form!r}", remedy=nearest(form, PRESSURE_FORMS)
                 )
-        return tuple(wanted)
+        return tuple(wanted) or (None,)
     varied = [np.ptp(g) > MINIMUM_RANGE_PA for g in (data.gauge_a_pa, data.gauge_b_pa)]
-    if not any(varied):
-        return (None,)
-    return PRESSURE_FORMS if all(varied) else PRESSURE_FORMS[:3]
+    return (None,) if not any(varied) else PRESSURE_FORMS if all(varied) else PRESSURE_FORMS[:3]
 
 
 def _folds(
@@ -283,7 +289,8 @@ def _compared(
     except FitError as problem:
         return f"{name} is not compared: {problem.what}"
     error, inside = np.empty(len(data)), np.empty(len(data), dtype=bool)
-    for fold in range(int(folds.max()) + 1):
+    squares, means = np.empty((2, int(folds.max()) + 1))
+    for fold in range(squares.size):
         left = folds == fold
         at = data.take(left)
         try:
@@ -299,20 +306,18 @@ def _compared(
         )
         error[left] = band.friction_n - at.friction_n
         inside[left] = (band.lower_n <= at.friction_n) & (at.friction_n <= band.upper_n)
-    means = list(_fold_means(error, data, folds))
+        squares[fold] = np.mean(error[left] ** 2)
+        means[fold] = np.mean(error[left]) / np.mean(np.abs(at.friction_n))
     worst = int(np.argmax(np.abs(means)))
     rms = float(np.sqrt(np.mean(error**2)))
     return Compared(
         name=name,
         pressure=form,
         fit=fit,
-        free=len(fit.model.names) + fit.model.chosen,
-        aicc=fit.statistics["aicc"],
-        bic=fit.statistics["bic"],
         error_n=rms,
         error=rms / float(np.sqrt(np.mean(data.friction_n**2))),
         coverage=float(np.mean(inside)),
-        squares=np.array([np.mean(error[folds == fold] ** 2) for fold in range(int(folds.max()) + 1)], dtype=float),
+        squares=squares,
         worst=float(means[worst]),
         worst_at=_condition(data.take(folds == worst)),
         viscous=wide,
@@ -321,16 +326,10 @@ def _compared(
 
 def _without(model: FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
     """Fit what all values carry of the law to some of them."""
-    plain = FrictionModel(model.law, model.exponent, viscous=model.viscous, lorentzian=model.lorentzian)
+    plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
     support = as_it_is(with_knee(chosen, rest, loss), rest, loss)
     return assembled(model.law, support, lost, [], {"direction": "both"})
-
-
-def _fold_means(error: Array, data: Observations, folds: NDArray[np.int64]) -> Iterator[float]:
-    for fold in range(int(folds.max()) + 1):
-        left = folds == fold
-        yield float(np.mean(error[left]) / np.mean(np.abs(data.friction_n[left])))
 
 
 def _condition(at: Observations) -> str:

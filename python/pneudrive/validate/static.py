@@ -11,6 +11,7 @@ import numpy as np
 
 from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import RecordingError
+from pneudrive.identify.friction_curve import steady_friction
 from pneudrive.show import Shown
 from pneudrive.trajectory import columns_in
 from pneudrive.validate.metrics import Metrics, metrics
@@ -94,13 +95,8 @@ class FrictionValidation(Shown):
         from pneudrive.trajectory import check_target, write_frame
 
         target = check_target(Path(folder) / "friction.csv", (".csv",))
-        rows = {
-            "condition": [c.condition for c in self.curves for _ in c.speed_m_s],
-            "direction": [c.direction for c in self.curves for _ in c.speed_m_s],
-        }
-        for name in ("speed_m_s", "friction_n", "low_n", "high_n", "model_n"):
-            rows[name] = np.concatenate([getattr(c, name) for c in self.curves]).tolist()
-        write_frame(pl.DataFrame(rows), target)
+        names = ("condition", "direction", "speed_m_s", "friction_n", "low_n", "high_n", "model_n")
+        write_frame(pl.concat(pl.DataFrame({n: getattr(c, n) for n in names}) for c in self.curves), target)
         return [target]
 
     def __str__(self) -> str:
@@ -158,15 +154,7 @@ def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
 
 def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
     """Steady friction of the drive's law against the motion, N, at signed velocities and gauge pressures."""
-    from pneudrive import _core
-
-    core = drive.friction.core()
-    law, parameters = core.pop("law"), core.pop("parameters")
-    pressure = core.pop("pressure", None)
-    v = np.ascontiguousarray(velocity_m_s, dtype=np.float64)
-    middle = 0.5 * drive.cylinder.stroke_m
-    force = _core.steady_friction(law, parameters, v, gauge_a_pa, gauge_b_pa, pressure, core or None, middle)
-    return np.asarray(force) * np.sign(v)
+    return steady_friction(drive.friction, velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
 
 
 def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:

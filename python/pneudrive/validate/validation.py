@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -148,16 +148,24 @@ class Validation(Shown):
 
     def pooled(self, channels: Sequence[str], *, restarted: bool = False) -> Metrics:
         """Metrics over all recordings, those of several channels by the worst of them."""
-        found = [_pooled(self.records, c, restarted) for c in channels]
+        found = []
+        for channel in channels:
+            runs = [(r.restarted if restarted else r.free)[channel] for r in self.records]
+            measured = np.concatenate([getattr(r.signals, channel) for r in self.records])
+            found.append(metrics(measured, np.concatenate(runs)))
         return max(found, key=lambda m: np.inf if np.isnan(m.nrmse) else m.nrmse)
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Targets and what was reached."""
-        position = self.pooled(["position_m"])
-        pressure = self.pooled(["pressure_a_pa", "pressure_b_pa"])
-        fit, nrmse = position.fit_percent, pressure.nrmse
-        out = [
+        fit = self.pooled(["position_m"]).fit_percent
+        nrmse = self.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse
+        errors = [abs(b.error) for r in self.records for b in r.breakaways]
+        error = float(np.mean(errors)) if errors else np.nan
+        stops = "no stop that ends in motion was recorded, so nothing is said of it"
+        if errors:
+            stops = f"mean error {100 * error:.2g} % (target below {100 * BREAKAWAY_ERROR:g} %)"
+        return (
             Verdict(
                 "position",
                 fit,
@@ -173,31 +181,33 @@ class Validation(Shown):
                 f"pressures in the free run: NRMSE {100 * nrmse:.2g} % in the worse chamber "
                 f"(target below {100 * PRESSURE_NRMSE:g} %)",
             ),
-        ]
-        errors = [abs(b.error) for r in self.records for b in r.breakaways]
-        if errors:
-            error = float(np.mean(errors))
-            text = (
-                f"breakaway after {len(errors)} stops: mean error {100 * error:.2g} % "
-                f"(target below {100 * BREAKAWAY_ERROR:g} %)"
-            )
-            out.append(Verdict("breakaway", error, BREAKAWAY_ERROR, error < BREAKAWAY_ERROR, text))
-        else:
-            text = "breakaway: no stop that ends in motion was recorded, so nothing is said of it"
-            out.append(Verdict("breakaway", np.nan, BREAKAWAY_ERROR, None, text))
-        return tuple(out)
+            Verdict(
+                "breakaway",
+                error,
+                BREAKAWAY_ERROR,
+                error < BREAKAWAY_ERROR if errors else None,
+                f"breakaway{f' after {len(errors)} stops' if errors else ''}: {stops}",
+            ),
+        )
 
     @cached_property
     def conditions(self) -> tuple[ConditionRow, ...]:
         """Metrics by label, for labels of which there is more than one value among the recordings."""
-        keys = dict.fromkeys(key for r in self.records for key in r.recording.labels)
         rows = []
-        for key in keys:
-            groups: dict[str, list[RecordResult]] = {}
-            for r in self.records:
-                groups.setdefault(r.recording.labels.get(key, "-"), []).append(r)
-            if len(groups) > 1:
-                rows += [_condition(key, value, group) for value, group in sorted(groups.items())]
+        for key in dict.fromkeys(key for r in self.records for key in r.recording.labels):
+            values = sorted({r.recording.labels.get(key, "-") for r in self.records})
+            for value in values if len(values) > 1 else ():
+                own = replace(self, records=tuple(r for r in self.records if r.recording.labels.get(key, "-") == value))
+                rows.append(
+                    ConditionRow(
+                        key,
+                        value,
+                        len(own.records),
+                        own.pooled(["position_m"]).fit_percent,
+                        own.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse,
+                        own.pooled(["position_m"], restarted=True).fit_percent,
+                    )
+                )
         return tuple(rows)
 
     def diagnosis(
@@ -348,6 +358,7 @@ def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
         measured = getattr(signals, channel)
         residual = measured - free[channel]
         windows = np.split(measured - restarted[channel], restarted.restarts[1:])
+        beyond = ~(np.abs(residual) <= OFF_SHARE * float(np.ptp(measured)))
         channels[channel] = ChannelResult(
             channel,
             metrics(measured, free[channel]),
@@ -355,32 +366,6 @@ def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
             whiteness(residual),
             cross_correlations(residual, stimuli, signals.step_s),
             np.array([float(np.sqrt(np.mean(w * w))) for w in windows]),
-            _off(signals.time_s, residual, float(np.ptp(measured))),
+            float(signals.time_s[int(np.argmax(beyond))]) if beyond.any() else None,
         )
     return RecordResult(signals, free, restarted, channels, breakaways(drive, signals))
-
-
-def _off(time: Array, residual: Array, span: float) -> float | None:
-    """Time from which the error is beyond a share of the span for a tenth of all samples in a row or to the end."""
-    beyond = ~(np.abs(residual) <= OFF_SHARE * span)
-    if not beyond.any():
-        return None
-    return float(time[int(np.argmax(beyond))])
-
-
-def _pooled(records: Sequence[RecordResult], channel: str, restarted: bool) -> Metrics:
-    measured = np.concatenate([getattr(r.signals, channel) for r in records])
-    model = np.concatenate([(r.restarted if restarted else r.free)[channel] for r in records])
-    return metrics(measured, model)
-
-
-def _condition(key: str, value: str, group: list[RecordResult]) -> ConditionRow:
-    pressures = [_pooled(group, c, restarted=False).nrmse for c in ("pressure_a_pa", "pressure_b_pa")]
-    return ConditionRow(
-        key,
-        value,
-        len(group),
-        _pooled(group, "position_m", restarted=False).fit_percent,
-        float(np.max(pressures)),
-        _pooled(group, "position_m", restarted=True).fit_percent,
-    )
