@@ -169,8 +169,8 @@ class Problems:
             raise together(list(self.found.values()))
 
 
-class DescriptionError(PneudriveError):
-    """A drive description (file or Python) is not valid."""
+class DescriptionError(PneudriveError, ValueError):
+    """A drive description (file or Python) is not valid; pydantic gathers what is a `ValueError`."""
 
     key: str | None = None  # dotted name of the key at fault: whoever knows the file finds the line by it
 

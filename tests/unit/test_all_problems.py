@@ -59,7 +59,7 @@ def told(read, kind: type[PneudriveError]) -> str:
 def test_a_layout():
     text = told(lambda: Layout.loads(LAYOUT), LayoutError)
     for line, word in (
-        (2, "decimal"), (3, "skip_sample"), (7, "is a force"), (8, "columns.force has no unit"),
+        (2, "decimal"), (3, "skip_sample"), (7, "is a force"), (8, "columns.force.unit is missing"),
         (9, "columns.pressure_a.sale"),
         (12, "geometry.bore"), (15, "rig.incline"), (18, "chamber_b.pressure"), (20, "flags"),
     ):  # fmt: skip
@@ -83,8 +83,8 @@ def test_what_each_override_of_a_layout_lacks_is_told_once():
     Layout.loads(sound)
     wrong = '\n[[for]]\nmatch = "a*"\nrig.incline = "300 deg"\n[[for]]\nrig.mass_beyond_sensor = "-1 kg"\n'
     text = told(lambda: Layout.loads(sound.replace("1 deg", "200 deg") + wrong), LayoutError)
-    assert text.count("rig.incline must lie") == 2
-    assert text.count("mass_beyond_sensor must not be negative") == 1
+    assert text.count("rig.incline: ") == 2
+    assert text.count("mass_beyond_sensor: ") == 1
     assert text.count("does not say which files") == 1
 
 

@@ -2,57 +2,26 @@
 
 from __future__ import annotations
 
-import copy
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.characterise.force_calibration import KEYS as FORCE_CALIBRATION_KEYS
-from pneudrive.characterise.text_table import TextForm
+from pneudrive.characterise.layout_tables import CHANNELS, GeometryTable, LayoutTables
 from pneudrive.describe import toml
+from pneudrive.describe.base import wrong
 from pneudrive.errors import LayoutError, Problems, nearest
 from pneudrive.files.packed import COMPRESSIONS
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Sequence
 
     from pneudrive.characterise.column_units import ColumnUnit
     from pneudrive.characterise.force_calibration import ForceCalibration
-    from pneudrive.characterise.layout_values import LayoutValues
-
-# Channel -> SI unit.
-CHANNEL_UNITS = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
-# Channels that a recording of a drive has beside them; a layout that names the command is one of a drive.
-DRIVE_UNITS = {"command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"}
-# Channels of a recording of a fixed volume: its command is the share of the line's opening, its inlet pressure that
-# between line and tube.
-VOLUME_UNITS = {"time": "s", "pressure": "Pa", "inlet_pressure": "Pa", "command": ""}
-KINDS = ("rig", "drive", "fixed-volume")
-COLUMN_KEYS = {"column", "unit", "positive", "scale", "offset", "delay", "accuracy", "range", "calibration", "format"}
-TOP_KEYS: dict[str, tuple[type, str]] = {
-    "kind": (str, "a text in quotes"),
-    "format": (str, "a text in quotes"),
-    "delimiter": (str, "a text in quotes"),
-    "header": (bool, "true or false"),
-    "decimal": (str, "a text in quotes"),
-    "thousands": (str, "a text in quotes"),
-    "comment": (str, "a text in quotes"),
-    "skip_lines": (int, "a whole number"),
-    "skip_samples": (int, "a whole number"),
-}
-TABLES: dict[str, set[str] | None] = {
-    "columns": {*CHANNEL_UNITS, *DRIVE_UNITS, *VOLUME_UNITS, "cycle"},
-    "geometry": {"kind", "bore", "rod_diameter", "area_a", "area_b", "bore_accuracy", "area_accuracy"},
-    "chamber_a": {"open_to_ambient", "pressure"},
-    "chamber_b": {"open_to_ambient", "pressure"},
-    "rig": {"ambient_pressure", "incline", "mass_beyond_sensor", "stiffness", "alignment"},
-    "window": {"position"},
-    "force_calibration": set(FORCE_CALIBRATION_KEYS),
-    "labels": None,  # any key
-}
+    from pneudrive.characterise.text_table import TextForm
 
 
 @dataclass(frozen=True)
@@ -79,23 +48,14 @@ class Column:
 
 
 @dataclass(frozen=True)
-class FileLayout:
-    """Everything that is said about one file, in SI, after the overrides that match its name."""
+class SampledLayout:
+    """What a layout says of one file, in SI, after the overrides that match its name: of a drive or a fixed volume."""
 
     format: str
     text: TextForm
     skip_samples: int
     columns: dict[str, Column]
-    cycle: int | str | None
-    area_a_m2: float
-    area_b_m2: float
-    chamber_pressures: dict[str, float]  # pressures that are said rather than measured, absolute
     ambient_pressure_pa: float
-    incline_rad: float
-    mass_beyond_sensor_kg: float
-    stiffness_n_m: float | None
-    geometry_accuracy: dict[str, float]
-    window_m: tuple[float, float] | None
     labels: dict[str, str]
 
     @property
@@ -105,23 +65,21 @@ class FileLayout:
 
 
 @dataclass(frozen=True)
-class SampledLayout:
-    """What a layout says of a file that recorded a drive or a fixed volume: no geometry, which these have."""
+class FileLayout(SampledLayout):
+    """What a layout says of one file of a rig, with the geometry of the drive under test."""
 
-    format: str
-    text: TextForm
-    skip_samples: int
-    columns: dict[str, Column]
-    ambient_pressure_pa: float
-    labels: dict[str, str]
-
-    @property
-    def dates(self) -> dict[int | str, str]:
-        """Columns that hold dates and times, with the form in which they are written."""
-        return {column.column: column.date_form for column in self.columns.values() if column.date_form is not None}
+    cycle: int | str | None
+    area_a_m2: float
+    area_b_m2: float
+    chamber_pressures: dict[str, float]  # pressures that are said rather than measured, absolute
+    incline_rad: float
+    mass_beyond_sensor_kg: float
+    stiffness_n_m: float | None
+    geometry_accuracy: dict[str, float]
+    window_m: tuple[float, float] | None
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Layout(Shown):
     """A layout file as it was written, ready to be applied to a file's name.
 
@@ -172,19 +130,75 @@ class Layout(Shown):
         LayoutError
             A value that is wrong for this file.
         """
-        self._needs("rig", "friction needs time, position and force")
-        return self._with_overrides(self._matching(path)).file_layout(path)
+        said, common = self._common("rig", path, "friction needs time, position and force")
+        area_a, area_b = said.geometry.areas()
+        return FileLayout(
+            **common,
+            cycle=said.columns.cycle,
+            area_a_m2=area_a,
+            area_b_m2=area_b,
+            chamber_pressures=said.chamber_pressures(),
+            incline_rad=said.rig.incline_rad,
+            mass_beyond_sensor_kg=said.rig.mass_beyond_sensor_kg,
+            stiffness_n_m=said.rig.stiffness_n_m,
+            geometry_accuracy=said.geometry_accuracy(),
+            window_m=said.window.position,
+        )
 
     def for_volume_file(self, path: Path) -> SampledLayout:
-        """Apply the overrides that match the file's name, for a recording of a fixed volume.
+        """As `for_drive_file`, for a recording of a fixed volume."""
+        verb = 'kind = "fixed-volume", with the columns time and pressure'
+        return SampledLayout(**self._common("fixed-volume", path, verb)[1])
+
+    def for_drive_file(self, path: Path) -> SampledLayout:
+        """Apply the overrides that match the file's name, for a recording of a drive.
 
         Raises
         ------
         LayoutError
             A value that is wrong for this file, or a layout of another kind.
         """
-        self._needs("fixed-volume", 'kind = "fixed-volume", with the columns time and pressure')
-        return self._with_overrides(self._matching(path)).volume_layout(path)
+        verb = "a drive needs time, command, position and both pressures"
+        return SampledLayout(**self._common("drive", path, verb)[1])
+
+    def _common(self, kind: str, path: Path, verb: str) -> tuple[LayoutTables, dict[str, Any]]:
+        """Read what every layout says of a file."""
+        self._needs(kind, verb)
+        chosen = self._matching(path)
+        said = _read(self, tuple(chosen))
+        units = CHANNELS[kind][0]
+        columns = {name: Column(**said.column(name, kind)) for name in units if getattr(said.columns, name) is not None}
+        return said, {
+            "format": said.format,
+            "text": said.text_form,
+            "skip_samples": said.skip_samples,
+            "columns": columns,
+            "ambient_pressure_pa": said.ambient_pa,
+            "labels": self._labels(said, path, chosen),
+        }
+
+    def _labels(self, said: LayoutTables, path: Path, chosen: Sequence[int]) -> dict[str, str]:
+        """Give the fixed labels and those of the file's name.
+
+        Raises
+        ------
+        LayoutError
+            The pattern does not fit the file's name.
+        """
+        labels = {key: text for key, text in said.labels.items() if key != "pattern"}
+        pattern = said.labels.get("pattern", "")
+        found = labels_from_name(pattern, stem(path)) if pattern else {}
+        if found is None:
+            part, left = where_pattern_ends(pattern, stem(path))
+            rest = f"'{left}' is left of the name" if left else "nothing is left of the name"
+            example = f'[[for]] match = "{path.name}", labels.pattern = "..." (or "" for none)'
+            raise self.fail(
+                f"labels.pattern = {pattern!r} does not fit the file {path.name}",
+                self._place("labels.pattern", chosen),
+                rule=f"where {part} should stand, {rest}",
+                remedy=f"mend the pattern, or give files of other names their own: {example}",
+            )
+        return labels | found
 
     def _matching(self, path: Path) -> list[int]:
         names = (path.name, stem(path))
@@ -212,105 +226,80 @@ class Layout(Shown):
                 remedy='a fixed volume (kind = "fixed-volume") goes with `pneudrive identify TANK.toml RECORDING`',
             )
 
-    def for_drive_file(self, path: Path) -> SampledLayout:
-        """Apply the overrides that match the file's name, for a recording of a drive.
+    def fail(self, what: str, key: str = "", rule: str | None = None, remedy: str | None = None) -> LayoutError:
+        """Build an error that points at a key's line."""
+        return toml.located(wrong(key, what, rule=rule, remedy=remedy), self.origin, self.text).turned(LayoutError)
+
+    def _place(self, key: str, chosen: Sequence[int]) -> str:
+        """Return where a key stands in the file, which may be in an override; that of its table where it is not."""
+        while key:
+            for at in (*(f"for.{index}." for index in reversed(chosen)), ""):
+                found: Any = self.tree["for"][int(at.split(".")[1])] if at else self.tree
+                for part in key.split("."):
+                    found = found.get(part) if isinstance(found, dict) else None
+                if found is not None:
+                    return f"{at}{key}"
+            key = key.rpartition(".")[0]
+        return key
+
+    def read(self, chosen: Sequence[int], *, is_part: bool = False) -> LayoutTables:
+        """Read the layout with some of its overrides.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            The overrides, in their order.
+        is_part : bool
+            Not everything that a file needs has to be there.
 
         Raises
         ------
         LayoutError
-            A value that is wrong for this file, or no command.
+            With everything that is wrong.
         """
-        self._needs("drive", "a drive needs time, command, position and both pressures")
-        return self._with_overrides(self._matching(path)).drive_layout(path)
-
-    def fail(self, what: str, *keys: str, rule: str | None = None, remedy: str | None = None) -> LayoutError:
-        """Build an error that points at a key's line."""
-        line = toml.line_of(self.text, ".".join(keys)) if keys else None
-        shown = self.text.splitlines()[line - 1].strip() if line else None
-        where = f"{self.origin}:{line}" if line else self.origin
-        return LayoutError(what, where=where, value=shown, rule=rule, remedy=remedy)
-
-    def _with_overrides(self, chosen: list[int], *, is_part: bool = False) -> LayoutValues:
-        from pneudrive.characterise.layout_values import LayoutValues
-
-        tree = copy.deepcopy({key: value for key, value in self.tree.items() if key != "for"})
-        sources: dict[tuple[str, ...], tuple[str, ...]] = {}
+        tree = {key: value for key, value in self.tree.items() if key != "for"}
         for index in chosen:
             rest = {key: value for key, value in self.tree["for"][index].items() if key != "match"}
-            _make_way(tree, rest)
-            _merge(tree, rest, (), ("for", str(index)), sources)
-        return LayoutValues(self, tree, sources, is_part=is_part)
+            tree = toml.merge(_without(tree, rest), rest)
+        problems, kind = Problems(), self.kind
+        said: LayoutTables | None = problems.take(LayoutTables.model_validate, tree)
+        if said is not None:
+            for error in said.contradictions(kind):
+                problems.add(error)
+            if kind == "rig" and not (is_part and said.geometry == GeometryTable()):
+                problems.take(said.geometry.areas)
+            for error in () if is_part else said.missing(kind):
+                problems.add(error)
+        if is_part:  # what is missing here, another [[for]] may give: only the layout of a file has to be whole
+            problems.found = {at: one for at, one in problems.found.items() if " is missing" not in one.what}
+        for error in problems.found.values():
+            error.key = self._place(getattr(error, "key", None) or "", chosen)  # type: ignore[attr-defined]
+        with toml.locating(self.origin, self.text, LayoutError):
+            problems.tell()
+        return LayoutTables() if said is None else said
 
     def _checked(self) -> Layout:
         """Refuse unknown keys and wrong values before the first recording is opened, all at once."""
         overrides, problems = self.tree.get("for", []), Problems()
         if not isinstance(overrides, list) or not all(isinstance(one, dict) for one in overrides):
             raise self.fail("[for] must be written [[for]], one for each group of files", "for")
-        trees: list[tuple[dict[str, Any], tuple[str, ...]]] = [
-            ({k: v for k, v in self.tree.items() if k not in ("for", "schema")}, ())
-        ]
-        for index, override in enumerate(overrides):
-            trees.append(({k: v for k, v in override.items() if k != "match"}, ("for", str(index))))
-        for tree, place in trees:
-            with problems.caught():
-                self._check_kinds(tree, place)
-        problems.tell()  # what is no table cannot be looked into
         for index, override in enumerate(overrides):
             if not isinstance(override.get("match"), str):
                 what = "[[for]] does not say which files it is for"
-                problems.add(self.fail(what, "for", str(index), remedy='match = "*257*"'))
-        for tree, place in trees:
-            for error in self._unknown(tree, place):
-                problems.add(error)
-        if self.kind not in KINDS:
-            problems.add(self.fail(f"kind = '{self.kind}' is not known", "kind", remedy=nearest(self.kind, KINDS)))
-            problems.tell()  # which columns are needed is not known
+                problems.add(self.fail(what, f"for.{index}", remedy='match = "*257*"'))
+        if self.kind not in CHANNELS:
+            remedy = nearest(str(self.kind), CHANNELS)
+            raise self.fail(f"kind = {self.kind!r} is not known", "kind", remedy=remedy)  # what it needs is not known
         for chosen in ([], *([index] for index in range(len(overrides)))):
-            # What is missing here, another [[for]] may give: only the layout of a file has to be whole.
-            values = self._with_overrides(chosen, is_part=bool(overrides))
-            readers = {"drive": values.drive_layout, "fixed-volume": values.volume_layout}
             with problems.caught():
-                readers.get(self.kind, values.file_layout)(None)
+                self.read(chosen, is_part=bool(overrides))
         problems.tell()
         return self
 
-    def _check_kinds(self, tree: dict[str, Any], prefix: tuple[str, ...]) -> None:
-        """Refuse what is a table and should be a value, and the other way round."""
-        problems = Problems()
-        for key, value in tree.items():
-            path = (*prefix, key)
-            if key in TABLES and not isinstance(value, dict):
-                problems.add(self.fail(f"[{key}] must be a table", *path))
-            elif key == "columns":
-                for name, column in value.items():
-                    if name != "cycle" and name in (TABLES[key] or ()) and not isinstance(column, dict):
-                        what, example = f"columns.{name} must be a table", f'{name} = {{ column = 0, unit = "..." }}'
-                        problems.add(self.fail(what, *path, name, remedy=example))
-            elif key in TOP_KEYS:
-                kind, words = TOP_KEYS[key]
-                if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-                    problems.add(self.fail(f"{key} = {value!r} must be {words}", *path))
-        problems.tell()
 
-    def _unknown(self, tree: dict[str, Any], prefix: tuple[str, ...]) -> Iterator[LayoutError]:
-        """Give an error for each key that is not known."""
-
-        def unknown(known: Collection[str], *keys: str) -> LayoutError:
-            return self.fail(f"unknown key '{'.'.join(keys)}'", *prefix, *keys, remedy=nearest(keys[-1], known))
-
-        for key, value in tree.items():
-            if key not in TABLES:
-                if key not in TOP_KEYS:
-                    yield unknown({*TOP_KEYS, *TABLES}, key)
-                continue
-            known = TABLES[key]
-            for name, column in value.items():
-                if known is not None and name not in known:
-                    yield unknown(known, key, name)
-                elif key == "columns" and isinstance(column, dict) and name != "cycle":
-                    for inner in column:
-                        if inner not in COLUMN_KEYS:
-                            yield unknown(COLUMN_KEYS, key, name, inner)
+@lru_cache(maxsize=256)
+def _read(layout: Layout, chosen: tuple[int, ...]) -> LayoutTables:
+    return layout.read(chosen)
 
 
 def stem(path: Path) -> str:
@@ -371,30 +360,17 @@ def _expression(parts: list[str]) -> str:
     )
 
 
-def _make_way(tree: dict, rest: dict) -> None:
-    """Take out of a tree what an override says anew as a whole.
+def _without(tree: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
+    """Return a tree without what an override says anew as a whole.
 
     A column that an override gives with its place and its unit, and the pressure of a chamber that it gives in another
     way.
     """
     columns, said = tree.get("columns", {}), rest.get("columns", {})
-    for name, column in said.items():
-        if isinstance(column, dict) and {"column", "unit"} <= set(column):
-            columns.pop(name, None)
-    for side in "ab":
-        if f"pressure_{side}" in said:
-            tree.pop(f"chamber_{side}", None)
-        elif f"chamber_{side}" in rest:
-            columns.pop(f"pressure_{side}", None)
-            tree.pop(f"chamber_{side}", None)
-
-
-def _merge(tree: dict, rest: dict, path: tuple[str, ...], source: tuple[str, ...], sources: dict) -> None:
-    """Put an override's values into the tree and remember where each was written."""
-    for key, value in rest.items():
-        here = (*path, key)
-        sources[here] = (*source, *here)
-        if isinstance(value, dict) and isinstance(tree.get(key), dict):
-            _merge(tree[key], value, here, source, sources)
-        else:
-            tree[key] = copy.deepcopy(value)
+    if not (isinstance(columns, dict) and isinstance(said, dict)):
+        return tree
+    gone = {name for name, one in said.items() if isinstance(one, dict) and {"column", "unit"} <= set(one)}
+    gone |= {f"pressure_{side}" for side in "ab" if f"chamber_{side}" in rest}
+    chambers = {f"chamber_{side}" for side in "ab" if f"pressure_{side}" in said or f"chamber_{side}" in rest}
+    out = {key: value for key, value in tree.items() if key not in chambers}
+    return out | {"columns": {name: one for name, one in columns.items() if name not in gone}}

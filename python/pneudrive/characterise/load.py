@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.formats import read_columns
-from pneudrive.characterise.layout import CHANNEL_UNITS, FileLayout, Layout, SampledLayout, stem
+from pneudrive.characterise.layout import FileLayout, Layout, SampledLayout, stem
+from pneudrive.characterise.layout_tables import CHANNEL_UNITS
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.text_table import read_bytes, read_text
 from pneudrive.characterise.trajectories import is_trajectory, read_trajectory

@@ -21,20 +21,12 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
 
-class WrongValueError(DescriptionError, ValueError):
-    """A value that a field refuses; `Described` adds the field's name. pydantic collects what is a `ValueError`."""
+class WrongValueError(DescriptionError):
+    """A value that a field refuses; `Described` adds the field's name."""
 
     def __init__(self, what: str, rule: str | None = None, remedy: str | None = None, sub: str = "") -> None:
         super().__init__(what, rule=rule, remedy=remedy)
         self.key = sub or None
-
-
-class _WrongTableError(ValueError):
-    """What is wrong with one table; its keys are told from the top of the file where `is_placed`."""
-
-    def __init__(self, errors: Sequence[DescriptionError], is_placed: bool) -> None:
-        super().__init__("; ".join(error.what for error in errors))
-        self.errors, self.is_placed = errors, is_placed
 
 
 def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
@@ -148,17 +140,9 @@ class Mark:
         except DescriptionError as error:
             raise wrong(key, f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
-    def _read(self, given: Any) -> Any:  # noqa: ANN401
-        try:
-            return self.read(given)
-        except DescriptionError as error:
-            if error.others or (error.key and error.what.startswith(error.key)):
-                raise _WrongTableError([*error.each()], is_placed=False) from None
-            raise WrongValueError(error.what, error.rule, error.remedy, error.key or "") from None
-
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
         """Validate by `read`; nothing else may touch the value."""
-        return core_schema.no_info_plain_validator_function(self._read)
+        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
         """Describe the form in which users write it."""
@@ -316,9 +300,7 @@ class Described(Shown, BaseModel):
         try:
             return handler(data)
         except ValidationError as error:
-            raise _WrongTableError(cls.explain(error), bool(cls.table_name)) from None
-        except DescriptionError as error:
-            raise _WrongTableError([*error.each()], bool(cls.table_name)) from None
+            raise cls._error(error) from None
 
     if not TYPE_CHECKING:  # type checkers take the fields for what may be given
 
@@ -361,18 +343,14 @@ class Described(Shown, BaseModel):
         seen: set[object] = set()
         for complaint in complaints:
             field = complaint["loc"][:1]
-            cause = complaint.get("ctx", {}).get("error")
             if field in seen or (
                 complaint["type"] == "missing" and get_close_matches(str(field[0]), unknown, cutoff=0.5)
             ):
                 continue
             seen.add(field)
-            if not isinstance(cause, _WrongTableError):
-                out.append(cls._explained(complaint))
-            elif cause.is_placed or not field:
-                out += cause.errors
-            else:
-                out += within(together(cause.errors), cls._key(complaint["loc"])).each()
+            cause = complaint.get("ctx", {}).get("error")
+            errors = cause.each() if isinstance(cause, DescriptionError) else [cls._explained(complaint)]
+            out += [_placed(one, cls._key(complaint["loc"])) for one in errors]
         return out
 
     @classmethod
@@ -393,10 +371,6 @@ class Described(Shown, BaseModel):
             return wrong(key, f"{key} is not a known key", remedy=nearest(name, cls.keys()))
         if first["type"] == "missing":
             return wrong(key, f"{key} is missing", remedy=cls.example(str(first["loc"][-1])))
-        cause = first.get("ctx", {}).get("error")
-        if isinstance(cause, WrongValueError):
-            full = f"{key}.{cause.key}" if cause.key else key
-            return wrong(full, f"{full}: {cause.what}", rule=cause.rule, remedy=cause.remedy)
         if first["type"] == "literal_error":
             known = first.get("ctx", {})["expected"].replace(" or ", ", ").replace("'", "").split(", ")
             return wrong(key, f"{key} = {first['input']!r} is not known", remedy=nearest(str(first["input"]), known))
@@ -426,6 +400,8 @@ class Described(Shown, BaseModel):
         """Show how a missing key is written."""
         for name, field in cls.model_fields.items():
             if alias in {name, field.alias}:
+                if field.examples:
+                    return f'Add {alias} = "{field.examples[0]}".'
                 for mark in field.metadata:
                     if isinstance(mark, Quantity):
                         return f"Add {alias} = ...: {units.needed(mark.si_unit) if mark.si_unit else 'a number'}."
@@ -486,6 +462,16 @@ class Described(Shown, BaseModel):
 def mark_of(field: FieldInfo) -> Mark | None:
     """Return the annotation that says how a field is written."""
     return next((m for m in field.metadata if isinstance(m, Mark)), None)
+
+
+def _placed(error: DescriptionError, place: str) -> DescriptionError:
+    """Return what is wrong with a value, or in a table, as an error that names its key from the top of the file."""
+    key = error.key or ""
+    if not place or (key and key.partition(".")[0] == place.partition(".")[0]):
+        return error
+    full = f"{place}.{key}".rstrip(".")
+    what = f"{place}.{error.what}" if key and error.what.startswith(key) else f"{full}: {error.what}"
+    return wrong(full, what, rule=error.rule, remedy=error.remedy)
 
 
 def _by_key(name: str, mark: Mark | None) -> property:

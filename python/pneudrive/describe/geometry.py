@@ -1,10 +1,18 @@
-"""Piston areas of the kinds of cylinder."""
+"""Piston areas of the kinds of cylinder, and the table of a file that gives them."""
 
 from __future__ import annotations
 
 import math
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pneudrive import units
+from pneudrive.describe.base import Bounds, Described, Quantity, wrong
 
 KINDS = ("rodless", "through-rod", "single-rod")
+MaybeLength = Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))]
+MaybeArea = Annotated[float | None, Quantity("m^2", "cm2", Bounds(above=0.0))]
 
 
 def piston_areas(kind: str, bore_m: float, rod_diameter_m: float = 0.0) -> tuple[float, float]:
@@ -25,3 +33,51 @@ def piston_areas(kind: str, bore_m: float, rod_diameter_m: float = 0.0) -> tuple
     full = 0.25 * math.pi * bore_m**2
     ring = 0.25 * math.pi * (bore_m**2 - rod_diameter_m**2)
     return (ring if kind == "through-rod" else full), (full if kind == "rodless" else ring)
+
+
+def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None) -> None:
+    """Refuse a rod that there is not, that is missing, or that leaves no piston.
+
+    Raises
+    ------
+    DescriptionError
+    """
+    key = f"{table}.rod_diameter"
+    if kind == "rodless":
+        if rod_diameter_m is not None:
+            what = f'{key} is given, but {table}.kind = "rodless" has no rod'
+            raise wrong(key, what, remedy="Leave it out, or change kind.")
+    elif rod_diameter_m is None:
+        what = f'{key} is missing: {table}.kind = "{kind}" has a rod'
+        raise wrong(key, what, remedy='Add rod_diameter = "... mm".')
+    elif not rod_diameter_m < bore_m:
+        rod, bore = (units.write(d, "m", "mm") for d in (rod_diameter_m, bore_m))
+        what = f"{key} = {rod} must be smaller than {table}.bore = {bore}"
+        raise wrong(key, what, remedy="Were bore and rod swapped?")
+
+
+class PistonTable(Described):
+    """A table that gives the areas of a piston once: by its bore, or as they are where it is not round."""
+
+    kind: Literal["rodless", "through-rod", "single-rod"] = "rodless"
+    bore_m: MaybeLength = Field(default=None, alias="bore")
+    rod_diameter_m: MaybeLength = Field(default=None, alias="rod_diameter")
+    area_a_m2: MaybeArea = Field(default=None, alias="area_a")
+    area_b_m2: MaybeArea = Field(default=None, alias="area_b")
+
+    def areas(self) -> tuple[float, float]:
+        """Return the areas in m2 on which the pressures in chambers a and b act.
+
+        Raises
+        ------
+        DescriptionError
+            They are not given, or more than once.
+        """
+        a, b, bore, rod, table = self.area_a_m2, self.area_b_m2, self.bore_m, self.rod_diameter_m, self.table_name
+        if bore is not None and (a, b) == (None, None):
+            check_rod(table, self.kind, bore, rod)
+            return piston_areas(self.kind, bore, rod or 0.0)
+        if a is None or b is None or (bore, rod) != (None, None):
+            rule = "either bore, or area_a and area_b"
+            raise wrong(table, f"[{table}] does not give the areas once", rule=rule, remedy='bore = "25 mm"')
+        return a, b

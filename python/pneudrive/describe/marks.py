@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, WrongValueError
+from pneudrive.errors import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,6 +22,19 @@ class Reads(Mark):
     def read(self, given: Any) -> Any:  # noqa: ANN401 - whatever the function gives
         """Convert and check."""
         return self.how(given)
+
+
+@dataclass(frozen=True)
+class Choice(Mark):
+    """Annotation of a field that takes one of some words."""
+
+    choices: tuple[str, ...]
+
+    def read(self, given: object) -> str:
+        """Check."""
+        if given not in self.choices:
+            raise WrongValueError(f"{given!r} is not known", remedy=nearest(str(given), self.choices))
+        return str(given)
 
 
 @dataclass(frozen=True)
@@ -106,3 +120,8 @@ class PressureBetween(StatedPressure):
     def show(self, value: tuple[units.Pressure, units.Pressure]) -> str:  # type: ignore[override]
         """Write it as users would."""
         return f"{value[0]} .. {value[1]}"
+
+
+def absolute(ends: tuple[units.Pressure, units.Pressure], ambient_pa: float) -> tuple[float, float]:
+    """Return both ends of a range of pressures, absolute."""
+    return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)

@@ -34,7 +34,7 @@ from pneudrive.describe.base import (
     WrongValueError,
     wrong,
 )
-from pneudrive.describe.geometry import piston_areas
+from pneudrive.describe.geometry import check_rod, piston_areas
 from pneudrive.describe.signal import Signal, SignalRange
 from pneudrive.errors import warn
 
@@ -233,23 +233,7 @@ class Cylinder(Described):
 
     @model_validator(mode="after")
     def _rod_fits(self) -> Cylinder:
-        key = "cylinder.rod_diameter"
-        if self.kind == "rodless":
-            if self.rod_diameter_m is not None:
-                raise wrong(
-                    key,
-                    f'{key} is given, but cylinder.kind = "rodless" has no rod',
-                    remedy="Leave it out, or change kind.",
-                )
-        elif self.rod_diameter_m is None:
-            raise wrong(
-                key, f'{key} is missing: cylinder.kind = "{self.kind}" has a rod', remedy='Add rod_diameter = "... mm".'
-            )
-        elif not self.rod_diameter_m < self.bore_m:
-            rod, bore = (units.write(d, "m", "mm") for d in (self.rod_diameter_m, self.bore_m))
-            raise wrong(
-                key, f"{key} = {rod} must be smaller than cylinder.bore = {bore}", remedy="Were bore and rod swapped?"
-            )
+        check_rod("cylinder", self.kind, self.bore_m, self.rod_diameter_m)
         return self
 
     @property

@@ -18,9 +18,7 @@ else:
     import tomli as tomllib
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from typing_extensions import TypeIs
+    from collections.abc import Callable, Iterator, Mapping
 
     from pneudrive.errors import PneudriveError
 
@@ -85,13 +83,19 @@ def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError)
     return tables
 
 
-def is_table(value: object) -> TypeIs[dict[str, Any]]:
+def _is_dict(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def is_table(value: object) -> bool:
     """Tell a table of keys from a value, which may be a table that says its source."""
     return isinstance(value, dict) and not {"value", "source"} & set(value)
 
 
-def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Put changes over a base, table by table; a value with its source takes the place of the whole old one.
+def merge(
+    base: Mapping[str, Any], changes: Mapping[str, Any], is_inner: Callable[[object], bool] = _is_dict
+) -> dict[str, Any]:
+    """Put changes over a base, table by table; what is no inner table takes the place of the whole old value.
 
     Examples
     --------
@@ -100,8 +104,8 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     """
     out = dict(base)
     for key, value in changes.items():
-        old = out.get(key)
-        out[key] = merge(old, value) if is_table(old) and is_table(value) else value
+        old: Any = out.get(key)
+        out[key] = merge(old, value, is_inner) if is_inner(old) and is_inner(value) else value
     return out
 
 

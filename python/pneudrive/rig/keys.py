@@ -12,8 +12,8 @@ from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, WrongValueError
 from pneudrive.describe.components import component_kinds
 from pneudrive.describe.geometry import KINDS
+from pneudrive.describe.marks import Choice
 from pneudrive.describe.parameters import parameter_quantity
-from pneudrive.errors import nearest
 from pneudrive.rig.sensors import CLOCKS
 
 
@@ -46,19 +46,6 @@ class Difference(Quantity):
         if not str(given).endswith(" K"):
             raise WrongValueError(f'"{given}" is no difference of temperatures', rule='in K, e.g. "0.5 K"')
         return super().read(given)
-
-
-@dataclass(frozen=True)
-class Choice(Mark):
-    """Annotation of a field that takes one of some words."""
-
-    choices: tuple[str, ...]
-
-    def read(self, given: object) -> str:
-        """Check."""
-        if given not in self.choices:
-            raise WrongValueError(f"{given!r} is not known", remedy=nearest(str(given), self.choices))
-        return str(given)
 
 
 def _mark(unit: str, bounds: Bounds) -> Mark:

@@ -132,7 +132,7 @@ def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if law is not None and law != old:  # another friction law takes none of the old one's values
         kept = {key: table for key, table in _table(below, "friction").items() if toml.is_table(table)}
         below["friction"] = kept
-    return toml.merge(below, content)
+    return toml.merge(below, content, toml.is_table)
 
 
 def _table(content: dict[str, Any], name: str) -> dict[str, Any]:

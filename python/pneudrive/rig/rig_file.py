@@ -12,8 +12,8 @@ from pneudrive import units
 from pneudrive.characterise.force_calibration import ForceCalibration, of_quantities
 from pneudrive.describe import toml
 from pneudrive.describe.base import Angle, Bounds, Described, Mark, Quantity, StatedPressure, WrongValueError, wrong
-from pneudrive.describe.geometry import piston_areas
-from pneudrive.describe.marks import Between, PressureBetween, Reads
+from pneudrive.describe.geometry import PistonTable
+from pneudrive.describe.marks import Between, PressureBetween, Reads, absolute
 from pneudrive.errors import Problems, RigError, nearest
 from pneudrive.rig.interface import Envelope, Identity
 
@@ -33,8 +33,6 @@ CHANNELS = {
 POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
 
 
-MaybeLength = Annotated[float | None, Quantity("m", "mm", POSITIVE)]
-MaybeArea = Annotated[float | None, Quantity("m^2", "cm2", POSITIVE)]
 MaybeStiffness = Annotated[float | None, Quantity("N/m", bounds=POSITIVE)]
 Mass = Annotated[float, Quantity("kg", bounds=NOT_NEGATIVE)]
 
@@ -81,16 +79,11 @@ def _range(si_unit: str) -> Mark:
 _FREQUENCIES = _channels(lambda _: Quantity("1/s", bounds=POSITIVE))
 
 
-class IdentityTable(Described):
+class IdentityTable(PistonTable):
     """``[identity]``: which rig this is, and how its sensors are calibrated; the areas by bore, or as they are."""
 
     table_name: ClassVar[str] = "identity"
     name: str
-    kind: Literal["rodless", "through-rod", "single-rod"] = "rodless"
-    bore_m: MaybeLength = Field(default=None, alias="bore")
-    rod_diameter_m: MaybeLength = Field(default=None, alias="rod_diameter")
-    area_a_m2: MaybeArea = Field(default=None, alias="area_a")
-    area_b_m2: MaybeArea = Field(default=None, alias="area_b")
     ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
         Identity.ambient_pressure_pa, gauge=False
     )
@@ -111,22 +104,16 @@ class IdentityTable(Described):
 
     @model_validator(mode="after")
     def _areas_once(self) -> Self:
-        if (self.bore_m is None) == (None in (self.area_a_m2, self.area_b_m2)):
-            rule = "either bore, or area_a and area_b"
-            raise wrong("identity", "[identity] does not give the areas once", rule=rule)
-        rod = self.rod_diameter_m
-        if self.bore_m is not None and ((rod is None) != (self.kind == "rodless") or (rod or 0.0) >= self.bore_m):
-            rule = "a rod is smaller than the bore"
-            raise wrong("identity", "identity.kind, bore and rod_diameter do not fit", rule=rule)
+        self.areas()  # or it says what is wrong
         return self
 
     def made(self) -> Identity:
         """Return it as a rig tells of itself."""
         found = self.stored()
         ambient = found.pop("ambient_pressure").value_pa
-        bore, kind, rod = found.pop("bore_m", None), found.pop("kind"), found.pop("rod_diameter_m", 0.0)
-        if bore is not None:
-            found["area_a_m2"], found["area_b_m2"] = piston_areas(kind, bore, rod)
+        for key in ("kind", "bore_m", "rod_diameter_m"):
+            found.pop(key, None)
+        found["area_a_m2"], found["area_b_m2"] = self.areas()
         found["limits"] = {
             name: absolute(ends, ambient) if name.startswith("pressure") else ends for name, ends in self.limits.items()
         }
@@ -162,11 +149,6 @@ class LimitsTable(Described):
         supply = found.pop("supply_pressure", None)
         found["pressure_pa"] = absolute(self.pressure_pa, ambient_pa)
         return Envelope(**found, supply_pressure_pa=0.0 if supply is None else supply.absolute_pa(ambient_pa))
-
-
-def absolute(ends: tuple[units.Pressure, units.Pressure], ambient_pa: float) -> tuple[float, float]:
-    """Return both ends of a range of pressures, absolute."""
-    return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)
 
 
 class RigFile(Described):
