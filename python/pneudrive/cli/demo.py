@@ -20,9 +20,9 @@ def demo(
     from pneudrive.cli.output import writable_folder
     from pneudrive.errors import CommandError
     from pneudrive.identify.seals import fit_characterisation
-    from pneudrive.paper import FOLDER
-    from pneudrive.report import reproduce, write_report
+    from pneudrive.report import write_report
     from pneudrive.report.verdict import verdict
+    from pneudrive.studies.bracha import FOLDER, reproduce
 
     folder = writable_folder(out)
     files = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])

@@ -14,10 +14,10 @@ def reproduce(
 ) -> None:
     """Reproduce figures 1 to 9 of the source paper: campaigns on simulated rigs, a simulated drive, one report."""
     from pneudrive.cli.output import writable_folder
-    from pneudrive.paper import FOLDER
-    from pneudrive.report import reproduce as run
     from pneudrive.report import write_report
-    from pneudrive.report.paper import count_verdicts
+    from pneudrive.studies.bracha import FOLDER
+    from pneudrive.studies.bracha import reproduce as run
+    from pneudrive.studies.bracha.pages import count_verdicts
 
     folder = writable_folder(out)
     made = run(folder / FOLDER, seed)

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from pneudrive.report.lines_figure import plot_lines as plot_lines
     from pneudrive.report.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
-    from pneudrive.report.write import Reproduction as Reproduction
-    from pneudrive.report.write import reproduce as reproduce
     from pneudrive.report.write import write_report as write_report
+    from pneudrive.studies.bracha.reproduction import Reproduction as Reproduction
+    from pneudrive.studies.bracha.reproduction import reproduce as reproduce
 
 _HOME = {
     "plot": "trajectory",
@@ -22,8 +22,6 @@ _HOME = {
     "plot_lines": "lines_figure",
     "plot_pressure": "pressure",
     "write_report": "write",
-    "reproduce": "write",
-    "Reproduction": "write",
     "write_layout_figure": "layout_figure",
     "write_campaign_report": "campaign",
 }
@@ -41,6 +39,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
+    if name in ("Reproduction", "reproduce"):  # a study stands above the report that it adds to
+        return getattr(import_module("pneudrive.studies.bracha.reproduction"), name)
     if name in _HOME:
         return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
     msg = f"module 'pneudrive.report' has no attribute '{name}'"

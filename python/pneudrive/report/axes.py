@@ -29,6 +29,7 @@ def grid(
     *,
     x: str = "",
     y: str = "",
+    alone_in: float = style.WIDTH_IN,
     **shared: Any,  # noqa: ANN401
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure of `count` panels.
@@ -41,11 +42,13 @@ def grid(
         Height of a row, and of what stands around all rows.
     x, y : str
         Label of every panel, and of those on the left.
+    alone_in : float
+        Width of the figure where there is one panel.
     **shared
         ``sharex``, ``sharey``.
     """
     columns = max(min(columns, count), 1)
-    figure = style.new_figure(height_in * -(-count // columns) + rest_in)
+    figure = style.new_figure(height_in * -(-count // columns) + rest_in, style.WIDTH_IN if count > 1 else alone_in)
     axes = style.panels(figure, count, columns, **shared)
     for axis in axes:
         axis.set_xlabel(x)

@@ -55,8 +55,8 @@ def _place(found: CampaignCharacteristics, p: PositionDependence) -> str:
 
 def draw_position(found: CampaignCharacteristics, shown: list[PositionDependence]) -> Figure:
     """Relative friction over position, one panel a condition."""
-    words = {"x": "position / mm", "y": "friction less its mean / %"}
-    figure, axes = draw.grid(len(shown), 3, 1.9, 0.5, **words, sharey=True)
+    label = "friction less its mean / %"
+    figure, axes = draw.grid(len(shown), 3, 1.9, 0.5, x="position / mm", y=label, sharey=True)
     for axis, p in zip(axes, shown, strict=True):
         known = np.isfinite(p.relative)
         x = MM * p.position_m[known]

@@ -17,7 +17,7 @@ from pneudrive.report.page import Text
 from pneudrive.report.provenance import PACKAGES, reference
 from pneudrive.report.rig_diagram import rig_diagram
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import FLAGS, plural
+from pneudrive.report.words import plural
 from pneudrive.rig.interface import Envelope
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def said(found: CampaignCharacteristics) -> Section | None:
 def flags(found: CampaignCharacteristics) -> Section:
     """List flags of cycles and stops, and what was skipped."""
     topic = Topic("campaign", "flags")
-    meaning = FLAGS | topic.texts["meaning"]
+    meaning = Topic("recordings", "flags").texts["meaning"] | topic.texts["meaning"]
     counts = Counter(found.flags) + Counter(flag for s in found.stops for flag in s.flags)
     raised = ((flag.replace("_", " "), meaning.get(flag, ""), n) for flag, n in counts.most_common())
     skipped = ((s.key or None, s.file, s.reason) for s in found.skipped[:MOST_SKIPPED])

@@ -7,15 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.report import style
-from pneudrive.report.page import Picture, Section, Table, Text
+from pneudrive.report.page import Text
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import MOST_SHOWN, sentence, spread_evenly
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from pneudrive.characterise import Characterisation
     from pneudrive.characterise.closure import ClosureFit, Estimate
+    from pneudrive.report.page import Section
 
 MOST_GROUPS = 8
 MOST_JOINED = 12  # points beyond which residuals are not joined by lines
@@ -25,31 +29,25 @@ def section(found: Characterisation) -> Section | None:
     """Half the sum of both directions' forces against pressure; None where no pressure was changed."""
     if not found.closures:
         return None
-    shown = spread_evenly(found.closures, MOST_GROUPS)
-    blocks: list = [
-        Text(
-            "Friction drops out of half the sum of both directions' forces. What is left should be pressure times "
-            "area: the slope gives the effective area, the intercept the force zero. A wrong bore, a wrong pressure "
-            "gain and a wrong force gain look alike here; none of them touches friction, which is the half "
-            "difference."
-        ),
-        Picture(
-            "closure",
-            caption(shown),
-            draw(shown),
-            synthetic=found.synthetic,
-        ),
-        _table(found.closures),
-    ]
-    blocks += [Text(sentence(fit.statement)) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0]
-    return Section("closure", "Closure of the force balance", tuple(blocks), synthetic=found.synthetic)
+    topic, shown = Topic("recordings", "closure"), spread_evenly(found.closures, MOST_GROUPS)
+    told = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
+    return topic.section(
+        topic.text(),
+        topic.picture("closure", draw(shown), said=told),
+        topic.table(_rows(found.closures)),
+        *(Text(sentence(fit.statement)) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0),
+    )
+
+
+def _is_one_chamber(closures: Sequence[ClosureFit]) -> bool:
+    return all(len(fit.areas_m2) == 1 for fit in closures)
 
 
 def draw(closures: list[ClosureFit]) -> Figure:
     """All groups in one pair of panels: against pressure, or against the fit where both chambers' pressures changed."""
     figure = style.new_figure(4.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    one_chamber = all(len(fit.areas_m2) == 1 for fit in closures)
+    one_chamber = _is_one_chamber(closures)
     for index, fit in enumerate(closures):
         look = style.look(index)
         force, rest = fit.half_sum_force_n, fit.residual_n
@@ -71,42 +69,20 @@ def draw(closures: list[ClosureFit]) -> Figure:
     return figure
 
 
-def caption(closures: list[ClosureFit]) -> str:
-    """Say what the figure shows."""
-    if all(len(fit.areas_m2) == 1 for fit in closures):
-        return (
-            "Above: half the sum of both directions' forces, less what pressure needs on the nominal area, with the "
-            "fitted line: its slope is the error of the area, its intercept the force zero. Below: what is left."
-        )
-    return "Above: half the sum of both directions' forces against the fit. Below: what the fit leaves."
-
-
 def nominal_force(fit: ClosureFit) -> NDArray[np.float64]:
     """Force that pressure would need on the nominal area of the one chamber whose pressure changed, +x, N."""
     side, area = next(iter(fit.nominal_m2.items()))
     return (-area if side == "a" else area) * fit.pressure_pa
 
 
-def _table(closures: tuple[ClosureFit, ...]) -> Table:
-    rows = []
+def _rows(closures: Sequence[ClosureFit]) -> Iterator[tuple]:
     for fit in closures[:MOST_SHOWN]:
         for side, area in fit.areas_m2.items():
             nominal = fit.nominal_m2[side]
-            off = [100 * (v / nominal - 1) for v in (area.value, area.low, area.high)]
-            between = f"{off[1]:+.2f} … {off[2]:+.2f}" if np.isfinite(area.low) else "no spare recording"
-            cells = (f"{nominal * 1e4:.4g}", f"{area.value * 1e4:.4g}", f"{off[0]:+.2f}", between)
-            rows.append((fit.group, side, *cells, _interval(fit.force_zero_n), str(len(fit.recordings))))
-    head = (
-        "group",
-        "chamber",
-        "nominal, cm²",
-        "effective, cm²",
-        "difference, %",
-        "95 %",
-        "force zero, N (95 %)",
-        "points",
-    )
-    return Table(head, tuple(rows), "Effective area and force zero", numbers_from=2)
+            off, low, high = (100 * (v / nominal - 1) for v in (area.value, area.low, area.high))
+            between = f"{low:+.2f} … {high:+.2f}" if np.isfinite(area.low) else "no spare recording"
+            zero = _interval(fit.force_zero_n)
+            yield fit.group, side, nominal * 1e4, area.value * 1e4, off, between, zero, len(fit.recordings)
 
 
 def _interval(estimate: Estimate) -> str:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 from pneudrive.numbers import fixed, with_u
 from pneudrive.report import style
-from pneudrive.report.page import Items, Picture, Section, Text
+from pneudrive.report.axes import grid
+from pneudrive.report.page import Picture
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import MOST_SHOWN, by_seal, gauge_bar, speed_mm_s, spread_evenly
 
 if TYPE_CHECKING:
@@ -16,46 +18,32 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation
     from pneudrive.characterise.extract import Level, RecordingResult
+    from pneudrive.report.page import Section
 
 COLUMNS = 4
+MOST_LARGE = 12  # levels that are named
 
 
 def section(found: Characterisation) -> Section:
     """One figure for each seal, one panel for each recording and speed level."""
-    blocks: list = [
-        Text(
-            "The force balance over position, all settled samples of each direction in thin lines. Half the difference "
-            "of the two directions at equal position is friction; half their sum is the offset, which is no friction: "
-            "force zero, area error, springs, weight. The window in which friction is averaged is shaded."
-        )
-    ]
+    topic, groups, pictures = Topic("recordings", "loops"), by_seal(found), []
+    for seal, results in groups.items():
+        pairs = [(r, level) for r in results for level in r.levels]
+        shown = spread_evenly(pairs, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
+        name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
+        some = topic.say("some", shown=len(shown), all=len(pairs)) if len(shown) < len(pairs) else ""
+        pictures.append(Picture(f"loops-{name}", topic.say("caption", seal=seal, some=some), draw(shown)))
     large = [
-        f"{level.recording}: the offset, {level.offset_n:.1f} N, exceeds the friction, "
-        f"{with_u(level.friction_n, level.expanded_n)}; only the pairing tells them apart."
+        topic.say("large", **vars(level) | {"friction": with_u(level.friction_n, level.expanded_n)})
         for level in found.levels
         if abs(level.offset_n) > level.friction_n
     ]
-    if large:
-        blocks.append(Items(tuple(large[:12])))
-    groups = by_seal(found)
-    share = max(MOST_SHOWN // len(groups), 1)
-    for seal, results in groups.items():
-        pairs = [(r, level) for r in results for level in r.levels]
-        shown = spread_evenly(pairs, max(share, 2 * COLUMNS))
-        name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
-        caption = f"{seal}: balance, friction and offset over position"
-        if len(shown) < len(pairs):
-            caption += f" ({len(shown)} of {len(pairs)} speed levels)"
-        blocks.append(Picture(f"loops-{name}", f"{caption}.", draw(shown), synthetic=found.synthetic))
-    return Section("loops", "Friction against position", tuple(blocks), synthetic=found.synthetic)
+    return topic.section(topic.text(), *topic.listed(large[:MOST_LARGE]), *pictures)
 
 
 def draw(pairs: list[tuple[RecordingResult, Level]]) -> Figure:
     """Panels of one seal on shared axes."""
-    columns = min(COLUMNS, len(pairs))
-    rows = -(-len(pairs) // columns)
-    figure = style.new_figure(1.75 * rows + 0.7)
-    axes = style.panels(figure, len(pairs), columns, sharex=True, sharey=True)
+    figure, axes = grid(len(pairs), COLUMNS, 1.75, 0.7, sharex=True, sharey=True)
     handles: list = []
     for axis, (result, level) in zip(axes, pairs, strict=True):
         handles = _panel(axis, level)

@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.report import style
-from pneudrive.report.page import Items, Picture, Section, Table, Text
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import by_seal, plural, seal_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from pneudrive.characterise import Characterisation, Recording
+    from pneudrive.report.page import Section
 
 # Channel -> (words, factor from SI, unit)
 CHANNELS = {
@@ -27,30 +30,16 @@ CHANNELS = {
 
 def section(found: Characterisation) -> Section:
     """Rig, sensors and files."""
-    first = found.recordings[0]
-    blocks = [
-        Text(
-            f"{plural(len(found.results), 'recording')} of {plural(len(by_seal(found)), 'seal')}, "
-            f"{sum(len(r.strokes) for r in found.results)} strokes. All pressures below are gauge where nothing else "
-            "is said. The sketch gives the signs that all figures use."
-        ),
-        Picture("rig", rig_caption(first), draw_rig(first)),
-        _sensors(found.recordings),
-        _files(found),
-    ]
-    left_out = tuple(f"{name} was not counted: {why}." for name, why in found.skipped)
-    if left_out:
-        blocks.append(Items(left_out))
-    return Section("measured", "What was measured", tuple(blocks), synthetic=found.synthetic)
-
-
-def rig_caption(recording: Recording) -> str:
-    """Say the force balance in words and symbols."""
-    return (
-        "The rig, not to scale. x grows as chamber a grows; the rig's force F on the piston counts in +x; friction "
-        "opposes motion. Balance = F + (p_a − p_amb) A_a − (p_b − p_amb) A_b − m a − weight; half the difference of "
-        "both directions at equal position is friction, half their sum is the offset. A_a = "
-        f"{recording.area_a_m2 * 1e4:.4g} cm², A_b = {recording.area_b_m2 * 1e4:.4g} cm²."
+    topic, first = Topic("recordings", "measured"), found.recordings[0]
+    strokes = sum(len(r.strokes) for r in found.results)
+    counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
+    areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
+    return topic.section(
+        topic.text(**counts, strokes=strokes),
+        topic.picture("rig", draw_rig(first), **areas),
+        topic.table(_sensors(found.recordings), "sensors"),
+        topic.table(_files(found), "files"),
+        *topic.listed(topic.say("left_out", name=name, why=why) for name, why in found.skipped),
     )
 
 
@@ -119,38 +108,31 @@ def _arrow(axis: Axes, start: tuple[float, float], end: tuple[float, float], tex
     axis.text(middle, start[1] + (1.6 if above else -1.8), text, ha="center", va="center", fontsize=7.5)
 
 
-def _sensors(recordings: tuple[Recording, ...]) -> Table:
+def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
     """Range of each channel over all recordings, and the accuracy that was stated."""
-    rows = []
     for channel, (name, factor, unit) in CHANNELS.items():
-        shown, values = recordings, [getattr(r, channel) for r in recordings]
+        values = [getattr(r, channel) for r in recordings]
         if channel.startswith("pressure"):
-            if all(is_open(r, channel[9]) for r in shown):
-                rows.append((name, "–", "–", "open to ambient: not measured"))
+            if all(is_open(r, channel[9]) for r in recordings):
+                yield name, "open to ambient: not measured", None, None
                 continue
-            values = [v - r.ambient_pressure_pa for v, r in zip(values, shown, strict=True)]
-        low, high = min(v.min() for v in values) * factor, max(v.max() for v in values) * factor
-        stated = {r.accuracy[channel] * factor for r in recordings if channel in r.accuracy}
-        accuracy = f"{max(stated):.3g} {unit.split()[0]}" if stated else "not stated: assumed (see the budget)"
+            values = [v - r.ambient_pressure_pa for v, r in zip(values, recordings, strict=True)]
+        stated = [r.accuracy[channel] * factor for r in recordings if channel in r.accuracy]
+        untold = "not stated" if channel == "position_m" else "not stated: assumed (see the budget)"
+        accuracy = f"{max(stated):.3g} {unit.split()[0]}" if stated else untold
         said = {r.calibration[channel] for r in recordings if channel in r.calibration}
-        accuracy += f" ({'; '.join(sorted(said))})" if said else ""
-        if channel == "position_m" and not stated:
-            accuracy = "not stated"
-        rows.append((name, f"{low:.4g}", f"{high:.4g}", f"{unit}; standard uncertainty {accuracy}"))
+        if said and (stated or channel != "position_m"):
+            accuracy += f" ({'; '.join(sorted(said))})"
+        low, high = min(v.min() for v in values) * factor, max(v.max() for v in values) * factor
+        yield name, f"{unit}; standard uncertainty {accuracy}", low, high
     rates = [(r.time_s.size - 1) / (r.time_s[-1] - r.time_s[0]) for r in recordings]
-    low, high = min(rates), max(rates)
-    rows.append(("sampling", f"{low:.4g}", f"{high:.4g}", "samples a second, mean of each recording"))
-    rows = [(r[0], r[3], r[1], r[2]) for r in rows]
-    return Table(("channel", "unit, accuracy", "lowest", "highest"), tuple(rows), "Sensors", numbers_from=2)
+    yield "sampling", "samples a second, mean of each recording", min(rates), max(rates)
 
 
-def _files(found: Characterisation) -> Table:
-    rows = []
+def _files(found: Characterisation) -> Iterator[tuple]:
     for result in found.results:
         r = result.recording
         where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
-        bores = f"{np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3:.4g}"
-        counts = (str(len(r)), str(len(result.strokes)), f"{r.time_s[-1] - r.time_s[0]:.0f}", bores)
-        rows.append((where, seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else "–", *counts))
-    head = ("file", "seal", "run", "SHA-256, first 16", "samples", "strokes", "duration, s", "diameter, mm")
-    return Table(head, tuple(rows), "Files; the diameter is that of a circle of the piston's area", numbers_from=4)
+        diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
+        labels = (seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
+        yield where, *labels, len(r), len(result.strokes), r.time_s[-1] - r.time_s[0], diameter

@@ -8,7 +8,9 @@ import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.report import style
-from pneudrive.report.page import Items, Picture, Section, Table, Text
+from pneudrive.report.axes import bars, grid, tinted
+from pneudrive.report.page import Items
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import sentence, spread_evenly
 from pneudrive.report.written import PICTURES, write_picture
 from pneudrive.trajectory import check_target
@@ -20,48 +22,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.characterise import Characterisation
-    from pneudrive.characterise.pressure_line import FrictionPoint, PressureLine, RunSpread
+    from pneudrive.characterise.pressure_line import FrictionPoint, PressureLine
+    from pneudrive.report.page import Section
 
 COLUMNS = 3
 MOST_PANELS = 9
-
-
-def section(found: Characterisation) -> Section | None:
-    """Friction over pressure for each seal; None where all recordings have one pressure."""
-    if len(found.points) < 2 or np.ptp([p.pressure_pa for p in found.points]) < MINIMUM_RANGE_PA:
-        return None
-    blocks: list = [
-        Text(
-            "Each point is one recording with U (k = 2), which covers strokes and sensors but not a new assembly. "
-            f"{_band_in_words(found)}"
-        ),
-        Picture("friction-pressure", _caption(found), draw(found), synthetic=found.synthetic),
-    ]
-    if found.run_spread is not None:
-        blocks.append(_runs(found.run_spread))
-    blocks.append(Items(tuple(sentence(line.statement) for line in found.pressure_lines)))
-    return Section("pressure", "Friction against pressure", tuple(blocks), synthetic=found.synthetic)
-
-
-def _caption(found: Characterisation) -> str:
-    spread = found.run_spread
-    known = f"standard deviation between runs {100 * spread.relative:.0f} %" if spread else "nothing was run twice"
-    what = "Friction against gauge pressure, runs as separate markers; line and 95 % prediction band for "
-    return f"{what}{BAND[spread is not None]} ({known})."
 
 
 #: What the band holds, by whether anything was run twice.
 BAND = {True: "a further run", False: "a further recording of the same run"}
 
 
-def _band_in_words(found: Characterisation) -> str:
-    if found.run_spread is None:
-        return (
-            "The band is where one further recording of the same run is expected with 95 %. Nothing was run twice: a "
-            "further run may lie far outside."
-        )
-    return (
-        "The band is where the friction of one further run is expected with 95 %; it includes the spread between runs."
+def section(found: Characterisation) -> Section | None:
+    """Friction over pressure for each seal; None where all recordings have one pressure."""
+    if len(found.points) < 2 or np.ptp([p.pressure_pa for p in found.points]) < MINIMUM_RANGE_PA:
+        return None
+    topic, spread = Topic("recordings", "pressure"), found.run_spread
+    known = topic.say("between", percent=100 * spread.relative) if spread else "nothing was run twice"
+    cells = () if spread is None else ((seal, p / 1e5, *n, 100 * share) for seal, p, *n, share in spread.cells)
+    return topic.section(
+        topic.text(band=topic.say("runs" if spread else "one_run")),
+        topic.picture("friction-pressure", draw(found), further=BAND[spread is not None], known=known),
+        topic.table(cells) if spread is not None else None,
+        Items(tuple(sentence(line.statement) for line in found.pressure_lines)),
     )
 
 
@@ -81,9 +64,7 @@ def panels_of(found: Characterisation) -> dict[str, tuple[list[FrictionPoint], P
 def draw(found: Characterisation) -> Figure:
     """One panel for each seal on shared axes."""
     shown = spread_evenly(list(panels_of(found).items()), MOST_PANELS)
-    rows = -(-len(shown) // COLUMNS)
-    figure = style.new_figure(2.0 * rows + 0.8, style.WIDTH_IN if len(shown) > 1 else 4.5)
-    axes = style.panels(figure, len(shown), COLUMNS, sharex=True, sharey=True)
+    figure, axes = grid(len(shown), COLUMNS, 2.0, 0.8, alone_in=4.5, sharex=True, sharey=True)
     handles: dict[str, Any] = {}
     for axis, (title, (points, line)) in zip(axes, shown, strict=True):
         handles |= draw_panel(axis, points, line)
@@ -127,37 +108,20 @@ def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | Non
     handles: dict[str, Any] = {}
     if line is not None:
         bar = line.band_pressure_pa / 1e5
-        band = axis.fill_between(bar, line.band_low_n, line.band_high_n, color=style.BAND, lw=0)
         handles["line"] = axis.plot(bar, line.band_mean_n, "-", color=style.BLACK, lw=0.9, label="line")[0]
-        band.set_label(f"95 % for {BAND[line.basis != 'unknown']}")
-        handles["band"] = band
+        said = f"95 % for {BAND[line.basis != 'unknown']}"
+        handles["band"] = tinted(axis, bar, (line.band_low_n, line.band_high_n), said)
     runs = sorted({p.run for p in points})  # one order in all panels: a run keeps its marker
     own = []
     for index, run in enumerate(runs):
         look = style.look(index)
         of_run = [p for p in points if p.run == run]
-        drawn = axis.errorbar(
-            [p.pressure_pa / 1e5 for p in of_run],
-            [p.friction_n for p in of_run],
-            yerr=[np.nan_to_num(p.expanded_n) for p in of_run],
-            fmt=look.marker,
-            color=look.color,
-            mfc="white" if index else look.color,
-            elinewidth=0.9,
-            label=f"run {run}" if len(runs) > 1 else "recording with U (k = 2)",
-        )
+        bar, friction, reach = np.array([(p.pressure_pa / 1e5, p.friction_n, p.expanded_n) for p in of_run]).T
+        face, label = "white" if index else look.color, f"run {run}" if len(runs) > 1 else "recording with U (k = 2)"
+        drawn = bars(axis, bar, friction, np.nan_to_num(reach), look, mfc=face, elinewidth=0.9, label=label)
         own.append(drawn)
         if len(runs) == 1:
             handles["recording"] = drawn
     if len(runs) > 1:
         axis.legend(handles=own, loc="best", frameon=True, framealpha=1.0, edgecolor=style.GREY)
     return handles
-
-
-def _runs(spread: RunSpread) -> Table:
-    rows = tuple(
-        (seal, f"{pressure / 1e5:.2f}", f"{low:.2f}", f"{high:.2f}", f"{100 * relative:.0f}")
-        for seal, pressure, low, high, relative in spread.cells
-    )
-    head = ("seal", "pressure, bar", "lowest, N", "highest, N", "difference, %")
-    return Table(head, rows, "Runs of one seal at one pressure: the spread that no single recording shows")

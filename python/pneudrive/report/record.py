@@ -8,7 +8,8 @@ import numpy as np
 
 from pneudrive.report import style
 from pneudrive.report.measured import is_open
-from pneudrive.report.page import Picture, Section, Text
+from pneudrive.report.page import Picture
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import by_seal, gauge_bar
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation
     from pneudrive.characterise.extract import RecordingResult
+    from pneudrive.report.page import Section
 
 IN_ONE_FIGURE = 3
 MOST_FIGURES = 3
@@ -23,18 +25,15 @@ MOST_FIGURES = 3
 
 def section(found: Characterisation) -> Section:
     """One recording of each seal over time, all channels."""
+    topic = Topic("recordings", "record")
     chosen = [group[len(group) // 2] for group in by_seal(found).values()][: IN_ONE_FIGURE * MOST_FIGURES]
-    blocks: list[Text | Picture] = [
-        Text(
-            "One recording of each seal as it was measured, without any filter. Strokes towards +x are shaded; light "
-            "parts between them are strokes back and stops at the ends."
-        )
-    ]
-    for i in range(0, len(chosen), IN_ONE_FIGURE):
-        part = chosen[i : i + IN_ONE_FIGURE]
-        names = ", ".join(r.recording.name for r in part)
-        blocks.append(Picture(f"record-{i // IN_ONE_FIGURE + 1}", f"Raw record: {names}.", draw(part)))
-    return Section("record", "The raw record", tuple(blocks), synthetic=found.synthetic)
+    parts = [chosen[i : i + IN_ONE_FIGURE] for i in range(0, len(chosen), IN_ONE_FIGURE)]
+    captions = [topic.say("caption", names=", ".join(r.recording.name for r in part)) for part in parts]
+    pictures = (
+        Picture(f"record-{i}", caption, draw(part))
+        for i, (caption, part) in enumerate(zip(captions, parts, strict=True), 1)
+    )
+    return topic.section(topic.text(), *pictures)
 
 
 def draw(results: list[RecordingResult]) -> Figure:

@@ -9,8 +9,8 @@ import numpy as np
 
 from pneudrive.numbers import with_u
 from pneudrive.report import style
-from pneudrive.report.page import Picture, Section, Table, Text
 from pneudrive.report.speed import SHOWN_UNITS
+from pneudrive.report.topics import Topic
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation
     from pneudrive.identify import FrictionFit
+    from pneudrive.report.page import Section
 
 SAME_PRESSURE_PA = 100.0
 SHOWN_ERRORS = 4.0  # standard errors to either side
@@ -66,35 +67,16 @@ def section(found: Characterisation, fits: Mapping[str, Mapping[str, FrictionFit
     pairs = recovered(found)
     if pairs is None:
         return None
-    worst = float(np.max(np.abs(pairs.friction_n - pairs.true_n)))
-    blocks: list = [
-        Text(
-            f"{pairs.true_n.size} recordings of a simulated rig with noise, quantisation, sensor zeros and limited "
-            f"resolution went through the same code as real ones. {pairs.inside} of {pairs.true_n.size} friction "
-            f"values lie within their U (k = 2, {_range(pairs.expanded_n)} N) of "
-            f"the truth, {pairs.within_statistics} within two statistical standard errors; the largest error is "
-            f"{1e3 * worst:.0f} mN. U is larger than the errors because it covers gain and hysteresis, which these "
-            "sensors do not have. This validates the evaluation, not the physics of real seals: the simulated "
-            "friction follows the fitted law."
-        ),
-        Picture(
-            "recovered",
-            "(a) Friction recovered (markers) and true (lines) over speed, by gauge pressure in the chambers. (b) "
-            "Error of each value over its statistical standard error; of 100 some 95 are expected in the band.",
-            draw(pairs),
-            synthetic=True,
-        ),
-    ]
-    rows = parameter_rows(found, fits)
-    if rows:
-        head = ("parameter", "true", "recovered, U (k = 2)", "95 % interval, statistical", "true within U")
-        blocks.append(Table(head, tuple(rows), "Parameters of the Stribeck law"))
-    return Section("recovered", "Simulated rig: recovered against true", tuple(blocks), synthetic=True)
-
-
-def _range(values: np.ndarray) -> str:
-    low, high = f"{values.min():.2f}", f"{values.max():.2f}"
-    return low if low == high else f"{low} to {high}"
+    topic, rows = Topic("recordings", "recovered"), parameter_rows(found, fits)
+    ends = [f"{value:.2f}" for value in (pairs.expanded_n.min(), pairs.expanded_n.max())]
+    counts = {"all": pairs.true_n.size, "inside": pairs.inside, "within": pairs.within_statistics}
+    worst = 1e3 * float(np.max(np.abs(pairs.friction_n - pairs.true_n)))
+    return topic.section(
+        topic.text(**counts, reach=" to ".join(dict.fromkeys(ends)), worst=worst),
+        topic.picture("recovered", draw(pairs)),
+        topic.table(rows) if rows else None,
+        synthetic=True,
+    )
 
 
 def parameter_rows(

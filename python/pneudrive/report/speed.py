@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.numbers import with_u
-from pneudrive.report.page import Items, Picture, Section, Table, Text
-from pneudrive.report.speed_figure import caption, draw
+from pneudrive.report.speed_figure import draw, has_curve, is_labelled
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from pneudrive.characterise import Characterisation
     from pneudrive.identify import FrictionFit
+    from pneudrive.report.page import Block, Section
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 
@@ -31,32 +32,22 @@ SHOWN_UNITS = {
 
 def section(found: Characterisation, fits: Fits) -> Section:
     """Friction over speed with the fitted law, the fitted parameters, and statements of what is not determined."""
-    speeds = np.array([p.speed_m_s for p in found.points])
-    blocks: list = [
-        Text(
-            f"{plural(len(found.points), 'point')} from {speeds.min() * 1e3:.3g} to {speeds.max() * 1e3:.3g} mm/s. "
-            "Each is a mean of sliding friction over the window, both directions paired."
-        ),
-        Picture(
-            "friction-speed",
-            caption(found, fits),
-            draw(found, fits),
-            synthetic=found.synthetic,
-        ),
-    ]
-    if fits:
-        blocks.append(_table(fits))
-        lost = undetermined(fits)
-        if lost:
-            head = ("group", "cannot be determined", "because", "measure")
-            blocks.append(Table(head, lost, "What these data cannot determine", numbers_from=9))
-        else:
-            blocks.append(Text("Every parameter is determined: each has a closed interval."))
-        notes = fit_notes(fits)
-        blocks += [Text("Notes of the fits:"), Items(notes)] if notes else []
-    else:
-        blocks.append(Text("No law could be fitted: there are fewer values than a law has parameters.", "note"))
-    return Section("speed", "Friction against speed, and what cannot be determined", tuple(blocks), found.synthetic)
+    topic, speeds = Topic("recordings", "speed"), np.array([p.speed_m_s for p in found.points])
+    ends = {"slow": speeds.min() * 1e3, "fast": speeds.max() * 1e3}
+    law = topic.say("with_law") if has_curve(fits) else ""
+    labels = topic.say("with_labels") if is_labelled(found) else ""
+    return topic.section(
+        topic.text(points=plural(len(found.points), "point"), **ends),
+        topic.picture("friction-speed", draw(found, fits), law=law, labels=labels),
+        *(_fitted(topic, fits) if fits else [topic.text("no_law", "note")]),
+    )
+
+
+def _fitted(topic: Topic, fits: Fits) -> Iterator[Block]:
+    yield topic.table(_rows(fits))
+    lost = undetermined(fits)
+    yield topic.table(lost, "lost") if lost else topic.text("determined")
+    yield from topic.listed(fit_notes(fits), "notes")
 
 
 def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
@@ -85,16 +76,14 @@ def fit_notes(fits: Fits) -> tuple[str, ...]:
     return tuple(sentence(f"{', '.join(groups)}: {note}") for note, groups in notes.items())
 
 
-def _table(fits: Fits) -> Table:
-    rows = []
+def _rows(fits: Fits) -> Iterator[tuple[str, ...]]:
     for group, by_law in fits.items():
         alike: dict[tuple[str, ...], list[str]] = {}  # a law that lost its falling part is the smaller law
         for law, fit in by_law.items():
             alike.setdefault(fit.free, []).append(law)
         for laws in alike.values():
-            rows += [(group, ", ".join(laws), *cells) for cells in parameter_rows(by_law[laws[0]])]
-    head = ("group", "law", "parameter", "estimate, U (k = 2)", "95 % interval, statistical")
-    return Table(head, tuple(rows), "Fitted parameters; what is absent is not determined by these data", numbers_from=3)
+            for cells in parameter_rows(by_law[laws[0]]):
+                yield group, ", ".join(laws), *cells
 
 
 def parameter_rows(fit: FrictionFit) -> list[tuple[str, str, str]]:

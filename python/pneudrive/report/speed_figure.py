@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.characterise.pressure_line import ALL_RECORDINGS
+from pneudrive.report import axes as draw_axes
 from pneudrive.report import style
 from pneudrive.report.words import spread_evenly
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 MOST_LABELS = 40  # points that carry their pressure as a number
 MOST_CURVES = 8
 MANY = 60  # points beyond which markers get smaller
-WIDE = 3.0  # ratio of speeds beyond which speed has a logarithmic axis
 SAME_BAR = 0.05
 
 
@@ -74,7 +74,7 @@ def _words(bar: tuple[float, float]) -> str:
     return f"{a:.2g} bar" if a == b else f"a {a:.2g} bar, b {b:.2g} bar"
 
 
-def labelled(found: Characterisation) -> bool:
+def is_labelled(found: Characterisation) -> bool:
     """Whether each point carries its pressure: seals at several pressures, and few enough points to read them."""
     several = len({p.seal for p in found.points}) > 1
     spread = float(np.ptp([p.pressure_pa for p in found.points]))
@@ -84,13 +84,6 @@ def labelled(found: Characterisation) -> bool:
 def has_curve(fits: Fits) -> bool:
     """Whether any fit determines how friction falls with speed."""
     return any("stribeck_velocity" in fit.determined for by_law in fits.values() for fit in by_law.values())
-
-
-def caption(found: Characterisation, fits: Fits) -> str:
-    """Say what the figure shows."""
-    text = "Friction against speed with U (k = 2)"
-    text += ", and the fitted law with its 95 % band." if has_curve(fits) else "."
-    return text + (" The small numbers are gauge pressures in bar." if labelled(found) else "")
 
 
 def draw(found: Characterisation, fits: Fits) -> Figure:
@@ -106,34 +99,19 @@ def draw(found: Characterisation, fits: Fits) -> Figure:
             axis.plot(speeds, [p.friction_n for p in group.points], ".", color=style.GREY, ms=1.5)
     for index, group in enumerate(shown):
         look = style.look(index)
-        axis.errorbar(
-            [p.speed_m_s * 1e3 for p in group.points],
-            [p.friction_n for p in group.points],
-            yerr=[np.nan_to_num(p.expanded_n) for p in group.points],
-            fmt=look.marker,
-            color=look.color,
-            mfc="white" if index % 2 else look.color,
-            ms=size,
-            elinewidth=0.7,
-            capsize=size / 2,
-            label=group.label,
-        )
+        speed, friction, reach = np.array([(p.speed_m_s * 1e3, p.friction_n, p.expanded_n) for p in group.points]).T
+        small = {"ms": size, "elinewidth": 0.7, "capsize": size / 2, "mfc": "white" if index % 2 else look.color}
+        draw_axes.bars(axis, speed, friction, np.nan_to_num(reach), look, **small, label=group.label)
         _curve(axis, look, group, fits.get(group.seal) or fits.get(ALL_RECORDINGS))
-    if labelled(found):
+    if is_labelled(found):
         for p in found.points:
             place = (p.speed_m_s * 1e3, p.friction_n)
             axis.annotate(f"{p.pressure_pa / 1e5:.2g}", place, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
-    _axes(axis, np.array([p.speed_m_s for p in found.points]))
+    draw_axes.speed_axis(axis, [p.speed_m_s * 1e3 for p in found.points])
+    axis.set_ylim(bottom=0)
+    axis.set_ylabel("friction / N")
     style.legend_above(figure, axis.get_legend_handles_labels()[0], columns=min(len(shown), 6))
     return figure
-
-
-def _axes(axis: Axes, speeds: np.ndarray) -> None:
-    if speeds.max() > WIDE * speeds.min():
-        style.logarithmic(axis)
-    axis.set_ylim(bottom=0)
-    axis.set_xlabel("speed / (mm/s)")
-    axis.set_ylabel("friction / N")
 
 
 def _curve(axis: Axes, look: style.Look, group: Group, by_law: Mapping[str, FrictionFit] | None) -> None:
@@ -144,5 +122,5 @@ def _curve(axis: Axes, look: style.Look, group: Group, by_law: Mapping[str, Fric
     speeds = np.array([p.speed_m_s for p in group.points])
     grid = np.geomspace(speeds.min(), speeds.max(), 200)
     law = fit.predict(grid, *group.gauges_pa)
-    axis.fill_between(grid * 1e3, law.lower_n, law.upper_n, color=style.BAND, lw=0)
+    draw_axes.tinted(axis, grid * 1e3, (law.lower_n, law.upper_n))
     axis.plot(grid * 1e3, law.friction_n, linestyle=look.linestyle, color=look.color, lw=0.9)

@@ -9,7 +9,8 @@ import numpy as np
 from pneudrive.characterise.reversal import NEEDED_RISE_SAMPLES, offset_line
 from pneudrive.numbers import fixed
 from pneudrive.report import style
-from pneudrive.report.page import Items, Picture, Section, Table, Text
+from pneudrive.report.axes import grid
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import by_seal, gauge_bar, plural, spread_evenly
 
 if TYPE_CHECKING:
@@ -18,17 +19,12 @@ if TYPE_CHECKING:
     from pneudrive.characterise import Characterisation
     from pneudrive.characterise.extract import Level, RecordingResult
     from pneudrive.characterise.reversal import ReversalPeak
+    from pneudrive.report.page import Section
 
 COLUMNS = 3
 MOST_PANELS = 6
 MOST_ROWS = 12
-SPOILS = {
-    "undersampled": f"fewer than {NEEDED_RISE_SAMPLES} samples on the rise",
-    "pressure_transient": "pressure changes during the rise",
-    "inertia": "the mass beyond the sensor is accelerated during the rise",
-    "gap": "a gap in the samples",
-    "no_peak": "no maximum of its own",
-}
+MOST_NAMED = 10  # peaks
 
 
 def drift(found: Characterisation) -> Section | None:
@@ -36,27 +32,13 @@ def drift(found: Characterisation) -> Section | None:
     long = [level for level in found.levels if max(v.size for v in level.stroke_friction_n.values()) >= 3]
     if not long:
         return None
-    drifting = [level for level in long if any(s.has_trend for s in level.spreads.values())]
-    blocks: list = [
-        Text(
-            f"Friction of each stroke, offset taken out. In {len(drifting)} of {plural(len(long), 'speed level')} it "
-            "drifts beyond chance (Kendall's test, 5 %); where it does, strokes are not independent and the standard "
-            "error counts fewer of them."
-        ),
-        Picture(
-            "drift",
-            "Friction of each stroke in the order of time, relative to the mean of its recording, mean of both "
-            "directions: every recording of the seal (grey), their median, and the one that drifts most.",
-            draw_drift(found),
-            synthetic=found.synthetic,
-        ),
-    ]
+    topic, drifting = Topic("recordings", "drift"), [v for v in long if any(s.has_trend for s in v.spreads.values())]
     strongest = sorted(drifting, key=lambda level: -_drift_share(level))[:MOST_ROWS]
-    rows = tuple(_drift_row(level) for level in strongest)
-    if rows:
-        head = ("recording", "per stroke +x, N", "p", "per stroke −x, N", "p", "strokes", "independent")
-        blocks.append(Table(head, rows, f"The {len(rows)} levels that drift most (Theil-Sen slope, Kendall's p)"))
-    return Section("drift", "Drift from stroke to stroke", tuple(blocks), synthetic=found.synthetic)
+    return topic.section(
+        topic.text(drifting=len(drifting), levels=plural(len(long), "speed level")),
+        topic.picture("drift", draw_drift(found)),
+        topic.table(map(_drift_row, strongest), count=len(strongest)) if strongest else None,
+    )
 
 
 def _drift_share(level: Level) -> float:
@@ -65,21 +47,19 @@ def _drift_share(level: Level) -> float:
     return max(slopes, default=0.0) / max(abs(level.friction_n), 1e-9)
 
 
-def _drift_row(level: Level) -> tuple[str, ...]:
-    cells = []
+def _drift_row(level: Level) -> tuple[object, ...]:
+    cells: list[object] = []
     for direction in (1, -1):
         s = level.spreads[direction]
-        cells += [f"{direction * s.slope_n:+.3f}", f"{s.trend_p:.2g}"] if s.strokes > 1 else ["–", "–"]
-    strokes = sum(s.strokes for s in level.spreads.values())
-    return (level.recording, *cells, str(strokes), f"{sum(s.effective for s in level.spreads.values()):.1f}")
+        cells += [direction * s.slope_n, s.trend_p] if s.strokes > 1 else [None, None]
+    both = level.spreads.values()
+    return level.recording, *cells, sum(s.strokes for s in both), float(sum(s.effective for s in both))
 
 
 def draw_drift(found: Characterisation) -> Figure:
     """One panel for each seal."""
     groups = spread_evenly(list(by_seal(found).items()), MOST_PANELS)
-    rows = -(-len(groups) // COLUMNS)
-    figure = style.new_figure(2.15 * rows + 0.5, style.WIDTH_IN if len(groups) > 1 else 4.5)
-    axes = style.panels(figure, len(groups), COLUMNS, sharex=True, sharey=True)
+    figure, axes = grid(len(groups), COLUMNS, 2.15, 0.5, alone_in=4.5, sharex=True, sharey=True)
     for axis, (seal, results) in zip(axes, groups, strict=True):
         pairs = [(r, level, _course(level)) for r in results for level in r.levels]
         strongest = max(pairs, key=lambda pair: _drift_share(pair[1]))
@@ -119,32 +99,21 @@ def peaks(found: Characterisation) -> Section | None:
     every = [(result, level, peak) for result in found.results for level in result.levels for peak in level.peaks]
     if not every:
         return None
-    good = [peak for _, _, peak in every if not peak.flags]
+    topic, good = Topic("recordings", "reversals"), [peak for _, _, peak in every if not peak.flags]
     real = [peak for peak in good if peak.significant]
-    counts = {flag: sum(flag in peak.flags for _, _, peak in every) for flag in SPOILS}
-    spoilt = "; ".join(f"{SPOILS[flag]}: {count}" for flag, count in counts.items() if count)
-    text = (
-        f"{plural(len(every), 'reversal')}: {plural(len(good), 'peak')} usable, of which {len(real)} stand out of the "
-        f"noise. What spoils the others ({spoilt}; several may apply to one)."
-        if spoilt
-        else f"{plural(len(every), 'reversal')}, all usable; {len(real)} stand out of the noise."
+    counts = {flag: sum(flag in peak.flags for _, _, peak in every) for flag in topic.texts["spoils"]}
+    spoilt = "; ".join(
+        f"{words.format(needed=NEEDED_RISE_SAMPLES)}: {counts[flag]}"
+        for flag, words in topic.texts["spoils"].items()
+        if counts[flag]
     )
-    blocks: list = [Text(text)]
-    if len(good) < len(every) / 2:
-        blocks.append(
-            Text(
-                "These recordings cannot say how large breakaway friction is: the rise after a reversal is over "
-                "before enough samples are taken, or pressure moves the force while it rises. Sampling at 1 kHz or "
-                "more, and a reservoir at the chamber, would show it.",
-                "note",
-            )
-        )
-    caption = "(a) One reversal, each sample marked, offset taken out. (b) All peaks over the samples on their rise."
-    blocks.append(Picture("reversals", caption, draw_peaks(every), synthetic=found.synthetic))
-    if real:
-        lines = [f"{p.recording}, {p.friction_n:.2f} N, {p.excess_n:+.2f} N over sliding" for p in real[:10]]
-        blocks.append(Items(tuple(lines)))
-    return Section("reversals", "Peaks after reversals", tuple(blocks), synthetic=found.synthetic)
+    numbers = {"reversals": plural(len(every), "reversal"), "good": plural(len(good), "peak"), "real": len(real)}
+    return topic.section(
+        topic.text("spoilt" if spoilt else "text", **numbers, spoilt=spoilt),
+        topic.text("few", "note") if len(good) < len(every) / 2 else None,
+        topic.picture("reversals", draw_peaks(every)),
+        *topic.listed(topic.say("peak", p=p) for p in real[:MOST_NAMED]),
+    )
 
 
 def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figure:
@@ -161,19 +130,15 @@ def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figu
     left.plot(r.time_s[part] - peak.time_s, friction, "o-", color=style.BLACK, ms=2.5, lw=0.7)
     left.axhline(peak.sliding_n, color=style.BLUE, linestyle="--", lw=0.9, label="sliding friction in the window")
     left.axvline(0, color=style.ORANGE, linestyle=":", label=f"peak, {peak.rise_samples} samples on the rise")
-    left.set_xlabel("time from the peak / s")
-    left.set_ylabel("friction / N")
-    left.set_title(f"{r.name}, stroke {peak.stroke}")
+    left.set(xlabel="time from the peak / s", ylabel="friction / N", title=f"{r.name}, stroke {peak.stroke}")
     left.legend(fontsize=6.8, loc="best")
     good = [p for _, _, p in every if not p.flags]
     bad = [p for _, _, p in every if p.flags]
     for group, marker, face, label in ((bad, "x", style.GREY, "spoilt"), (good, "o", style.BLUE, "usable")):
-        right.plot(
-            [p.rise_samples for p in group], [p.excess_n for p in group], marker, color=face, ms=3.5, label=label
-        )
+        x, y = [p.rise_samples for p in group], [p.excess_n for p in group]
+        right.plot(x, y, marker, color=face, ms=3.5, label=label)
     right.axvline(NEEDED_RISE_SAMPLES, color=style.BLACK, linestyle="--", lw=0.9, label="samples needed")
-    right.set_xlabel("samples on the rise")
-    right.set_ylabel("peak over sliding friction / N")
+    right.set(xlabel="samples on the rise", ylabel="peak over sliding friction / N")
     right.set_xlim(left=0)
     right.legend(fontsize=6.8)
     return figure

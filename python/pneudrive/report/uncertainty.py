@@ -2,53 +2,40 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.numbers import with_u
 from pneudrive.report import style
-from pneudrive.report.page import Picture, Section, Table, Text
-from pneudrive.report.words import FLAGS, plural
+from pneudrive.report.topics import Topic
+from pneudrive.report.words import plural
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from matplotlib.figure import Figure
 
     from pneudrive.characterise import Characterisation
     from pneudrive.characterise.extract import Level
+    from pneudrive.report.page import Section
 
 STATISTICAL = "spread between strokes"
+MOST_NAMED = 8  # recordings that carry a flag
 
 
 def budget(found: Characterisation) -> Section:
     """List what each source contributes to friction, of the levels with the smallest and the largest uncertainty."""
-    levels = sorted(found.levels, key=lambda level: level.expanded_n)
-    least, most = levels[0], levels[-1]
-    shown = [least] if least is most else [least, most]
-    assumed = sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"})
-    blocks: list = [
-        Text(
-            "Combined as in the GUM: the spread between strokes (not between samples, which are not independent) and "
-            "the systematic sources, in quadrature; U = 2 u. What both directions share, such as the zero and most of "
-            "the gain of a sensor, cancels in friction and stays in the offset."
-        ),
-        Picture(
-            "budget",
-            "Standard uncertainty of friction by source, for the recordings with the smallest and the largest U.",
-            draw(shown),
-            synthetic=found.synthetic,
-        ),
-        *(_table(level) for level in shown),
-    ]
-    if assumed:
-        blocks.append(
-            Text(
-                f"Assumed, because the layout does not say: {', '.join(assumed)}. State the accuracies of your "
-                "sensors in the layout and these entries become yours.",
-                "note",
-            )
-        )
-    return Section("budget", "Uncertainty budget", tuple(blocks), synthetic=found.synthetic)
+    topic, levels = Topic("recordings", "budget"), sorted(found.levels, key=lambda level: level.expanded_n)
+    shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
+    assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
+    return topic.section(
+        topic.text(),
+        topic.picture("budget", draw(shown)),
+        *(topic.table(_rows(level), recording=level.recording) for level in shown),
+        topic.text("assumed", "note", sources=assumed) if assumed else None,
+    )
 
 
 def contributions(level: Level) -> dict[str, float]:
@@ -85,40 +72,33 @@ def draw(levels: list[Level]) -> Figure:
     return figure
 
 
-def _table(level: Level) -> Table:
-    rows = [(STATISTICAL, "data", "A", "", f"{np.nan_to_num(level.stderr_n):.3f}", "–")]
+def _rows(level: Level) -> Iterator[tuple]:
+    chance = float(np.nan_to_num(level.stderr_n))
+    yield STATISTICAL, "data", "A", "", chance, None
     for e in sorted(level.budget, key=lambda e: -e.friction_n):
         size = f"{e.standard_uncertainty:.3g} {e.unit}".strip()
-        note = f"{size}{'; ' if e.note else ''}{e.note}"
-        rows.append((e.source, e.basis, e.kind, note, f"{e.friction_n:.3f}", f"{e.offset_n:.3f}"))
-    combined = float(np.hypot(np.nan_to_num(level.stderr_n), level.u_systematic_n))
-    rows.append(("combined, u", "", "", "", f"{combined:.3f}", f"{level.u_offset_n:.3f}"))
-    rows.append(("expanded, U (k = 2)", "", "", "", f"{level.expanded_n:.3f}", f"{2 * level.u_offset_n:.3f}"))
-    head = ("source", "basis", "type", "standard uncertainty", "friction, N", "offset, N")
-    return Table(head, tuple(rows), f"Budget of {level.recording}", numbers_from=4)
+        yield e.source, e.basis, e.kind, f"{size}{'; ' if e.note else ''}{e.note}", e.friction_n, e.offset_n
+    yield "combined, u", "", "", "", float(np.hypot(chance, level.u_systematic_n)), level.u_offset_n
+    yield "expanded, U (k = 2)", "", "", "", level.expanded_n, 2 * level.u_offset_n
 
 
 def flags(found: Characterisation) -> Section:
     """Every flag that was raised, what it means and where."""
-    where: dict[str, list[str]] = {}
+    topic, where, samples = Topic("recordings", "flags"), {}, Counter()
     for level in found.levels:
         spoilt = ["breakaway_spoiled"] if level.peaks and all(p.flags for p in level.peaks) else []
         for flag in (*level.flags, *spoilt):
-            where.setdefault(flag, []).append(level.recording)
-    samples: dict[str, int] = {}
+            where.setdefault(flag, {})[level.recording] = True
     for recording in found.recordings:
-        for flag, count in recording.flags.items():
-            samples[flag] = samples.get(flag, 0) + count
+        samples.update(recording.flags)
+    meaning: dict[str, str] = topic.texts["meaning"]
     rows = []
-    for flag in [*FLAGS, *(f for f in where if f not in FLAGS)]:
-        if flag in where:
-            names = list(dict.fromkeys(where[flag]))
-            shown = "all recordings" if len(names) == len(found.results) > 1 else ", ".join(names[:8])
-            shown += f" and {len(names) - 8} more" if len(names) > 8 and "all" not in shown else ""
-            count = str(samples[flag]) if flag in samples else ""
-            rows.append((flag.replace("_", " "), FLAGS.get(flag, ""), shown, str(len(names)), count))
+    for flag in [flag for flag in meaning if flag in where] + [flag for flag in where if flag not in meaning]:
+        names = list(where[flag])
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        every = len(names) == len(found.results) > 1
+        shown = "all recordings" if every else ", ".join(names[:MOST_NAMED]) + more
+        rows.append((flag.replace("_", " "), meaning.get(flag, ""), shown, len(names), samples.get(flag, "")))
     if not rows:
-        return Section("flags", "Flags", (Text("No flag was raised."),), synthetic=found.synthetic)
-    head = ("flag", "meaning", "where", "recordings", "samples")
-    text = Text(f"{plural(len(rows), 'kind')} of flags. They mark what a reader of the friction map should know.")
-    return Section("flags", "Flags", (text, Table(head, tuple(rows), numbers_from=3)), synthetic=found.synthetic)
+        return topic.section(topic.text("nothing"))
+    return topic.section(topic.text(kinds=plural(len(rows), "kind")), topic.table(rows))

@@ -15,31 +15,6 @@ if TYPE_CHECKING:
     from pneudrive.characterise.extract import Level, RecordingResult
 
 MOST_SHOWN = 24  # panels of one kind in a report; a campaign has more recordings than anyone looks at
-#: What each flag of the friction map and of the samples means.
-FLAGS = {
-    "non_finite": "samples with a value that is not finite, left out",
-    "repeated_time": "samples that repeat a time, left out",
-    "spike": "single samples that stand far out of both neighbours, left out",
-    "saturated": "samples at the end of a sensor's range",
-    "stuck": "samples in which a channel stood still while the piston travelled",
-    "gap": "intervals at least five times as long as usual",
-    "unreadable_row": "rows that could not be read",
-    "negative_friction": "friction is negative beyond its uncertainty: a sign in the layout is wrong",
-    "unpaired": "one direction only: the offset is not separated from friction",
-    "single_stroke": "one stroke in a direction: no spread between strokes",
-    "trend": "friction drifts from stroke to stroke beyond chance",
-    "stick_slip": "the piston sticks and slips: the mean over the window is no point of a friction curve",
-    "speed_ripple": "speed varies by more than 20 % within a stroke",
-    "window_not_covered": "part of the window has no settled samples",
-    "pressure_moves": "pressure changes within a stroke by more than half the friction",
-    "unequal_speeds": "the two directions moved at speeds that differ by more than 10 %",
-    "below_ambient": "a chamber is below ambient pressure: a vacuum, or gauge pressures called absolute",
-    "beyond_usual": "pressures or speeds are unusual for pneumatic drives",
-    "force_not_pressure": "the force does not follow pressure times area",
-    "friction_beyond_piston": "friction is more than 10 bar push on the piston",
-    "no_friction": "friction is less than a force sensor sees",
-    "breakaway_spoiled": "no reversal peak is usable",
-}
 
 
 def seal_of(recording: Recording) -> str:

@@ -13,7 +13,7 @@ UNITLESS = {"samples on the rise", "stroke in its direction"}
 def pictures(real, made):
     found, fits = real
     with style.applied():
-        parts = Report("", [], sections(found, fits, made)).sections
+        parts = Report("", [], sections(found, fits, made.addition(found))).sections
     return [block for part in parts for block in part.blocks if isinstance(block, Picture)]
 
 

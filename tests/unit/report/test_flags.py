@@ -5,8 +5,9 @@ import re
 from pathlib import Path
 
 from pneudrive.characterise import extract, plausible, samples, text_table
-from pneudrive.report.words import FLAGS
+from pneudrive.report.topics import Topic
 
+FLAGS = Topic("recordings", "flags").texts["meaning"]
 GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "recordings.md"
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from pneudrive.paper import Claim
 from pneudrive.report import write_report
 from pneudrive.report.verdict import verdict
+from pneudrive.studies.bracha import Claim
 
 
 def test_every_sentence_stands_with_its_verdict(made, tmp_path, loads_from_elsewhere):

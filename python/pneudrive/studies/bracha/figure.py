@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.report.topics import texts_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy as np
     from numpy.typing import NDArray
 
-    from pneudrive.rig.interface import Envelope, Identity
+    from pneudrive.rig import Envelope, Identity
 
-    Verdict = Literal["holds", "holds in part", "does not hold"]
+#: The paper's sentences, and what our data show, with places for numbers.
+TEXTS = Path(__file__).with_name("figures.toml")
+#: End of a quantity's name -> end of the name under which texts have it in the unit that people read, and how often
+#: that unit goes into the SI one. The first one that fits counts.
+READABLE = {
+    "_n_pa": ("_n_bar", 1e5),
+    "_m_s": ("_mm_s", 1e3),
+    "_pa": ("_bar", 1e-5),
+    "_m": ("_mm", 1e3),
+    "_share": ("_percent", 100.0),
+}
 
 
 @dataclass(frozen=True)
@@ -32,13 +47,39 @@ class Claim:
 
     place: str
     said: str
-    verdict: Verdict
+    verdict: str
     found: str
 
 
-def judge(whole: object, *, part: object) -> Verdict:
+def judge(whole: object, *, part: object) -> str:
     """Turn two tests into a verdict: of the whole sentence, and of what is left of it where the whole fails."""
     return "holds" if whole else "holds in part" if part else "does not hold"
+
+
+def claims_of(topic: str, verdicts: Mapping[str, str], numbers: Mapping[str, Any]) -> tuple[Claim, ...]:
+    """Return the sentences of a topic, each with its verdict and the numbers in its place."""
+    said, shown = texts_of(TEXTS)[topic]["claims"], readable(numbers)
+    return tuple(
+        Claim(one["place"], one["said"], verdicts[name], one["found"].format(**shown)) for name, one in said.items()
+    )
+
+
+def readable(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Add each quantity in the unit in which people read it.
+
+    Examples
+    --------
+    >>> readable({"step_m": 0.002, "stuck_share": 0.5})
+    {'step_m': 0.002, 'step_mm': 2.0, 'stuck_share': 0.5, 'stuck_percent': 50.0}
+    """
+    out = {}
+    for name, value in numbers.items():
+        out[name] = value
+        end = next((end for end in READABLE if name.endswith(end)), None)
+        if end is not None:
+            other, factor = READABLE[end]
+            out[name.removesuffix(end) + other] = factor * value
+    return out
 
 
 @dataclass(frozen=True)
@@ -76,7 +117,23 @@ class PaperFigure:
     rig: tuple[Identity, Envelope] | None = field(default=None, repr=False)
     synthetic: bool = True
 
-    def verdict(self, said: str) -> Verdict:
+    @classmethod
+    def make(
+        cls,
+        number: int,
+        verdicts: Mapping[str, str],
+        quantities: dict[str, float],
+        columns: dict[str, NDArray[np.float64]],
+        rig: tuple[Identity, Envelope] | None = None,
+        **more: object,
+    ) -> PaperFigure:
+        """Make a figure of its numbers; `more` are numbers for its texts alone."""
+        texts, numbers = texts_of(TEXTS)[str(number)], {**quantities, **more}
+        claims = claims_of(str(number), verdicts, numbers)
+        measured = texts["measured"].format(**readable(numbers))
+        return cls(number, texts["title"], claims, measured, quantities, columns, texts.get("assumed", ""), rig)
+
+    def verdict(self, said: str) -> str:
         """Return the verdict of the claim whose sentence begins so.
 
         Raises

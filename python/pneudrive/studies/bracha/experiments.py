@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.folder import TRUTH, Campaign
-from pneudrive.errors import CampaignError
-from pneudrive.files.content import read_json
-
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.rig.interface import Envelope
+    from pneudrive.campaign.folder import Campaign
+    from pneudrive.rig import Envelope
 
 #: Experiment -> (ready protocol, rig as `load_rig` takes it). Which rigs the paper had it does not say: the first one
 #: without pressure, the second with one pressure for both chambers.
@@ -49,8 +47,7 @@ class Experiment:
 
     def truth(self) -> list[dict[str, Any]]:
         """Give what was true of each cycle, in the order in which they were run."""
-        files = sorted((self.campaign.path / TRUTH).glob("*.json"))
-        return [read_json(path, CampaignError) for path in files]
+        return [json.loads(path.read_text("utf-8")) for path in sorted(self.campaign.path.glob("truth/*.json"))]
 
 
 def run_experiments(

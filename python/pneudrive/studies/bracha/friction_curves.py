@@ -10,7 +10,7 @@ from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.characterise.settling import moving_average
 from pneudrive.characteristics import BOTH, characteristics
 from pneudrive.characteristics.raw import recording_of
-from pneudrive.paper.figure import Claim, PaperFigure, judge
+from pneudrive.studies.bracha.figure import PaperFigure, judge
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive.characterise.recording import Recording
     from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.characteristics.effects import AirShare
-    from pneudrive.paper.experiments import Experiment
+    from pneudrive.studies.bracha.experiments import Experiment
 
     Array = NDArray[np.float64]
 
@@ -67,37 +67,25 @@ def figure_5(run: Experiment) -> PaperFigure:
     # elsewhere noise and unevenness along the barrel make peaks too
     elsewhere = float(smooth[share > PEAK_WITHIN].max() - rest.mean())
     travel = float(share[top]) * abs(stroke.to_m - stroke.from_m)
-    return PaperFigure(
-        number=5,
-        title="Friction through a cycle at 2 mm/s",
-        claims=(
-            Claim(
-                "figure 5",
-                "the friction value is the largest right after the change of movement direction of the piston",
-                judge(excess > CLEAR * elsewhere and share[top] < PEAK_WITHIN, part=share[top] < PEAK_WITHIN),
-                f"the largest value lies {1e3 * travel:.2g} mm after the turn, {excess:.2f} N above the mean of the "
-                f"stroke; further on no peak is higher than {elsewhere:.2f} N above it",
-            ),
-        ),
-        measured=f"the peak is {smooth[top]:.2f} N, {excess:.2f} N ({100.0 * excess / rest.mean():.0f} %) above the "
-        f"mean of the rest of the stroke, {1e3 * travel:.2g} mm after the turn; further on noise and position "
-        f"make peaks of {elsewhere:.2f} N at most",
-        quantities={
+    early = share[top] < PEAK_WITHIN
+    return PaperFigure.make(
+        5,
+        {"largest": judge(excess > CLEAR * elsewhere and early, part=early)},
+        {
             "peak_n": float(smooth[top]),
             "mean_n": float(rest.mean()),
             "excess_n": excess,
             "elsewhere_n": elsewhere,
             "travel_at_peak_m": travel,
         },
-        columns={
+        {
             "time_s": time,
             "position_m": result.recording.position_m[part],
             "friction_n": raw,
             "friction_smoothed_n": smooth,
             "friction_mean_n": np.full(time.shape, rest.mean()),
         },
-        assumed="law, values and how the contact ages; 5 kHz around the turn, where the paper has some 17 samples a "
-        "second: with those alone the peak would lie between two of them",
+        excess_share=excess / rest.mean(),
     )
 
 
@@ -132,38 +120,15 @@ def figure_6(run: Experiment) -> PaperFigure:
     lowest = int(np.argmin(by_paper))
     scatter = float(np.max(high_n - low_n))
     fall, rise = float(by_paper[0] - by_paper[lowest]), float(by_paper[-1] - by_paper[lowest])
-    return PaperFigure(
-        number=6,
-        title="Mean friction over speed, the paper's protocol",
-        claims=(
-            Claim(
-                "figure 6",
-                "for small values of speed the resistance of the drive is the biggest",
-                judge(biggest <= LOW_M_S and lead > scatter, part=biggest <= LOW_M_S),
-                f"biggest at {1e3 * biggest:.2g} mm/s; up to {1e3 * LOW_M_S:g} mm/s it lies at least {lead:.2f} N "
-                f"above every value from {1e3 * HIGH_M_S:g} mm/s on",
-            ),
-            Claim(
-                "figure 6",
-                "it is difficult to see on the figure a point of Stribeck speed directly",
-                judge(min(fall, rise) < CLEAR * scatter, part=rise < CLEAR * scatter),
-                f"on ours it is plain: friction falls by {fall:.2f} N to its least value at "
-                f"{1e3 * speed[lowest]:.0f} mm/s and rises by {rise:.2f} N from there, where the widest 95 % band is "
-                f"{scatter:.2f} N",
-            ),
-            Claim(
-                "section 2.1 (measurements)",
-                "In order to reduce the impact of movement changes on the measurements, 5% of the initial values are "
-                "ignored",
-                judge(abs(error[worst]) < 0.5 * undropped, part=abs(error[worst]) < undropped),
-                f"the largest error of a mean falls from {undropped:.2f} to {abs(error[worst]):.2f} N",
-            ),
-        ),
-        measured=f"biggest at {1e3 * biggest:.2g} mm/s: {by_paper.max():.2f} N; up to {1e3 * LOW_M_S:g} mm/s it is at "
-        f"least {lead:.2f} N above every value from {1e3 * HIGH_M_S:g} mm/s on; of {by_paper[-1]:.1f} N at "
-        f"{1e3 * speed[-1]:.0f} mm/s {air[-1]:.2f} N are air pushed through the ports; dropping 5 % of each "
-        f"stroke leaves an error of up to {error[worst]:+.2f} N (at {1e3 * speed[worst]:.0f} mm/s)",
-        quantities={
+    left = float(abs(error[worst]))
+    return PaperFigure.make(
+        6,
+        {
+            "biggest": judge(biggest <= LOW_M_S and lead > scatter, part=biggest <= LOW_M_S),
+            "stribeck": judge(min(fall, rise) < CLEAR * scatter, part=rise < CLEAR * scatter),
+            "dropped": judge(left < 0.5 * undropped, part=left < undropped),
+        },
+        {
             "biggest_at_m_s": biggest,
             "biggest_n": float(by_paper.max()),
             "lead_n": lead,
@@ -172,7 +137,7 @@ def figure_6(run: Experiment) -> PaperFigure:
             "protocol_error_at_m_s": float(speed[worst]),
             "settled_error_n": float(np.max(np.abs(seal - truth))),
         },
-        columns={
+        {
             "speed_m_s": speed,
             "friction_n": by_paper,
             "friction_settled_n": seal,
@@ -181,7 +146,16 @@ def figure_6(run: Experiment) -> PaperFigure:
             "friction_true_n": truth,
             "air_n": air,
         },
-        assumed="spacing of the speeds (logarithmic); wide ports, so that little of the force at high speed is air",
+        low_m_s=LOW_M_S,
+        high_m_s=HIGH_M_S,
+        fastest_n=by_paper[-1],
+        fastest_m_s=speed[-1],
+        fall_n=fall,
+        rise_n=rise,
+        lowest_at_m_s=speed[lowest],
+        scatter_n=scatter,
+        undropped_n=undropped,
+        dropped_n=left,
     )
 
 
@@ -214,41 +188,15 @@ def figure_8(run: Experiment) -> PaperFigure:
     has_minimum = (inner > 0) & (inner < speed.size - 1)
     more = bool(np.all(has_minimum >= has_minimum[0]) and np.all(np.diff(dip) > 0.0))
     ordered = float(np.mean(rises > 0.0))
-    return PaperFigure(
-        number=8,
-        title="Friction over speed at 0.1 to 1.5 bar gauge in both chambers, unfiltered",
-        claims=(
-            Claim(
-                "figure 8, caption",
-                "Lower line is lower pressure",
-                judge(ordered == 1.0, part=ordered > ORDERED_IN_PART),
-                f"{100.0 * ordered:.0f} % of neighbouring lines are in the order of pressure",
-            ),
-            Claim(
-                "figure 8",
-                "as the pressure increases the characteristics of the friction force are more like Stribeck curve",
-                judge(more and not has_minimum[0], part=more),
-                f"from the lowest speed to the least value friction falls by {100.0 * dip[0]:.0f} % at "
-                f"{1e-5 * gauge[0]:.1f} bar and by {100.0 * dip[-1]:.0f} % at {1e-5 * gauge[-1]:.1f} bar"
-                + ("; but ours is a full Stribeck curve at the lowest pressure already" if has_minimum[0] else ""),
-            ),
-            Claim(
-                "figure 8",
-                "As a result of drive seal deformation, for low velocities, the friction value increases with "
-                "increasing pressure",
-                judge(False, part=slope > 0.0 and np.all(rises[:, 0] > 0.0)),
-                f"at {1e3 * speed[0]:g} mm/s friction rises by {1e5 * slope:.2f} N/bar; that the seal's deformation is "
-                "the cause cannot be told, since the simulated law takes the rise as given",
-            ),
-        ),
-        measured=f"{100.0 * ordered:.0f} % of neighbouring lines are in the order of pressure; at "
-        f"{1e3 * speed[0]:g} mm/s friction rises by {1e5 * slope:.2f} N/bar; from the lowest speed to the minimum it "
-        f"falls by {100.0 * dip[0]:.0f} % at {1e-5 * gauge[0]:.1f} bar and by {100.0 * dip[-1]:.0f} % at "
-        f"{1e-5 * gauge[-1]:.1f} bar; at {1e3 * speed[-1]:.0f} mm/s {air[0, -1]:.1f} of {total[0, -1]:.1f} N and "
-        f"{air[-1, -1]:.1f} of {total[-1, -1]:.1f} N are air pushed through hoses and regulator, not friction. "
-        "Speeds are those that the axis was told; the mean over the samples of the paper's protocol, ramps included, "
-        f"is {1e3 * mean_speed[-1]:.0f} mm/s at the fastest",
-        quantities={
+    low_rises = slope > 0.0 and np.all(rises[:, 0] > 0.0)
+    return PaperFigure.make(
+        8,
+        {
+            "order": judge(ordered == 1.0, part=ordered > ORDERED_IN_PART),
+            "stribeck": judge(more and not has_minimum[0], part=more),
+            "seal": judge(False, part=low_rises),
+        },
+        {
             "ordered_share": ordered,
             "smallest_rise_n": float(rises.min()),
             "low_speed_slope_n_pa": slope,
@@ -258,7 +206,7 @@ def figure_8(run: Experiment) -> PaperFigure:
             "air_at_highest_pressure_n": float(air[-1, -1]),
             "seal_error_n": float(np.max(np.abs(seal - truth))),
         },
-        columns={
+        {
             "speed_m_s": speed,
             "mean_speed_m_s": mean_speed,
             "gauge_pa": gauge,
@@ -268,7 +216,16 @@ def figure_8(run: Experiment) -> PaperFigure:
             "friction_true_n": truth,
             "dip": dip,
         },
-        assumed="one regulator for both chambers through a manifold and 4 mm hoses; eight pressures",
+        slowest_m_s=speed[0],
+        fastest_m_s=speed[-1],
+        fastest_mean_m_s=mean_speed[-1],
+        first_pa=gauge[0],
+        last_pa=gauge[-1],
+        first_dip_share=dip[0],
+        last_dip_share=dip[-1],
+        first_total_n=total[0, -1],
+        last_total_n=total[-1, -1],
+        already="; but ours is a full Stribeck curve at the lowest pressure already" if has_minimum[0] else "",
     )
 
 

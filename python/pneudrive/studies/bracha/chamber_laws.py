@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.describe import Drive
+import pneudrive as pn
 from pneudrive.errors import PneudriveWarning
-from pneudrive.simulate import simulate
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,6 +19,8 @@ if TYPE_CHECKING:
 FULL_STROKE = Path(__file__).with_name("full_stroke.toml")
 ENERGY_BALANCE, AS_PRINTED = "energy-balance", "as-printed"
 TURN_S = 0.6
+#: In which every stroke out of this study ends, s.
+STROKE_S = 2.0
 SAMPLE_RATE = "10 kHz"
 RTOL = 1e-8
 
@@ -42,7 +43,7 @@ class ChamberComparison:
         Supply pressure times swept volume: what the residual is to be compared with.
     """
 
-    drive: Drive
+    drive: pn.Drive
     runs: dict[str, xr.Dataset]
     stroke_time_s: dict[str, float]
     energy_residual_j: dict[str, float]
@@ -54,23 +55,18 @@ class ChamberComparison:
         return float(np.abs(printed - balanced).max())
 
 
-def compare_chamber_laws(drive: Drive | None = None) -> ChamberComparison:
-    """Simulate one stroke out and back at full opening with both chamber laws.
-
-    Parameters
-    ----------
-    drive : Drive, optional
-        Rodless; the drive of ``full_stroke.toml`` where nothing is said.
-
-    Returns
-    -------
-    ChamberComparison
-    """
-    drive = drive or Drive.load(FULL_STROKE)
-    drives = {law: drive.replace({"cylinder.chamber_law": law}) for law in (ENERGY_BALANCE, AS_PRINTED)}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PneudriveWarning)  # as-printed breaks the energy balance: that is what is shown
-        runs = {law: _out_and_back(described) for law, described in drives.items()}
+def compare_chamber_laws() -> ChamberComparison:
+    """Simulate one stroke out and back at full opening with both chamber laws: the drive of ``full_stroke.toml``."""
+    drive = pn.Drive.load(FULL_STROKE)
+    runs = {}
+    with warnings.catch_warnings():  # as-printed breaks the energy balance: that is what is shown
+        warnings.simplefilter("ignore", PneudriveWarning)
+        for law in (ENERGY_BALANCE, AS_PRINTED):
+            described = drive.replace({"cylinder.chamber_law": law})
+            command = [(0.0, 1.0), (TURN_S, -1.0)]
+            runs[law] = pn.simulate(
+                described, command, 2 * TURN_S, initial=_start(drive), sample_rate=SAMPLE_RATE, rtol=RTOL
+            )
     c = drive.cylinder
     return ChamberComparison(
         drive=drive,
@@ -81,9 +77,14 @@ def compare_chamber_laws(drive: Drive | None = None) -> ChamberComparison:
     )
 
 
-def _out_and_back(drive: Drive) -> xr.Dataset:
-    start = f"position = 0 mm, pressure_b = {drive.supply_pressure_pa} Pa abs"
-    return simulate(drive, [(0.0, 1.0), (TURN_S, -1.0)], 2 * TURN_S, initial=start, sample_rate=SAMPLE_RATE, rtol=RTOL)
+def stroke_out(drive: pn.Drive) -> float:
+    """Return the time of the stroke out at full opening, s."""
+    run = pn.simulate(drive, [(0.0, 1.0)], STROKE_S, initial=_start(drive), sample_rate=SAMPLE_RATE)
+    return _arrival(run, drive.cylinder.stroke_m)
+
+
+def _start(drive: pn.Drive) -> str:
+    return f"position = 0 mm, pressure_b = {drive.supply_pressure_pa} Pa abs"
 
 
 def _arrival(run: xr.Dataset, stroke_m: float) -> float:
@@ -91,7 +92,7 @@ def _arrival(run: xr.Dataset, stroke_m: float) -> float:
     return float(run.time[int(there[0])]) if there.size else float("nan")
 
 
-def energy_residual(run: xr.Dataset, drive: Drive, *, printed: bool) -> float:
+def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float:
     """Audit chamber a: stored energy less enthalpy that flowed in, work received and heat, largest value in J.
 
       residual = U - U_0 - int (h m_dot - p V_dot + Q) dt,    U = p V / (k - 1),    h = k / (k - 1) R T

@@ -1,4 +1,4 @@
-"""The source paper: each sentence that can be checked, ours beside it, the verdict; and its figures."""
+"""Pictures of the source paper's figures 4 to 9."""
 
 from __future__ import annotations
 
@@ -6,74 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.paper import UNCHECKED
+from pneudrive.report import axes as draw
 from pneudrive.report import style
-from pneudrive.report.page import Items, Picture, Section, Table, Text
 from pneudrive.report.rig_diagram import rig_diagram
-from pneudrive.report.words import plural, sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from matplotlib.figure import Figure
 
-    from pneudrive.paper import Claim, PaperFigure
+    from pneudrive.studies.bracha.figure import PaperFigure
 
 
 #: Travel after a stop that figure 9 shows, m.
 SHOWN_M = 3e-3
-
-
-def section(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Section:
-    """Table of sentences and verdicts, then figures 4 to 9; 1 to 3 stand in the section on stick-slip."""
-    rows = [(c.place, f"“{c.said}”", sentence(c.found), c.verdict) for c in claims]
-    assumed = [f"Figure {f.number}: {f.assumed}." for f in figures.values() if f.assumed]
-    failed = any(c.verdict == "does not hold" for c in claims)
-    blocks: list = [
-        Text(
-            "The paper prints figures but no data, and does not name drive, seals or sensors. What can be checked "
-            "is whether simulated drives and rigs with parameters of our own, all of them assumed, show what the "
-            "paper says in words."
-        ),
-        Text(sentence(count_verdicts(claims)), "fails" if failed else "holds"),
-        Table(("place", "what the paper says", "what ours shows", "verdict"), tuple(rows), numbers_from=4),
-        Text("Sentences that simulated data cannot check:"),
-        Items(tuple(f"“{said}”: {why}." for said, why in UNCHECKED.items())),
-        Text("Assumed for the figures, beside the values of rigs and drives that are listed under provenance:"),
-        Items(tuple(assumed)),
-        Text(
-            "Figures 4 to 9 come from campaigns: ready protocols, run on simulated rigs into campaign folders beside "
-            "this page (campaigns/), which `pneudrive characterise` takes like any other."
-        ),
-        Text(
-            "A sentence that holds here says that the laws and the measuring chain can show the effect, since the "
-            "parameters were chosen so that it is there; it is no evidence that a given drive behaves so.",
-            "note",
-        ),
-    ]
-    for number, (name, drawer) in DRAWERS.items():
-        if number in figures:
-            figure = figures[number]
-            caption = f"As the paper's figure {number}. {figure.title}. {sentence(figure.measured)}"
-            blocks.append(Picture(f"paper-{number}-{name}", caption, drawer(figure), synthetic=True))
-    return Section("paper", "The source paper's figures from simulated rigs", tuple(blocks), synthetic=True)
-
-
-def count_verdicts(claims: Sequence[Claim]) -> str:
-    """Say how many sentences hold, hold in part and do not hold.
-
-    Examples
-    --------
-    >>> from pneudrive.paper import Claim
-    >>> count_verdicts([Claim("figure 1", "It moves", "holds", "it does")])
-    '1 of 1 sentence that can be checked holds, 0 hold in part, 0 do not hold'
-    """
-    whole, part, none = (sum(c.verdict == v for c in claims) for v in ("holds", "holds in part", "does not hold"))
-    holds = "holds" if whole == 1 else "hold"
-    return (
-        f"{whole} of {plural(len(claims), 'sentence')} that can be checked {holds}, {part} hold in part, "
-        f"{none} {'does' if none == 1 else 'do'} not hold"
-    )
 
 
 def rig(data: PaperFigure) -> Figure:
@@ -94,8 +38,7 @@ def cycle(data: PaperFigure) -> Figure:
         axis.set_xlabel("time after the turn / s")
     low = float(np.quantile(c["friction_n"][c["friction_n"].size // 10 :], 0.001))
     left.set_ylim(low - 0.5, 1.05 * data.quantities["peak_n"] + 0.6)
-    right.set_xlim(0, 6.0)
-    right.set_title("the first 6 s")
+    right.set(xlim=(0, 6.0), title="the first 6 s")
     left.set_ylabel("friction / N")
     left.legend(loc="upper right", markerscale=5)
     return figure
@@ -115,7 +58,7 @@ def over_speed(data: PaperFigure) -> Figure:
         axis.set_ylim(bottom=0)
     for axis in below:
         low, high = (1e3 * (c[name] - c["friction_true_n"]) for name in ("low_n", "high_n"))
-        axis.fill_between(speed, low, high, color=style.BAND, lw=0, label="95 % band")
+        draw.tinted(axis, speed, (low, high), "95 % band")
         axis.plot(speed, 1e3 * (c["friction_settled_n"] - c["friction_true_n"]), "x", color=style.BLUE, ms=3.5, mew=0.8)
         axis.axhline(0, color=style.GREY, lw=0.8)
         axis.set_xlabel("speed / (mm/s)")
@@ -139,20 +82,10 @@ def over_pressure(data: PaperFigure) -> Figure:
     parts = ((left, "friction_n", "force sensor, as in the paper"), (middle, "seal_n", "of it the seal"))
     for axis, name, title in (*parts, (right, "air_n", "of it air")):
         for i, values in enumerate(c[name]):
-            look = style.ramp(i, bar.size)
-            axis.plot(
-                1e3 * c["speed_m_s"],
-                values,
-                linestyle=look.linestyle,
-                marker=look.marker,
-                color=look.color,
-                ms=2.5,
-                lw=0.9,
-                label=f"{bar[i]:.1f} bar",
-            )
+            look, label = style.ramp(i, bar.size), f"{bar[i]:.1f} bar"
+            axis.plot(1e3 * c["speed_m_s"], values, **look._asdict(), ms=2.5, lw=0.9, label=label)
         style.logarithmic(axis)
-        axis.set_title(title)
-        axis.set_xlabel("speed / (mm/s)")
+        axis.set(title=title, xlabel="speed / (mm/s)")
     left.set_ylabel("force / N")
     left.set_ylim(bottom=0)
     handles, labels = left.get_legend_handles_labels()
@@ -168,8 +101,7 @@ def stop(data: PaperFigure) -> Figure:
     c = data.columns
     left.plot(c["time_s"], c["friction_n"], ".-", color=style.BLACK, ms=1.5, lw=0.6)
     left.plot(c["time_s"], c["running_n"], "--", color=style.ORANGE, label="uninterrupted")
-    left.set_xlabel("time since the stop / s")
-    left.set_ylabel("force against motion / N")
+    left.set(xlabel="time since the stop / s", ylabel="force against motion / N")
     around = c["friction_n"][(c["time_s"] > -1.0) & (c["time_s"] < c["time_s"][-1] - 1.0)]  # without the turns
     span = float(np.ptp(around))
     left.set_ylim(float(around.min()) - 0.35 * span, float(around.max()) + 0.1 * span)
@@ -186,13 +118,12 @@ def stop(data: PaperFigure) -> Figure:
     right.minorticks_off()
     right.set_xticks(1e3 * c["speed_m_s"])
     right.set_ylim(bottom=0)
-    right.set_xlabel("speed of the restart / (mm/s)")
-    right.set_ylabel("peak above uninterrupted / N")
+    right.set(xlabel="speed of the restart / (mm/s)", ylabel="peak above uninterrupted / N")
     return figure
 
 
 #: Number -> name of the file and what draws it.
-DRAWERS = {
+DRAWINGS = {
     4: ("rig", rig),
     5: ("reversal", cycle),
     6: ("speed", over_speed),

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+import pneudrive as pn
 from pneudrive.characterise.motion import local_slope
 from pneudrive.characterise.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip
-from pneudrive.describe import Drive
-from pneudrive.paper.figure import Claim, PaperFigure, judge
-from pneudrive.rig.sensors import AnalogSensor, Encoder
-from pneudrive.simulate import simulate
+from pneudrive.rig import AnalogSensor, Encoder
+from pneudrive.studies.bracha.figure import PaperFigure, judge
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +35,7 @@ FASTER_S = 6.0
 MIDDLE_M = (0.15, 0.45)  # of the stroke of 0.5 m, so that neither start nor stop counts
 #: Steps from this length on make positioning difficult, m (our reading).
 COARSE_M = 1e-3
-START_M = 0.05
+START = "position = 0.05 m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
 SKIPPED_S = 4.0
 SHOWN_S = 16.0
 SAMPLE_RATE = "1 kHz"
@@ -48,9 +46,9 @@ PRESSURE_SENSOR = AnalogSensor(0.0, 1.1e6, 16, noise=200.0)
 SLOPE_HALF_WIDTH = 12
 
 
-def slow_drive(law: str = "lugre") -> Drive:
+def slow_drive(law: str = "lugre") -> pn.Drive:
     """Return the drive of the stick-slip figures, with the LuGre law or with Coulomb and Stribeck combined."""
-    drive = Drive.load(SLOW_DRIVE)
+    drive = pn.Drive.load(SLOW_DRIVE)
     if law == drive.friction.law:
         return drive
     kept = ("coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous")
@@ -74,8 +72,7 @@ def creep(law: str, opening: float | None = None) -> xr.Dataset:
         Trajectory from the moment at which the start has died away, its time from zero.
     """
     u = OPENING[law] if opening is None else opening
-    start = f"position = {START_M} m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
-    run = simulate(slow_drive(law), [(0.0, u)], SKIPPED_S + SHOWN_S, initial=start, sample_rate=SAMPLE_RATE)
+    run = pn.simulate(slow_drive(law), [(0.0, u)], SKIPPED_S + SHOWN_S, initial=START, sample_rate=SAMPLE_RATE)
     shown = run.isel(time=slice(int(np.searchsorted(run.time.values, SKIPPED_S)), None))
     return shown.assign_coords(time=("time", shown.time.values - shown.time.values[0], shown.time.attrs))
 
@@ -93,23 +90,27 @@ def figure_1(seed: int = 0) -> PaperFigure:
         "pressure_a_pa": PRESSURE_SENSOR.read(run.pressure_a.to_numpy(), rng),
         "pressure_b_pa": PRESSURE_SENSOR.read(run.pressure_b.to_numpy(), rng),
     }
-    found = whole_periods(columns)
-    faster = _faster()
-    steps = Claim(
-        "section 2.1, figure 1",
-        "compressibility of the working medium causes a phenomenon known as stick-slip, which makes piston moves in a "
-        "stepped manner when at low velocity",
-        judge(_sticks(found) and not _sticks(faster), part=_sticks(found)),
-        f"{_steps(found)}; with the valve {FASTER} times as far open the same piston moves at "
-        f"{1e3 * faster.mean_speed_m_s:.0f} mm/s and is stuck for {100 * faster.stuck_share:.0f} % of the time",
+    found, faster = whole_periods(columns), measure_faster()
+    verdicts = {
+        "steps": judge(sticks(found) and not sticks(faster), part=sticks(found)),
+        "speed": judge(abs(found.mean_speed_m_s - MEAN_SPEED_M_S) <= SPEED_TOLERANCE_M_S, part=False),
+    }
+    return PaperFigure.make(
+        1,
+        verdicts,
+        _quantities(found),
+        columns,
+        opened=FASTER,
+        faster_speed_m_s=faster.mean_speed_m_s,
+        faster_stuck_share=faster.stuck_share,
     )
-    return _figure(1, "Stick-slip of a drive, read by sensors", columns, steps, _near("figure 1, caption", found))
 
 
-def _faster() -> StickSlip:
+def measure_faster() -> StickSlip:
     """Measure the motion of the same drive through the middle of its stroke with the valve further open."""
-    start = f"position = {START_M} m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
-    run = simulate(slow_drive(), [(0.0, FASTER * OPENING["lugre"])], FASTER_S, initial=start, sample_rate=SAMPLE_RATE)
+    run = pn.simulate(
+        slow_drive(), [(0.0, FASTER * OPENING["lugre"])], FASTER_S, initial=START, sample_rate=SAMPLE_RATE
+    )
     columns = _columns(run)
     inside = (columns["position_m"] > MIDDLE_M[0]) & (columns["position_m"] < MIDDLE_M[1])
     return whole_periods({name: values[inside] for name, values in columns.items()})
@@ -119,19 +120,11 @@ def figure_2() -> PaperFigure:
     """Stick-slip of the same drive simulated with the LuGre law."""
     columns = _columns(creep("lugre"))
     found = whole_periods(columns)
-    simulates = Claim(
-        "section 2.1, figure 2",
-        "This model ... also allows to simulate the stick - slip phenomenon",
-        judge(_sticks(found), part=False),
-        _steps(found),
-    )
-    coarse = Claim(
-        "section 2.1",
-        "for a very low speed of the piston makes positioning accurate very difficult",
-        judge(_sticks(found) and found.step_m > COARSE_M, part=_sticks(found)),
-        f"the piston goes on in steps of {1e3 * found.step_m:.1f} mm",
-    )
-    return _figure(2, "Simulated with the LuGre law", columns, simulates, coarse)
+    verdicts = {
+        "simulates": judge(sticks(found), part=False),
+        "coarse": judge(sticks(found) and found.step_m > COARSE_M, part=sticks(found)),
+    }
+    return PaperFigure.make(2, verdicts, _quantities(found), columns)
 
 
 def figure_3() -> PaperFigure:
@@ -139,19 +132,8 @@ def figure_3() -> PaperFigure:
     columns = _columns(creep("stribeck"))
     found = whole_periods(columns)
     still = float(np.mean(columns["velocity_m_s"] == 0.0))
-    simulates = Claim(
-        "section 2.1, figure 3",
-        "Another much simpler approach that allows to simulate friction in pneumatic drives is a combination of "
-        "Coulomb model and Stribeck curve",
-        judge(_sticks(found) and still > 0.0, part=_sticks(found)),
-        f"{_steps(found)}; between steps the piston rests exactly",
-    )
-    figure = _figure(3, "Simulated with Coulomb and Stribeck friction", columns, simulates)
-    return replace(
-        figure,
-        measured=f"{figure.measured}; exactly at rest for {100.0 * still:.0f} % of the time",
-        quantities=figure.quantities | {"rest_share": still},
-    )
+    verdicts = {"simulates": judge(sticks(found) and still > 0.0, part=sticks(found))}
+    return PaperFigure.make(3, verdicts, _quantities(found) | {"rest_share": still}, columns)
 
 
 def _columns(run: xr.Dataset) -> dict[str, Array]:
@@ -185,46 +167,16 @@ def _onsets(velocity: Array, mean: float) -> list[int]:
     return onsets
 
 
-def _sticks(found: StickSlip) -> bool:
+def sticks(found: StickSlip) -> bool:
     """Whether a motion is stick-slip."""
     ratio = found.peak_speed_m_s / found.mean_speed_m_s
     return found.periods >= LEAST_PERIODS and ratio >= LEAST_PEAK_RATIO and found.stuck_share >= LEAST_STUCK_SHARE
 
 
-def _steps(found: StickSlip) -> str:
-    return (
-        f"{found.periods} steps of {1e3 * found.step_m:.1f} mm; the piston is stuck for "
-        f"{100 * found.stuck_share:.0f} % of the time"
-    )
-
-
-def _near(place: str, found: StickSlip) -> Claim:
-    return Claim(
-        place,
-        "approximate velocity 9.34 mm/s",
-        judge(abs(found.mean_speed_m_s - MEAN_SPEED_M_S) <= SPEED_TOLERANCE_M_S, part=False),
-        f"mean speed {1e3 * found.mean_speed_m_s:.2f} mm/s; the opening of the valve was chosen for it",
-    )
-
-
-def _figure(number: int, title: str, columns: dict[str, Array], *claims: Claim) -> PaperFigure:
-    found = whole_periods(columns)
-    ratio = found.peak_speed_m_s / found.mean_speed_m_s
-    return PaperFigure(
-        number=number,
-        title=title,
-        claims=claims,
-        measured=f"{found.periods} periods of {found.period_s:.2f} s and {1e3 * found.step_m:.1f} mm at a mean of "
-        f"{1e3 * found.mean_speed_m_s:.2f} mm/s; slips peak at {ratio:.1f} times the mean; below a fifth of it for "
-        f"{100.0 * found.stuck_share:.0f} % of the time",
-        quantities={
-            "periods": float(found.periods),
-            "period_s": found.period_s,
-            "step_m": found.step_m,
-            "mean_speed_m_s": found.mean_speed_m_s,
-            "peak_speed_m_s": found.peak_speed_m_s,
-            "peak_ratio": ratio,
-            "stuck_share": found.stuck_share,
-        },
-        columns=columns,
-    )
+def _quantities(found: StickSlip) -> dict[str, float]:
+    names = ("period_s", "step_m", "mean_speed_m_s", "peak_speed_m_s", "stuck_share")
+    return {
+        "periods": float(found.periods),
+        **{name: getattr(found, name) for name in names},
+        "peak_ratio": found.peak_speed_m_s / found.mean_speed_m_s,
+    }

@@ -1,0 +1,22 @@
+"""The source paper's figures from simulated data, and what they say to every sentence of it that can be checked."""
+
+from __future__ import annotations
+
+from pneudrive.studies.bracha.experiments import EXPERIMENTS, FOLDER, Experiment, run_experiments
+from pneudrive.studies.bracha.figure import Claim, PaperFigure
+from pneudrive.studies.bracha.figures import paper_figures
+from pneudrive.studies.bracha.general import general_claims
+from pneudrive.studies.bracha.reproduction import Reproduction, reproduce
+
+__all__ = [
+    "EXPERIMENTS",
+    "FOLDER",
+    "Claim",
+    "Experiment",
+    "PaperFigure",
+    "Reproduction",
+    "general_claims",
+    "paper_figures",
+    "reproduce",
+    "run_experiments",
+]

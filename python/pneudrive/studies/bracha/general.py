@@ -1,0 +1,67 @@
+"""The source paper on the drive as a whole: its chamber equations, and its conclusions on what acts on the drive."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pneudrive as pn
+from pneudrive.studies.bracha.chamber_laws import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE, stroke_out
+from pneudrive.studies.bracha.figure import Claim, claims_of, judge
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.studies.bracha.chamber_laws import ChamberComparison
+    from pneudrive.studies.bracha.figure import PaperFigure
+
+#: Share of the stroke's energy that may be missing where energy is conserved.
+CLOSED = 1e-3
+#: What is changed to see the influences that the conclusions name: supply and surroundings by 40 K, argon for air.
+WARMER = {"ambient.temperature": "313.15 K"}
+COLDER = {"ambient.temperature": "273.15 K"}
+ARGON = {"gas.heat_capacity_ratio": 1.667, "gas.gas_constant": "208.13 J/(kg K)"}
+#: A valve with half the conductance: the connector that is too small.
+NARROW = 0.5
+#: A reduction of the speed by this share is a significant one.
+SIGNIFICANT = 0.2
+
+
+def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigure]) -> tuple[Claim, ...]:
+    """Check the sentences that belong to no single figure.
+
+    Parameters
+    ----------
+    chambers : ChamberComparison
+        Printed equations against the energy balance.
+    figures : mapping of PaperFigure
+        By number; 6 and 9 say what speed and a stop do to friction.
+
+    Returns
+    -------
+    tuple of Claim
+    """
+    drive = pn.Drive.load(FULL_STROKE)
+    work, lost = chambers.stroke_work_j, chambers.energy_residual_j
+    usual, warm, cold, argon = (stroke_out(drive.replace(change)) for change in ({}, WARMER, COLDER, ARGON))
+    heat, gas = abs(warm - cold) / usual, abs(argon - usual) / usual
+    curve = figures[6].columns["friction_settled_n"]
+    speed, stop = curve.max() / curve.min() - 1, figures[9].quantities["largest_share"]
+    half = f"{NARROW * drive.valve.conductance_m3_s_pa} m^3/(s Pa)"
+    slower = 1.0 - usual / stroke_out(drive.replace({"valve.conductance": half}))
+    least, most = min(speed, stop), max(heat, gas)
+    verdicts = {
+        "balance": judge(lost[AS_PRINTED] < CLOSED * work, part=lost[ENERGY_BALANCE] < CLOSED * work),
+        "influences": judge(min(heat, gas) > 0.01 and least > most, part=least > 0.01),
+        "connectors": judge(False, part=slower > SIGNIFICANT),
+    }
+    numbers = {
+        "work_j": work,
+        "balanced_j": lost[ENERGY_BALANCE],
+        "printed_j": lost[AS_PRINTED],
+        "heat_share": heat,
+        "gas_share": gas,
+        "speed_share": speed,
+        "stop_share": stop,
+        "slower_share": slower,
+    }
+    return claims_of("general", verdicts, numbers)

@@ -1,0 +1,204 @@
+"""What the study adds to a report: verdict, sections, provenance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pneudrive.report import style
+from pneudrive.report.page import Picture, Text
+from pneudrive.report.recovered import recovered
+from pneudrive.report.recovered import section as recovered_section
+from pneudrive.report.stick_slip import DrawnMotion, in_time, phase_plane
+from pneudrive.report.topics import Topic
+from pneudrive.report.words import plural, sentence
+from pneudrive.report.write import Addition
+from pneudrive.studies.bracha.chamber_laws import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE
+from pneudrive.studies.bracha.drawings import DRAWINGS
+from pneudrive.studies.bracha.figure import TEXTS, readable
+from pneudrive.studies.bracha.stick_slip import SLOW_DRIVE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from matplotlib.figure import Figure
+
+    from pneudrive.characterise import Characterisation
+    from pneudrive.report.page import Block, Section
+    from pneudrive.studies.bracha.chamber_laws import ChamberComparison
+    from pneudrive.studies.bracha.figure import Claim, PaperFigure
+    from pneudrive.studies.bracha.reproduction import Reproduction
+
+PAGE = Path(__file__).with_name("page.toml")
+STICK_SLIP = (1, 2, 3)
+LAWS = ("lugre", "stribeck")
+LINES = {ENERGY_BALANCE: ("-", style.BLACK, "energy balance"), AS_PRINTED: ("--", style.ORANGE, "as printed")}
+
+
+def addition(made: Reproduction, found: Characterisation | None) -> Addition:
+    """Return what the study adds to the report of recordings, or the whole of one."""
+    topic, solver = Topic(PAGE, "provenance"), made.chambers.runs[ENERGY_BALANCE].attrs
+    own = found is not None and found.synthetic  # such recordings have their own comparison with the truth
+    parts = (
+        None if own else recovered_section(made.found, made.fits),
+        paper(made.figures, made.claims),
+        stick_slip([made.figures[n] for n in STICK_SLIP if n in made.figures]),
+        chambers(made.chambers),
+    )
+    return Addition(
+        title="The source paper's figures from a simulated rig",
+        verdict=tuple(verdict(made, alone=found is None)),
+        sections=tuple(part for part in parts if part is not None),
+        validity=topic.say("validity"),
+        settings=(
+            ("solver of the simulations", str(solver["solver"])),
+            ("seed of the simulated sensors", str(made.seed)),
+        ),
+        sources=tuple(_values(topic, made)),
+        cited=("bracha", *(key for run in made.chambers.runs.values() for key in run.attrs["citations"])),
+        laws=LAWS,
+    )
+
+
+def verdict(made: Reproduction, *, alone: bool) -> Iterator[str]:
+    """Say the results in a few lines, or in one."""
+    topic, pairs = Topic(PAGE, "verdict"), recovered(made.found)
+    first = topic.say("paper", count=count_verdicts(made.claims))
+    truth = topic.say("recovered", inside=pairs.inside, all=pairs.true_n.size) if pairs else ""
+    if not alone:
+        yield f"{first}; {truth}."
+        return
+    yield f"{first}."
+    yield f"{truth[:1].upper()}{truth[1:]}, U with k = 2."
+    slip = made.figures.get(2) or made.figures.get(1)
+    if slip is not None:
+        yield topic.say("slip", **readable(slip.quantities))
+    c = made.chambers
+    yield topic.say(
+        "chambers",
+        stroke_percent=100 * (c.stroke_time_s[AS_PRINTED] / c.stroke_time_s[ENERGY_BALANCE] - 1),
+        temperature_k=c.largest_difference("temperature_b"),
+        residual_j=c.energy_residual_j[AS_PRINTED],
+        work_j=c.stroke_work_j,
+    )
+
+
+def count_verdicts(claims: Sequence[Claim]) -> str:
+    """Say how many sentences hold, hold in part and do not hold.
+
+    Examples
+    --------
+    >>> from pneudrive.studies.bracha.figure import Claim
+    >>> count_verdicts([Claim("figure 1", "It moves", "holds", "it does")])
+    '1 of 1 sentence that can be checked holds, 0 hold in part, 0 do not hold'
+    """
+    whole, part, none = (sum(c.verdict == v for c in claims) for v in ("holds", "holds in part", "does not hold"))
+    words = {"hold": "holds" if whole == 1 else "hold", "do": "does" if none == 1 else "do"}
+    sentences = plural(len(claims), "sentence")
+    return Topic(PAGE, "verdict").say("count", whole=whole, sentences=sentences, part=part, none=none, **words)
+
+
+def paper(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Section:
+    """Table of sentences and verdicts, then figures 4 to 9; 1 to 3 stand in the section on stick-slip."""
+    topic, unchecked = Topic(PAGE, "paper"), Topic(TEXTS, "unchecked").texts
+    failed = any(c.verdict == "does not hold" for c in claims)
+    return topic.section(
+        topic.text(),
+        Text(sentence(count_verdicts(claims)), "fails" if failed else "holds"),
+        topic.table((c.place, f"“{c.said}”", sentence(c.found), c.verdict) for c in claims),
+        *topic.listed((f"“{said}”: {why}." for said, why in unchecked.items()), "unchecked"),
+        *topic.listed((f"Figure {f.number}: {f.assumed}." for f in figures.values() if f.assumed), "assumed"),
+        topic.text("campaigns"),
+        topic.text("holds", "note"),
+        *(_picture(topic, figures[number], *drawn) for number, drawn in DRAWINGS.items() if number in figures),
+        synthetic=True,
+    )
+
+
+def _picture(topic: Topic, figure: PaperFigure, name: str, drawing: Callable[[PaperFigure], Figure]) -> Picture:
+    caption = topic.say("caption", number=figure.number, title=figure.title, measured=sentence(figure.measured))
+    return Picture(f"paper-{figure.number}-{name}", caption, drawing(figure))
+
+
+def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
+    """Figures 1 to 3: in numbers, over time and in the phase plane; None where there is none."""
+    if not figures:
+        return None
+    topic, rows, shown = Topic(PAGE, "stick-slip"), [], []
+    for f in figures:
+        c, q, law = f.columns, readable(f.quantities), topic.say(str(f.number))
+        numbers = (q["mean_speed_mm_s"], q["periods"], q["period_s"], q["step_mm"], q["peak_ratio"], q["stuck_percent"])
+        rows.append((str(f.number), law, *numbers))
+        columns = (c["time_s"], c["position_m"], c["velocity_m_s"])
+        shown.append(DrawnMotion(f"figure {f.number}: {law}", *columns, q["mean_speed_m_s"]))
+    return topic.section(
+        topic.text(),
+        topic.table(rows),
+        topic.picture("stick-slip-time", in_time(shown), True),
+        topic.picture("stick-slip-phase", phase_plane(shown), True),
+        synthetic=True,
+    )
+
+
+def chambers(compared: ChamberComparison) -> Section:
+    """Say what equations (2) and (3) of the paper cost, in numbers and over time."""
+    topic, laws = Topic(PAGE, "chambers"), (ENERGY_BALANCE, AS_PRINTED)
+    gas = {side: [compared.runs[law][f"temperature_{side}"] for law in laws] for side in "ab"}
+    rows = (
+        ("time of the stroke out, s", *(f"{compared.stroke_time_s[law]:.4f}" for law in laws)),
+        *(
+            (f"gas in chamber {side}, K", *(f"{float(t.min()):.0f} … {float(t.max()):.0f}" for t in runs))
+            for side, runs in gas.items()
+        ),
+        ("energy of chamber a from nowhere, J", *(f"{compared.energy_residual_j[law]:.1f}" for law in laws)),
+        ("largest difference of position, mm", None, f"{1e3 * compared.largest_difference('position'):.1f}"),
+        ("largest difference of pressure a, bar", None, f"{1e-5 * compared.largest_difference('pressure_a'):.2f}"),
+        ("largest difference of temperature b, K", None, f"{compared.largest_difference('temperature_b'):.0f}"),
+    )
+    residual = compared.energy_residual_j[AS_PRINTED]
+    return topic.section(
+        topic.text(),
+        topic.table(rows),
+        topic.picture("chamber-laws", draw_chambers(compared)),
+        topic.text("energy", "note", residual_j=residual, work_j=compared.stroke_work_j),
+        synthetic=True,
+    )
+
+
+def draw_chambers(compared: ChamberComparison) -> Figure:
+    """Position and its difference, pressures and temperatures over time."""
+    figure = style.new_figure(4.4)
+    axes = figure.subplots(3, 2, sharex=True)
+    balanced, printed = (compared.runs[law] for law in (ENERGY_BALANCE, AS_PRINTED))
+    part = style.thin(balanced.time)
+    time = balanced.time[part]
+    shown = (("pressure", 1e-5, "pressure {} / bar abs"), ("temperature", 1.0, "gas temperature {} / K"))
+    for law, (line, color, words) in LINES.items():
+        run = compared.runs[law]
+        axes[0, 0].plot(time, 1e3 * run.position[part], line, color=color, label=words)
+        for row, (name, factor, label) in zip(axes[1:], shown, strict=True):
+            for axis, side in zip(row, "ab", strict=True):
+                axis.plot(time, factor * run[f"{name}_{side}"][part], line, color=color)
+                axis.set_ylabel(label.format(side))
+    axes[0, 0].set_ylabel("position / mm")
+    axes[0, 0].legend(loc="lower center")
+    axes[0, 1].plot(time, 1e3 * (printed.position - balanced.position)[part], color=style.BLACK)
+    axes[0, 1].set_ylabel("difference of position / mm")
+    for axis in axes[-1]:
+        axis.set_xlabel("time / s")
+    figure.align_ylabels()
+    return figure
+
+
+def _values(topic: Topic, made: Reproduction) -> Iterator[Block]:
+    """Values of the default rig, then those that the other rigs have beside them or instead; the drives."""
+    base = made.rig.description.sources
+    rigs = {made.rig.description.name: base, **{d.name: d.sources for d in made.rigs.values()}}
+    for name, sources in rigs.items():
+        own = sources if sources is base else {k: s for k, s in sources.items() if s != base.get(k)}
+        only = "" if sources is base else topic.say("only")
+        yield topic.text("values", rig=f"{name[0].lower()}{name[1:]}", only=only)
+        yield topic.table((key, s.value, s.source, s.reason) for key, s in own.items())
+    yield topic.text("drives")
+    for path in (SLOW_DRIVE, FULL_STROKE):
+        yield Text(path.read_text(encoding="utf-8").strip(), "code")

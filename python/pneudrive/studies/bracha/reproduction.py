@@ -1,0 +1,108 @@
+"""The study as a whole: its campaigns and simulations, and the sentences that they check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.characterise import characterise_recordings
+from pneudrive.identify.seals import fit_characterisation
+from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
+from pneudrive.studies.bracha.chamber_laws import compare_chamber_laws
+from pneudrive.studies.bracha.experiments import run_experiments
+from pneudrive.studies.bracha.figures import paper_figures
+from pneudrive.studies.bracha.general import general_claims
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from pneudrive.characterise import Characterisation
+    from pneudrive.identify import FrictionFit
+    from pneudrive.report.write import Addition
+    from pneudrive.rig.description import RigDescription
+    from pneudrive.studies.bracha.chamber_laws import ChamberComparison
+    from pneudrive.studies.bracha.figure import Claim, PaperFigure
+
+#: Speeds and pressures at which the simulated rig's recordings are compared with their truth.
+RECOVERY_SPEEDS_M_S = (1e-3, 0.45, 24)  # from, to, number; logarithmic
+RECOVERY_GAUGES_PA = (0.0, 0.5e5, 1.0e5, 1.5e5)
+RECOVERY_CYCLES = 3
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What the simulated rig and drive gave.
+
+    Attributes
+    ----------
+    rig : SimulatedRig
+        That made the recordings with known truth.
+    figures : dict of PaperFigure
+        By number in the source paper.
+    rigs : dict
+        Rig -> its description; those of the figures.
+    found : Characterisation
+        Of simulated recordings with known truth.
+    fits : dict
+        Group -> law -> fit, of those recordings.
+    chambers : ChamberComparison
+        Printed equations against the energy balance.
+    claims : tuple of Claim
+        Every sentence of the paper that can be checked, with its verdict.
+    seed : int
+        Of the simulated sensors.
+    """
+
+    rig: SimulatedRig
+    figures: Mapping[int, PaperFigure]
+    rigs: Mapping[str, RigDescription]
+    found: Characterisation
+    fits: Mapping[str, Mapping[str, FrictionFit]]
+    chambers: ChamberComparison
+    claims: tuple[Claim, ...]
+    seed: int
+
+    def addition(self, found: Characterisation | None) -> Addition:
+        """Return what the study adds to the report of these recordings."""
+        from pneudrive.studies.bracha.pages import addition
+
+        return addition(self, found)
+
+
+def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | None = None) -> Reproduction:
+    """Run the source paper's experiments on simulated rigs and a drive, and make its figures 1 to 9.
+
+    Parameters
+    ----------
+    into : path-like
+        Folder for the campaigns; what is finished in it is not run again.
+    seed : int
+        Of all that is random on the rigs.
+    rigs : mapping, optional
+        Experiment (`pneudrive.studies.bracha.EXPERIMENTS`) -> rig file that takes the place of its own.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    CommandError
+        bluesky, which runs campaigns, is not installed.
+    CampaignError
+        The folder cannot be used.
+    """
+    runs = run_experiments(into, seed, rigs)
+    rig = SimulatedRig.default()
+    recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=seed)
+    found = characterise_recordings(recordings)
+    fits, _ = fit_characterisation(found)
+    files = {run.rig: shipped_rigs().get(run.rig, run.rig) for run in runs.values()}
+    described = {name: SimulatedRig.load(path).description for name, path in files.items()}
+    figures, chamber_laws = paper_figures(runs, seed), compare_chamber_laws()
+    claims = tuple(claim for figure in figures.values() for claim in figure.claims)
+    claims += general_claims(chamber_laws, figures)
+    return Reproduction(rig, figures, described, found, fits, chamber_laws, claims, seed)
