@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Friction
+    from pneudrive.describe.friction import Friction
     from pneudrive.identify.model import Observations
 
     Array = NDArray[np.float64]

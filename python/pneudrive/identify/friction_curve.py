@@ -26,7 +26,7 @@ POINTS = 400
 
 
 @dataclass(frozen=True)
-class Entry:
+class CurveEntry:
     """One value of ours, as the table has it; SI, NaN where there is no bound."""
 
     name: str
@@ -51,7 +51,7 @@ class Curve(Shown):
         Ascending speeds, evenly in the logarithm.
     gauge_a_pa, gauge_b_pa : float
         Gauge pressures of the chambers that it holds at.
-    entries : tuple of Entry
+    entries : tuple of CurveEntry
         Our parameters.
     lost : tuple of str
         What it depends on beside speed, which no other tool's law of friction over speed says.
@@ -66,7 +66,7 @@ class Curve(Shown):
     friction_n: Array
     gauge_a_pa: float
     gauge_b_pa: float
-    entries: tuple[Entry, ...]
+    entries: tuple[CurveEntry, ...]
     lost: tuple[str, ...]
     exponential: bool
 
@@ -161,13 +161,15 @@ def curve_of_drive(
     for key, (value, origin) in origins.items():
         ends = origin.bounds_si(value.mark) if origin is not None else (np.nan, np.nan)
         unit = getattr(value.mark, "si_unit", "") or "1"
-        entries.append(Entry(key.removeprefix("friction."), value.si, unit, *ends, origin.source if origin else ""))
+        entries.append(
+            CurveEntry(key.removeprefix("friction."), value.si, unit, *ends, origin.source if origin else "")
+        )
     speed = speeds_over(speeds_m_s, "drive")
     return curve_of_friction(drive.friction, drive.name, speed, (gauge_a_pa or 0.0, gauge_b_pa or 0.0), entries)
 
 
 def curve_of_friction(
-    friction: Friction, title: str, speed: Array, gauges_pa: tuple[float, float], entries: Sequence[Entry]
+    friction: Friction, title: str, speed: Array, gauges_pa: tuple[float, float], entries: Sequence[CurveEntry]
 ) -> Curve:
     """Take the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
     sides = [steady_friction(friction, sign * speed, *gauges_pa) for sign in (1.0, -1.0)]

@@ -12,7 +12,7 @@ from pneudrive.describe.friction import Friction
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.errors import FitError
 from pneudrive.identify.base import Fit
-from pneudrive.identify.friction_curve import Curve, Entry, curve_of_friction, middle_of, speeds_over
+from pneudrive.identify.friction_curve import Curve, CurveEntry, curve_of_friction, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
 from pneudrive.identify.model import AnyLaw, at_conditions
 
@@ -126,7 +126,7 @@ class LawFit(Fit):
         speed = speeds_over(speeds_m_s or said.get("speed_m_s"), "fit")
         gauges = tuple(middle_of(p, said.get(f"gauge_{c}_pa")) for c, p in (("a", gauge_a_pa), ("b", gauge_b_pa)))
         entries = [
-            Entry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")
+            CurveEntry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")
             for name, value in self.values.items()
         ]
         title = f"friction fit, law {self.model.friction.law}"

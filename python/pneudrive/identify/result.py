@@ -11,9 +11,9 @@ from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
 from pneudrive.identify.base import Fit
 from pneudrive.identify.dependences import Dependences
-from pneudrive.identify.friction_curve import Curve, Entry, middle_of, speeds_over
+from pneudrive.identify.friction_curve import Curve, CurveEntry, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
-from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, Observations, at_conditions
+from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, Observations, at_conditions, unit_of
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -26,6 +26,13 @@ if TYPE_CHECKING:
 #: What a fit that is read back has to be of, and what is needed of its statistics.
 LAWS = ("coulomb", "stribeck")
 STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
+
+
+#: Correlation beyond which two parameters are said to change together.
+TOGETHER = 0.9
+#: Speeds that are tried as remedies: this far beyond the measured ones on either side.
+BEYOND = 10.0
+CANDIDATES = 60
 
 
 @dataclass(frozen=True, repr=False)
@@ -105,9 +112,7 @@ class FrictionFit(Fit):
 
     def correlated(self) -> list[str]:
         """Return which parameters change together beyond 0.9, and what would separate them, in sentences."""
-        from pneudrive.identify.correlation import correlated
-
-        return correlated(self)
+        return _correlated(self)
 
     @property
     def coordinates(self) -> Array:
@@ -266,7 +271,7 @@ class FrictionFit(Fit):
             ends = found.intervals.get(key, (np.nan, np.nan))
             note = "" if name in self.determined else "fixed" if name not in self.free else "not determined by the data"
             source = ", ".join(found.sources[key]) if key in found.intervals else ""
-            entries.append(Entry(name, value, self.units[name], *ends, source, note))
+            entries.append(CurveEntry(name, value, self.units[name], *ends, source, note))
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
         held = f"the curve holds at {gauges[0] / 1e5:.3g} bar gauge in a and {gauges[1] / 1e5:.3g} bar gauge in b"
@@ -336,3 +341,43 @@ class FrictionFit(Fit):
 def _slope_key(name: str) -> str:
     force, _, chamber = name.rpartition("_")
     return f"friction.pressure.{force}.{chamber}"
+
+
+def _correlated(fit: FrictionFit) -> list[str]:
+    """Say which pairs of parameters change together, and what would separate them."""
+    matrix = fit.correlation
+    out = []
+    for i in range(len(fit.free)):
+        for j in range(i + 1, len(fit.free)):
+            if abs(matrix[i, j]) > TOGETHER:
+                pair = f"{fit.free[i]} and {fit.free[j]} change together (correlation {matrix[i, j]:+.2f})"
+                out.append(f"{pair}: {_remedy(fit, i, j)}")
+    return out
+
+
+def _remedy(fit: FrictionFit, i: int, j: int) -> str:
+    """Find the speed at which one more value lowers the correlation most; pressures are named without a search."""
+    names = (fit.free[i], fit.free[j])
+    if any(unit_of(name).startswith("N/Pa") for name in names):
+        return "pressures further apart, and not varied together, would separate them"
+    if fit.observations is None:
+        return "more speeds would separate them"
+    speed = fit.observations.speed_m_s
+    low, high = float(speed.min()), float(speed.max())
+    tried = np.geomspace(low / BEYOND, high * BEYOND, CANDIDATES)
+    gauge_a, gauge_b = (float(np.median(g)) for g in (fit.observations.gauge_a_pa, fit.observations.gauge_b_pa))
+    at = at_conditions(tried, np.full(tried.size, gauge_a), np.full(tried.size, gauge_b))
+    q = fit.coordinates
+    to_natural = fit.model.natural_jacobian(q)
+    gradient = np.linalg.solve(to_natural.T, fit.model.value_and_jacobian(q, at)[1].T).T
+    noise = fit.statistics["variance"] * float(np.median(fit.observations.stderr_n)) ** 2
+    carried = gradient @ fit.covariance  # (c, p)
+    added = 1.0 / (noise + np.einsum("cp,cp->c", gradient, carried))
+    after = fit.covariance[None] - added[:, None, None] * carried[:, :, None] * carried[:, None, :]
+    together = np.abs(after[:, i, j]) / np.sqrt(after[:, i, i] * after[:, j, j])
+    best = float(tried[int(np.argmin(together))])
+    if best < low:
+        return f"speeds below {1e3 * low:.3g} mm/s would separate them"
+    if best > high:
+        return f"speeds above {1e3 * high:.3g} mm/s would separate them"
+    return f"more values near {1e3 * best:.2g} mm/s would separate them"

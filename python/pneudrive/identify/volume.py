@@ -19,13 +19,15 @@ from pneudrive.characterise.drive_recording import VolumeRecording, read_volume_
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.identify.base import Undetermined
-from pneudrive.identify.dynamic.fit import Attempt, Options, noise_of, profile_of, solve
-from pneudrive.identify.dynamic.parameters import Family, Parameter
-from pneudrive.identify.dynamic.problem import Experiment, Point, Problem
+from pneudrive.identify.dynamic.fit import noise_of, solve
+from pneudrive.identify.dynamic.parameters import DriveFamily, Parameter
+from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.search import Watcher, join_segments
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.dynamic.shooting import Shooter
-from pneudrive.identify.dynamic.states import Starts
+from pneudrive.identify.dynamic.solved import Attempt, SearchOptions
+from pneudrive.identify.dynamic.states import SegmentStarts
+from pneudrive.identify.dynamic.uncertainty import profile
 from pneudrive.identify.volume_result import VolumeFit
 from pneudrive.numbers import plain
 from pneudrive.units import readable
@@ -129,7 +131,7 @@ def identify_volume(
     watcher = Watcher(lambda at: watch.tell(at.step, 0, "steps of the search"), watch)
     point = _best_start(tank, records, names, watcher)
     problem, _ = _problem(tank, records, names, watch)
-    options = Options(None, robust=False, rtol=RTOL, threads=1)
+    options = SearchOptions(None, robust=False, rtol=RTOL, threads=1)
     stated = [np.zeros(e.noise.size, dtype=bool) for e in problem.experiments]
     return _result(tank, records, solve(problem, point, stated, options, watcher), held)
 
@@ -159,7 +161,7 @@ def _free(
     return names, []
 
 
-class TankFamily(Family):
+class TankFamily(DriveFamily):
     """The core's tank for any values of the free numbers."""
 
     def __init__(self, tank: Tank, names: Sequence[str], longest_s: float) -> None:
@@ -177,7 +179,7 @@ class TankFamily(Family):
         return _core.Tank(self.json(values))
 
 
-def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch: Watch) -> tuple[Problem, Point]:
+def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch: Watch) -> tuple[FitProblem, Iterate]:
     """Put the problem together; the point is that of the tank as it is."""
     family = TankFamily(tank, names, max(r.duration_s for r in records))
     values = [family.get(path) for path in family.paths]
@@ -194,13 +196,13 @@ def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch
         shooter = Shooter(record, list(record.measured), np.zeros(1, np.int64), family, RTOL, 1, watch=watch)
         state = np.array([[float(np.median(record.pressure_pa[:3])), tank.start_temperature_k]])
         nowhere = np.full(2, np.inf)
-        starts = Starts(state, BELIEF, np.array([1e4, 10.0]), np.zeros(2, dtype=bool), (-nowhere, nowhere))
+        starts = SegmentStarts(state, BELIEF, np.array([1e4, 10.0]), np.zeros(2, dtype=bool), (-nowhere, nowhere))
         experiments.append(
-            Experiment(shooter, channels, starts, np.array([noise_of(c, record, RTOL) for c in channels]))
+            FittedRecording(shooter, channels, starts, np.array([noise_of(c, record, RTOL) for c in channels]))
         )
     transforms = Transforms([p.lower for p in parameters], [p.upper for p in parameters])
-    point = Point(transforms.internal(values), [e.starts.state for e in experiments])
-    return Problem(parameters, [], transforms, experiments), point
+    point = Iterate(transforms.internal(values), [e.starts.state for e in experiments])
+    return FitProblem(parameters, [], transforms, experiments), point
 
 
 def _upper(tank: Tank, name: str) -> float:
@@ -208,7 +210,7 @@ def _upper(tank: Tank, name: str) -> float:
     return tank.core_form()["line"]["linear_above"] if is_ratio else np.inf
 
 
-def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher) -> Point:
+def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher) -> Iterate:
     """Search from several starts over some of the samples: what bends the curve has more than one minimum."""
     bends = [i for i, name in enumerate(names) if name in BENDS]
     problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
@@ -217,7 +219,7 @@ def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], wa
         eta = first.eta.copy()
         eta[bends] += STARTS_APART * np.array(signs)
         try:
-            point, at, _ = join_segments(problem, Point(eta, first.states), first.states, watcher)
+            point, at, _ = join_segments(problem, Iterate(eta, first.states), first.states, watcher)
         except FitError:
             continue
         found.append((at.cost, point))
@@ -239,7 +241,7 @@ def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: 
     solved = attempt.solved
     problem, at, found = solved.problem, solved.at, solved.information
     values = dict(zip(problem.names, problem.values(solved.point.eta).tolist(), strict=True))
-    intervals = profile_of(solved, problem.names) if attempt.converged else {}
+    intervals = {n: profile(solved, i) for i, n in enumerate(problem.names)} if attempt.converged else {}
     lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
     series, rests, shares = {}, [], []
     for experiment, residual, record in zip(problem.experiments, at.residuals, records, strict=True):

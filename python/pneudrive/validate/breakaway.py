@@ -14,7 +14,7 @@ from pneudrive.validate.simulation import run_model
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.validate.signals import Signals
 
     Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ MOST_STOP_S = 1.0
 
 
 @dataclass(frozen=True)
-class Breakaway:
+class RecordedBreakaway:
     """One stop that ends in motion.
 
     Attributes
@@ -51,7 +51,7 @@ class Breakaway:
         return (self.model_n - self.measured_n) / abs(self.measured_n)
 
 
-def breakaways(drive: Drive, signals: Signals) -> tuple[Breakaway, ...]:
+def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
     """Compare the model's breakaway with the measured one at each stop, from the measured state in the stop.
 
     The peak lies before the piston has moved by as much as bristles bend; both sides are smoothed alike.
@@ -75,7 +75,7 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[Breakaway, ...]:
         )
         if first[1] and first[0] > 0.0 and np.isfinite(first_model[0]):
             times = (float(signals.time_s[start]), float(signals.time_s[onset]))
-            out.append(Breakaway(*times, first[0], first_model[0], first_model[1]))
+            out.append(RecordedBreakaway(*times, first[0], first_model[0], first_model[1]))
     return tuple(out)
 
 

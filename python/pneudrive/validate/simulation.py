@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive._core import Shooting
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.validate.signals import Signals
 
     Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from pneudrive.validate.metrics import Metrics, metrics
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
 
     Array = NDArray[np.float64]
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive import __version__
 from pneudrive.characterise.drive_recording import read_drive_recordings
 from pneudrive.characterise.plausible import check_plausible, time_gaps
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.identify.base import sections
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.show import Card, Shown
-from pneudrive.validate.breakaway import Breakaway, breakaways
+from pneudrive.trajectory import whole
+from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
 from pneudrive.validate.diagnosis import diagnose
 from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
 from pneudrive.validate.sensors import corrected
@@ -23,19 +27,19 @@ from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from pneudrive.characterise.drive_recording import DriveRecording, Given
     from pneudrive.characterise.layout import Layout
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.validate.diagnosis import Diagnosis
     from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
+SCHEMA = 1  # of validation.toml
 #: Channels that are compared, with what reports call them.
 CHANNELS = {"position_m": "position", "pressure_a_pa": "pressure a", "pressure_b_pa": "pressure b"}
 #: Length of the runs from measured states.
@@ -84,7 +88,7 @@ class RecordResult(Shown):
     free: ModelRun
     restarted: ModelRun
     channels: dict[str, ChannelResult]
-    breakaways: tuple[Breakaway, ...]
+    breakaways: tuple[RecordedBreakaway, ...]
 
     @property
     def recording(self) -> DriveRecording:
@@ -221,9 +225,10 @@ class Validation(Shown):
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml (metrics, verdicts, diagnosis) into a folder that is there."""
-        from pneudrive.validate.files import write_validation
-
-        return [write_validation(self, folder)]
+        target = Path(folder) / "validation.toml"
+        with whole(target) as temporary:
+            temporary.write_text(validation_toml(self), encoding="utf-8")
+        return [target]
 
     def __str__(self) -> str:
         """Return the verdicts and the diagnosis in words."""
@@ -369,3 +374,58 @@ def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
             float(signals.time_s[int(np.argmax(beyond))]) if beyond.any() else None,
         )
     return RecordResult(signals, free, restarted, channels, breakaways(drive, signals))
+
+
+def validation_toml(found: Validation) -> str:
+    """Return the text of validation.toml: SI, shares as numbers, fit in percent; what is unknown is left out."""
+    drive, diagnosis = found.drive, found.diagnosis()
+    identified = {"identified": drive.to_dict()["provenance"]} if drive.provenance else {}
+    tables = {
+        "schema": SCHEMA,
+        "window_s": found.window_s,
+        "notes": list(found.notes),
+        "provenance": {"drive": drive.name, "description_hash": drive.description_hash, "version": __version__}
+        | identified,
+        "verdict": [
+            {name: vars(v)[name] for name in ("what", "value", "target", "text", "met")} for v in found.verdicts
+        ],
+        "record": [_record_table(record) for record in found.records],
+        "condition": [vars(row) for row in found.conditions],
+        "diagnosis": {
+            "left": diagnosis.left,
+            "clean": diagnosis.is_clean,
+            "residual_over_noise": {name.replace(" ", "_"): value for name, value in diagnosis.size.items()},
+            "culprit": [
+                {name: getattr(c, name) for name in ("amount", "unit", "interval", "share", "text", "remedy")}
+                | {"what": c.key, "rivals": [name for name, _ in c.rivals]}
+                for c in diagnosis.culprits
+            ],
+        },
+    }
+    head = "# A drive against recordings. SI; nrmse and share are shares, fit in percent."
+    return "\n".join([head, *sections(tables)]) + "\n"
+
+
+def _record_table(record: RecordResult) -> dict[str, Any]:
+    recording = record.recording
+    out: dict[str, Any] = {
+        "name": recording.name,
+        "source": str(recording.source or ""),
+        "sha256": recording.sha256,
+        "samples": len(recording),
+        "labels": recording.labels,
+    }
+    for name, channel in record.channels.items():
+        white = channel.whiteness
+        out[name] = {
+            "free": _metrics(channel.free),
+            "restarted": _metrics(channel.restarted),
+            "off_s": channel.off_s,
+            "whiteness": {"outside": white.outside, "ljung_box": white.ljung_box, "p": white.p},
+            "correlated_with": {c.signal: c.value for c in channel.cross},
+        }
+    return out | {"breakaway": [vars(b) | {"error": b.error} for b in record.breakaways]}
+
+
+def _metrics(found: Metrics) -> dict[str, object]:
+    return {name: value for name, value in vars(found).items() if np.isfinite(value)}

@@ -21,10 +21,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.drive_recording import DriveRecording
-    from pneudrive.describe import Drive
-    from pneudrive.identify.dynamic.fit import Attempt, Options, Solved
-    from pneudrive.identify.dynamic.problem import Problem
+    from pneudrive.describe.drive import Drive
+    from pneudrive.identify.dynamic.problem import FitProblem
     from pneudrive.identify.dynamic.search import Watcher
+    from pneudrive.identify.dynamic.solved import Attempt, SearchOptions
+    from pneudrive.identify.dynamic.uncertainty import Solved
 
     Array = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ def assembled(
     parameters: list[Parameter],
     records: list[DriveRecording],
     attempt: Attempt,
-    options: Options,
+    options: SearchOptions,
     watcher: Watcher,
 ) -> DriveFit:
     """Put the result of the best search together."""
@@ -81,12 +82,12 @@ def assembled(
     return replace(fit, undetermined=(*options.lost, *lost))
 
 
-def _sizes(parameters: list[Parameter], problem: Problem) -> list[float]:
+def _sizes(parameters: list[Parameter], problem: FitProblem) -> list[float]:
     return [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
 
 
 def _notes(
-    drive: Drive, options: Options, attempt: Attempt, statistics: dict[str, float], records: list[DriveRecording]
+    drive: Drive, options: SearchOptions, attempt: Attempt, statistics: dict[str, float], records: list[DriveRecording]
 ) -> list[str]:
     notes, solved = list(options.notes), attempt.solved
     problem = solved.problem
@@ -138,7 +139,7 @@ def _misfit(attempt: Attempt, statistics: dict[str, float]) -> list[str]:
     return notes
 
 
-def _statistics(problem: Problem, solved: Solved, watcher: Watcher) -> dict[str, float]:
+def _statistics(problem: FitProblem, solved: Solved, watcher: Watcher) -> dict[str, float]:
     out = {
         "samples": float(sum(len(e.measured) for e in problem.experiments)),
         "iterations": float(watcher.count),
@@ -154,7 +155,7 @@ def _statistics(problem: Problem, solved: Solved, watcher: Watcher) -> dict[str,
     return out
 
 
-def _series(problem: Problem, solved: Solved, records: list[DriveRecording]) -> dict[str, dict[str, Series]]:
+def _series(problem: FitProblem, solved: Solved, records: list[DriveRecording]) -> dict[str, dict[str, Series]]:
     out: dict[str, dict[str, Series]] = {}
     for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
         out[record.name] = {
@@ -169,7 +170,7 @@ def _series(problem: Problem, solved: Solved, records: list[DriveRecording]) -> 
 
 
 def _provenance(
-    drive: Drive, records: list[DriveRecording], attempt: Attempt, options: Options, parameters: list[Parameter]
+    drive: Drive, records: list[DriveRecording], attempt: Attempt, options: SearchOptions, parameters: list[Parameter]
 ) -> dict[str, Any]:
     return {
         "version": __version__,

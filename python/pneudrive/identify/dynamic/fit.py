@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.characterise.drive_recording import read_drive_recordings
 from pneudrive.characterise.plausible import check_plausible, refuse_standstill, time_gaps
-from pneudrive.characterise.spread import robust_deviation, student
+from pneudrive.characterise.spread import robust_deviation
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.assemble import assembled
 from pneudrive.identify.dynamic.parameters import Parameter, chosen, family_of, transforms_of
-from pneudrive.identify.dynamic.problem import Experiment, Point, Problem
+from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.recordings import CHANNELS, channels_in
 from pneudrive.identify.dynamic.search import Joined, Progress, Watcher, join_segments, linearise, predict_segments
-from pneudrive.identify.dynamic.sensors import Channel, Delay, Sensor, channels_of, command_delay, sensor_parameters
+from pneudrive.identify.dynamic.sensors import Channel, Sensor, channels_of, command_delay, sensor_parameters
 from pneudrive.identify.dynamic.shooting import Shooter, segment_starts
+from pneudrive.identify.dynamic.solved import LADDER_S, SECOND_LADDER_S, Attempt, SearchOptions
 from pneudrive.identify.dynamic.states import measured_starts, observed, white_noise
-from pneudrive.identify.dynamic.uncertainty import Information, bootstrap, information, profile
+from pneudrive.identify.dynamic.uncertainty import Solved, information
 from pneudrive.identify.dynamic.undetermined import unresolved_damping
 from pneudrive.watch import UNWATCHED, Watch
 
@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.drive_recording import DriveRecording
-    from pneudrive.describe import Drive
-    from pneudrive.identify.base import Undetermined
+    from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.dynamic.shooting import Recorded
     from pneudrive.watch import Flag
@@ -43,8 +42,6 @@ RTOL = 1e-6
 _SCALE = {"m": 0.1, "Pa": 1e5, "m/s": 0.1, "K": 300.0, "N": 10.0}
 #: Rounds in which the noise of the sensors is taken from the residuals.
 NOISE_ROUNDS = 4
-#: Lengths of the segments of the first phase, s, and those of a second attempt; the shortest has so many samples.
-LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
 #: Change of the noise below which it counts as found.
 NOISE_CHANGE = 0.02
 #: Residuals above this multiple of the noise from sample to sample are no noise (assumed).
@@ -57,78 +54,6 @@ LAST_RTOL = 1e-2
 GAIN = 0.02
 #: Huber's constant: 95 % efficient for normal errors [huber2009].
 HUBER_K = 1.345
-
-
-@dataclass
-class Solved:
-    """The problem with its solution: what profile and bootstrap go on from."""
-
-    problem: Problem
-    point: Point
-    believed: list[Array]
-    at: Joined
-    information: Information
-    freedom: int
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One search from start to end.
-
-    Attributes
-    ----------
-    solved : Solved
-    converged : bool
-    missed : dict
-        Channel -> residuals over its noise from sample to sample, where they are larger by more than `MISFIT`.
-    score : float
-        Mean logarithm of the residuals, each over the noise of its channel from sample to sample.
-    segment_s : float or None
-        Length of its segments.
-    """
-
-    solved: Solved
-    converged: bool
-    missed: dict[str, float]
-    score: float
-    segment_s: float | None
-
-    @property
-    def good(self) -> bool:
-        """Whether the search converged to where the model follows what was measured."""
-        return self.converged and not self.missed
-
-    def rank(self) -> tuple[bool, bool, float]:
-        """Less is better."""
-        return not self.good, not self.converged, self.score
-
-
-@dataclass
-class Options:
-    """Checked options of `identify`."""
-
-    segment_s: float | None
-    robust: bool
-    rtol: float
-    threads: int
-    notes: list[str] = field(default_factory=list)
-    lost: list[Undetermined] = field(default_factory=list)
-    interrupted: bool = False
-    last_attempt: bool = False
-    lengths_s: tuple[float, ...] = LADDER_S
-    delay: Delay = field(default_factory=Delay)
-
-    @property
-    def ladder(self) -> tuple[float, ...]:
-        """Lengths to which the segments of the first phase grow, s."""
-        return tuple(length for length in self.lengths_s[1:] if self.segment_s is not None and length < self.segment_s)
-
-    def first_segment_s(self, record: DriveRecording) -> float | None:
-        """Length of the first segments; None where there is no first phase."""
-        if self.segment_s is None:
-            return None
-        step = record.duration_s / (len(record) - 1)
-        return min(self.segment_s, max(self.lengths_s[0], LEAST_SEGMENT_SAMPLES * step))
 
 
 def identify(
@@ -226,7 +151,7 @@ def identify(
     return assembled(drive, parameters, records, best, options, watcher)
 
 
-def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: Options) -> Attempt:
+def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: SearchOptions) -> Attempt:
     """Search with shorter segments while that helps, where the first search ends beside the measured motion.
 
     A short segment cannot be led far astray by wrong values: its search gets past what is a minimum for long ones, to
@@ -256,7 +181,7 @@ def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: Optio
     return min(tried, key=Attempt.rank)
 
 
-def _options(segment: str | float | None, robust: bool, rtol: float, threads: int) -> Options:
+def _options(segment: str | float | None, robust: bool, rtol: float, threads: int) -> SearchOptions:
     from pneudrive.units import parse
 
     seconds = parse(segment, "s") if isinstance(segment, str) else segment
@@ -264,7 +189,7 @@ def _options(segment: str | float | None, robust: bool, rtol: float, threads: in
         raise FitError(f"segment = {segment} is out of bounds", rule="a positive time, or None for single shooting")
     if not 1e-12 <= rtol <= 1e-2:
         raise FitError(f"rtol = {rtol} is out of bounds", rule="1e-12 <= rtol <= 0.01")
-    return Options(seconds, robust, rtol, max(1, int(threads)))
+    return SearchOptions(seconds, robust, rtol, max(1, int(threads)))
 
 
 def _resolvable(
@@ -272,7 +197,7 @@ def _resolvable(
     parameters: list[Parameter],
     records: list[DriveRecording],
     described: dict[str, Channel],
-    options: Options,
+    options: SearchOptions,
 ) -> list[Parameter]:
     """Hold the bristle damping where the encoder does not resolve the bristles."""
     levels = dict(drive.friction.parameters)
@@ -300,10 +225,10 @@ def _problem(
     records: list[DriveRecording],
     present: list[list[str]],
     described: dict[str, Channel],
-    options: Options,
+    options: SearchOptions,
     watch: Watch,
     values: Array | None = None,
-) -> tuple[Problem, Point]:
+) -> tuple[FitProblem, Iterate]:
     """Cut the recordings, find where the segments begin, and put the problem together; `values` are the start's."""
     family = family_of(drive, parameters)
     values = np.array([p.value for p in parameters]) if values is None else values
@@ -317,19 +242,19 @@ def _problem(
         noise = np.array([noise_of(c, record, options.rtol) for c in own])
         inner = shooter.inner_states(values)
         state, spread = measured_starts(record, own, noise, starts, drive, inner, watch)
-        experiments.append(Experiment(shooter, own, observed(shooter, values, state, spread, inner), noise))
+        experiments.append(FittedRecording(shooter, own, observed(shooter, values, state, spread, inner), noise))
     free_sensors = sensor_parameters(
         list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay.free
     )
     transforms = transforms_of(parameters, free_sensors, drive)
-    problem = Problem(parameters, free_sensors, transforms, experiments)
+    problem = FitProblem(parameters, free_sensors, transforms, experiments)
     if options.robust:
         problem.huber_k = HUBER_K
     sensor_start = [
         described[s.channel].lag if s.kind == "lag" else {"offset": 0.0, "delay": 0.0, "gain": 1.0}[s.kind]
         for s in free_sensors
     ]
-    return problem, Point(
+    return problem, Iterate(
         transforms.internal(np.r_[values, sensor_start]), [e.starts.state.copy() for e in experiments]
     )
 
@@ -346,7 +271,11 @@ def noise_of(channel: Channel, record: Recorded, rtol: float) -> float:
 
 
 def solve(
-    problem: Problem, point: Point, stated: list[NDArray[np.bool_]], options: Options, watcher: Watcher
+    problem: FitProblem,
+    point: Iterate,
+    stated: list[NDArray[np.bool_]],
+    options: SearchOptions,
+    watcher: Watcher,
 ) -> Attempt:
     """Search, and take the noise of the sensors from the residuals until it stays.
 
@@ -399,7 +328,7 @@ def over_noise(solved: Solved) -> dict[str, float]:
     return worst
 
 
-def _regrouped(problem: Problem, point: Point, length_s: float) -> Point:
+def _regrouped(problem: FitProblem, point: Iterate, length_s: float) -> Iterate:
     """Join the short segments of the first phase to longer ones; their starts stay."""
     states = []
     for experiment, state in zip(problem.experiments, point.states, strict=True):
@@ -408,10 +337,10 @@ def _regrouped(problem: Problem, point: Point, length_s: float) -> Point:
         kept = np.unique(np.abs(old[:, None] - wanted).argmin(axis=0))
         experiment.shooter = experiment.shooter.with_starts(old[kept])
         states.append(state[kept])
-    return Point(point.eta, states)
+    return Iterate(point.eta, states)
 
 
-def _renew_noise(problem: Problem, at: Joined, stated: list[NDArray[np.bool_]], rtol: float) -> bool:
+def _renew_noise(problem: FitProblem, at: Joined, stated: list[NDArray[np.bool_]], rtol: float) -> bool:
     """Take the noise from the residuals where none is stated; whether it has changed."""
     changed = False
     for experiment, residual, known in zip(problem.experiments, at.residuals, stated, strict=True):
@@ -426,26 +355,3 @@ def _renew_noise(problem: Problem, at: Joined, stated: list[NDArray[np.bool_]], 
             if abs(new / experiment.noise[c] - 1.0) > NOISE_CHANGE:
                 experiment.noise[c], changed = new, True
     return changed
-
-
-def profile_of(solved: Solved, names: list[str]) -> dict[str, tuple[float, float]]:
-    """Intervals by profile likelihood, SI; see `DriveFit.profile`."""
-    out = {}
-    problem = solved.problem
-    for name in names:
-        index = problem.names.index(name)
-        ends = profile(
-            problem, solved.point, solved.believed, solved.at, solved.information, index, student(solved.freedom)
-        )
-        both = []
-        for end in ends:
-            eta = solved.point.eta.copy()
-            eta[index] = end
-            both.append(float(problem.values(eta)[index]))
-        out[name] = (min(both), max(both))
-    return out
-
-
-def bootstrap_of(solved: Solved, count: int, seed: int) -> Array:
-    """Draws of all free values; see `DriveFit.bootstrap`."""
-    return bootstrap(solved.problem, solved.point, solved.information, count, seed)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
-    from pneudrive.describe import Drive
     from pneudrive.describe.derived import Derived
+    from pneudrive.describe.drive import Drive
 
     Array = NDArray[np.float64]
 

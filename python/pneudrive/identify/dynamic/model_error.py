@@ -20,15 +20,15 @@ import numpy as np
 
 from pneudrive.describe.valve_flow import openings
 from pneudrive.errors import PneudriveError
-from pneudrive.identify.dynamic.parameters import Family, family_of, numbers_of
+from pneudrive.identify.dynamic.parameters import DriveFamily, family_of, numbers_of
 from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Drive
-    from pneudrive.identify.dynamic.fit import Solved
+    from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.parameters import Parameter
+    from pneudrive.identify.dynamic.uncertainty import Solved
 
     Array = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def _motion(solved: Solved, index: int) -> dict[str, Array]:
     return motion | {"time_s": recording.time_s, "command": recording["command"], "temperatures": start[[3, 5]]}
 
 
-def _balances(family: Family, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
+def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
     """Return what the equations give along a motion, and its terms: force in sliding, N, and pressure rates, Pa/s."""
     out = compiled(family.json(values)).along(
         motion["time_s"],
@@ -113,7 +113,9 @@ def _balances(family: Family, values: Array, motion: dict[str, Array]) -> tuple[
     return [residual, *rates], [np.hypot(pushed, friction), *rates]
 
 
-def _change(family: Family, values: Array, k: int, step: float, motions: list[dict[str, Array]], scale: Array) -> Array:
+def _change(
+    family: DriveFamily, values: Array, k: int, step: float, motions: list[dict[str, Array]], scale: Array
+) -> Array:
     """Change of all balances, each over the size of its terms, as one number of the drive changes by a step."""
     parts = []
     for motion in motions:

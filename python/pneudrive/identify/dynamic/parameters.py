@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.describe import Drive
     from pneudrive.describe.derived import Derived
+    from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
 
     Array = NDArray[np.float64]
@@ -217,7 +217,7 @@ def transforms_of(parameters: Sequence[Parameter], sensors: Sequence[SensorParam
 _STEP = 1e-6
 
 
-class Family:
+class DriveFamily:
     """What the core runs, for any values of its free numbers and of what follows from them.
 
     Parameters
@@ -314,7 +314,7 @@ class Family:
         return out
 
 
-class LinesFamily(Family):
+class LinesFamily(DriveFamily):
     """A drive with tubes or flow controls, as its circuit."""
 
     def core(self, values: Array) -> Any:  # noqa: ANN401 - shoots as the core's drive does
@@ -325,9 +325,9 @@ class LinesFamily(Family):
         return lines.place(self._form, path)
 
 
-def family_of(drive: Drive, parameters: Sequence[Parameter]) -> Family:
+def family_of(drive: Drive, parameters: Sequence[Parameter]) -> DriveFamily:
     """Return the drives that differ from one by some free parameters."""
     free = [p.core for p in parameters]
     if drive.has_lines:
         return LinesFamily(json.loads(drive.circuit.core_json()), free, lines.derived_in_circuit(drive))
-    return Family(json.loads(drive.core_json()), free, derived(drive))
+    return DriveFamily(json.loads(drive.core_json()), free, derived(drive))

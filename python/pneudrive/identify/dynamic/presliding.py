@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise import Recording
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
 
     Array = NDArray[np.float64]
 

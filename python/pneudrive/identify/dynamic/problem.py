@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from pneudrive.identify.dynamic.parameters import Parameter
     from pneudrive.identify.dynamic.sensors import Channel, SensorParameter
     from pneudrive.identify.dynamic.shooting import Shooter, Shot
-    from pneudrive.identify.dynamic.states import Starts
+    from pneudrive.identify.dynamic.states import SegmentStarts
 
     Array = NDArray[np.float64]
 
 
 @dataclass
-class Experiment:
+class FittedRecording:
     """One recording in the fit; `noise` are the standard deviations that weigh its channels."""
 
     shooter: Shooter
     channels: list[Channel]
-    starts: Starts
+    starts: SegmentStarts
     noise: Array
     measured: Array = field(init=False)
     weight: Array = field(init=False)
@@ -46,14 +46,14 @@ class Experiment:
 
 
 @dataclass(frozen=True)
-class Point:
+class Iterate:
     """A point of the search: global coordinates (drive, then sensors) and the starts of all segments."""
 
     eta: Array
     states: list[Array]
 
 
-class Problem:
+class FitProblem:
     """Everything that does not change during a fit but the noise and the weights of the samples.
 
     Parameters
@@ -64,7 +64,7 @@ class Problem:
         Free values of its sensors.
     transforms : Transforms
         Coordinates of both.
-    experiments : list of Experiment
+    experiments : list of FittedRecording
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Problem:
         parameters: list[Parameter],
         sensors: list[SensorParameter],
         transforms: Transforms,
-        experiments: list[Experiment],
+        experiments: list[FittedRecording],
     ) -> None:
         self.parameters, self.sensors, self.transforms = parameters, sensors, transforms
         self.experiments = experiments
@@ -128,7 +128,7 @@ class Problem:
                 count[channel.name] = count.get(channel.name, 0.0) + float(experiment.weight[:, c].sum())
         return {name: float(np.sqrt(power[name] / max(count[name], 1.0))) for name in power}
 
-    def run(self, point: Point, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
+    def run(self, point: Iterate, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
         """Run all recordings; a text says why a segment could not be run.
 
         With `reset`, derivatives by the starts are by what nothing measures, as only that is carried over.
@@ -149,10 +149,10 @@ class Problem:
             shots.append(shot)
         return shots
 
-    def possible(self, point: Point) -> Point:
+    def possible(self, point: Iterate) -> Iterate:
         """Keep what nothing measures within what is possible."""
         states = [np.clip(s, *e.starts.limits) for s, e in zip(point.states, self.experiments, strict=True)]
-        return Point(point.eta, states)
+        return Iterate(point.eta, states)
 
     def by_coordinates(self, index: int, shot_by_parameter: Array, eta: Array) -> Array:
         """Turn derivatives of a recording by the drive's values and the delay (last axis) into such by coordinates."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.dynamic.fit import Solved
+    from pneudrive.identify.dynamic.uncertainty import Solved
 
     Array = NDArray[np.float64]
 
@@ -142,9 +142,10 @@ class DriveFit(Fit):
         dict
             Name -> (lower, upper), SI; infinite where the recordings set no bound.
         """
-        from pneudrive.identify.dynamic.fit import profile_of
+        from pneudrive.identify.dynamic.uncertainty import profile
 
-        return profile_of(self._search(), self._asked(names))
+        solved = self._search()
+        return {name: profile(solved, self.free.index(name)) for name in self._asked(names)}
 
     def bootstrap(
         self, count: int = 1000, *, seed: int = 0, names: Sequence[str] | None = None
@@ -166,9 +167,9 @@ class DriveFit(Fit):
         dict
             Name -> (lower, upper), SI.
         """
-        from pneudrive.identify.dynamic.fit import bootstrap_of
+        from pneudrive.identify.dynamic.uncertainty import bootstrap
 
-        found = intervals_of_draws(self.free, bootstrap_of(self._search(), count, seed))
+        found = intervals_of_draws(self.free, bootstrap(self._search(), count, seed))
         kept = Intervals(found, self.undetermined)
         return {name: kept[name] for name in self._asked(names) if name in kept}
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.identify.dynamic.problem import Point
+from pneudrive.identify.dynamic.problem import Iterate
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.dynamic.problem import Problem
+    from pneudrive.identify.dynamic.problem import FitProblem
     from pneudrive.identify.dynamic.shooting import Shot
     from pneudrive.watch import Watch
 
@@ -53,7 +53,7 @@ SHORTEST = 1e-6
 
 
 @dataclass(frozen=True)
-class Block:
+class Equations:
     """Normal equations of one recording: unknowns are the global coordinates, then its start in units of its belief.
 
     information, gradient: shapes (P + s, P + s) and (P + s,).
@@ -80,9 +80,9 @@ class Watcher:
 
     def __init__(self, tell: Callable[[Progress], None] | None = None, watch: Watch = UNWATCHED) -> None:
         self.tell, self.watch, self.count = tell, watch, 0
-        self.point: Point | None = None
+        self.point: Iterate | None = None
 
-    def step(self, problem: Problem, phase: str, standing: Standing, point: Point) -> None:
+    def step(self, problem: FitProblem, phase: str, standing: Misfit, point: Iterate) -> None:
         """Take note of an accepted step; end the search where the user cancelled it."""
         self.watch.look()
         self.point = point
@@ -93,7 +93,7 @@ class Watcher:
             self.tell(Progress(phase, self.count, standing.cost, rms, standing.gap, values))
 
 
-def reduced(blocks: list[Block], size: int) -> tuple[Array, Array]:
+def reduced(blocks: list[Equations], size: int) -> tuple[Array, Array]:
     """Eliminate the starts: information and gradient of the global coordinates."""
     information: Array = np.zeros((size, size))
     gradient: Array = np.zeros(size)
@@ -105,7 +105,7 @@ def reduced(blocks: list[Block], size: int) -> tuple[Array, Array]:
     return 0.5 * (information + information.T), gradient
 
 
-def start_step(block: Block, step: Array) -> Array:
+def start_step(block: Equations, step: Array) -> Array:
     """Return the change of a block's start that goes with a change of the global coordinates."""
     size = step.size
     n, b = block.information, block.gradient
@@ -129,7 +129,7 @@ def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Standing:
+class Misfit:
     """How good a point is.
 
     Attributes
@@ -156,18 +156,18 @@ class Joined:
 
     Attributes
     ----------
-    blocks : list of Block
+    blocks : list of Equations
         One for each recording, by the global coordinates and its first start.
     slopes : list of ndarray, shape (n, c, P + s)
     carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
         Change of each start with the unknowns, and by closing the gaps.
-    standing : Standing
+    standing : Misfit
     """
 
-    blocks: list[Block]
+    blocks: list[Equations]
     slopes: list[Array]
     carried: list[tuple[Array, Array]]
-    standing: Standing
+    standing: Misfit
 
     @property
     def cost(self) -> float:
@@ -185,7 +185,9 @@ class Joined:
         return self.cost < EXACT_SHARE**2 * sum(r.size for r in self.residuals)
 
 
-def judge(problem: Problem, point: Point, believed: list[Array], shots: list[Shot], *, reset: bool = False) -> Standing:
+def judge(
+    problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
+) -> Misfit:
     """Say how good a point is, from its runs.
 
     Parameters
@@ -207,11 +209,11 @@ def judge(problem: Problem, point: Point, believed: list[Array], shots: list[Sho
         penalty += r.size / max(len(scaled), 1) * float(np.sum(scaled**2))
         gap = max(gap, float(np.abs(scaled).max(initial=0.0)))
         residuals.append(r)
-    return Standing(cost, cost + penalty, gap, residuals)
+    return Misfit(cost, cost + penalty, gap, residuals)
 
 
 def linearise(
-    problem: Problem, point: Point, believed: list[Array], shots: list[Shot], *, reset: bool = False
+    problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
 ) -> Joined:
     """Put the normal equations of all recordings together, from runs with derivatives; parameters as of `judge`."""
     blocks, slopes, carried = [], [], []
@@ -225,13 +227,13 @@ def linearise(
         information, gradient = flat.T @ flat, flat.T @ rest
         information[size:, size:] += np.eye(len(information) - size)
         gradient[size:] += (believed[i][0] - point.states[i][0]) / experiment.starts.belief
-        blocks.append(Block(information, gradient))
+        blocks.append(Equations(information, gradient))
         slopes.append(jac)
         carried.append((by_unknown, closing))
     return Joined(blocks, slopes, carried, judge(problem, point, believed, shots, reset=reset))
 
 
-def _gaps(problem: Problem, point: Point, shot: Shot, i: int, *, reset: bool) -> Array:
+def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> Array:
     """Difference between each segment's end and the next one's start, shape (k - 1, s)."""
     gaps = shot.ends[:-1] - point.states[i][1:]
     if reset:
@@ -239,7 +241,7 @@ def _gaps(problem: Problem, point: Point, shot: Shot, i: int, *, reset: bool) ->
     return gaps
 
 
-def _condense(problem: Problem, point: Point, shot: Shot, i: int, *, reset: bool) -> tuple[Array, Array]:
+def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> tuple[Array, Array]:
     """Carry the first start and the coordinates through the linearised continuity.
 
     Returns
@@ -263,7 +265,7 @@ def _condense(problem: Problem, point: Point, shot: Shot, i: int, *, reset: bool
 
 
 def _outputs(
-    problem: Problem, i: int, shot: Shot, point: Point, by_unknown: Array, closing: Array
+    problem: FitProblem, i: int, shot: Shot, point: Iterate, by_unknown: Array, closing: Array
 ) -> tuple[Array, Array]:
     """Close the gaps of the outputs to first order, and differentiate them by all unknowns of the recording."""
     size = problem.size
@@ -277,7 +279,7 @@ def _outputs(
     return outputs, jac
 
 
-def predict_segments(problem: Problem, point: Point, watcher: Watcher) -> Point:
+def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> Iterate:
     """Run the first phase: a point near enough for the second one.
 
     The noise is what the model is off now, at least that of the sensors. Offsets wait: where each segment begins with
@@ -313,14 +315,14 @@ def predict_segments(problem: Problem, point: Point, watcher: Watcher) -> Point:
     return point
 
 
-def _take_misfit_as_noise(problem: Problem, residuals: list[Array], least: list[Array]) -> None:
+def _take_misfit_as_noise(problem: FitProblem, residuals: list[Array], least: list[Array]) -> None:
     for experiment, residual, floor in zip(problem.experiments, residuals, least, strict=True):
         count = np.maximum(experiment.weight.sum(axis=0), 1.0)
         off = experiment.noise * np.sqrt(np.sum(residual**2, axis=0) / count)
         experiment.noise = np.maximum(floor, off)
 
 
-def _run(problem: Problem, point: Point, otherwise: str, *, reset: bool = False) -> list[Shot]:
+def _run(problem: FitProblem, point: Iterate, otherwise: str, *, reset: bool = False) -> list[Shot]:
     shots = problem.run(point, reset=reset)
     if isinstance(shots, str):
         remedy = "shorter segments (segment=...), other start values; or look at the units of the recordings"
@@ -330,17 +332,17 @@ def _run(problem: Problem, point: Point, otherwise: str, *, reset: bool = False)
 
 @dataclass(frozen=True)
 class _Found:
-    point: Point
-    standing: Standing
+    point: Iterate
+    standing: Misfit
     longest: float
 
 
 def _shortened(
-    problem: Problem,
-    point: Point,
+    problem: FitProblem,
+    point: Iterate,
     at: Joined,
     longest: float,
-    judged: Callable[[Point, list[Shot]], Standing],
+    judged: Callable[[Iterate, list[Shot]], Misfit],
     measure: str,
 ) -> _Found | None:
     """Shorten the step until it lowers the cost or the merit, by runs without derivatives; None where none does."""
@@ -361,7 +363,7 @@ def _shortened(
     return None
 
 
-def equations(problem: Problem, point: Point, at: Joined) -> tuple[Array, Array]:
+def equations(problem: FitProblem, point: Iterate, at: Joined) -> tuple[Array, Array]:
     """Information and gradient of the global coordinates, with what is known of the sensors before."""
     information, gradient = reduced(at.blocks, problem.size)
     information += np.diag(problem.prior)
@@ -373,13 +375,13 @@ def equations(problem: Problem, point: Point, at: Joined) -> tuple[Array, Array]
 
 
 def join_segments(
-    problem: Problem, point: Point, believed: list[Array], watcher: Watcher | None, most: int = MOST_STEPS
-) -> tuple[Point, Joined, bool]:
+    problem: FitProblem, point: Iterate, believed: list[Array], watcher: Watcher | None, most: int = MOST_STEPS
+) -> tuple[Iterate, Joined, bool]:
     """Run the second phase to its end.
 
     Returns
     -------
-    Point, Joined, bool
+    Iterate, Joined, bool
         The last accepted point, the problem there, and whether the search has converged.
     """
     shots = _run(problem, point, "a segment cannot be simulated from the values found so far")
@@ -404,7 +406,7 @@ def join_segments(
     return point, at, False
 
 
-def _moved(point: Point, at: Joined, step: Array) -> Point:
+def _moved(point: Iterate, at: Joined, step: Array) -> Iterate:
     states = []
     for state, block, (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
         unknown = np.r_[step, start_step(block, step)]

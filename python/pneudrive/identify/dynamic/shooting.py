@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive._core import Shooting
-    from pneudrive.identify.dynamic.parameters import Family
+    from pneudrive.identify.dynamic.parameters import DriveFamily
     from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]
@@ -89,7 +89,7 @@ class Shooter:
         Columns of the core that are wanted.
     starts : ndarray of int, shape (k,)
         Samples at which segments begin.
-    family : Family
+    family : DriveFamily
     rtol : float
     threads : int
     delay_s : float
@@ -103,7 +103,7 @@ class Shooter:
         recording: Recorded,
         outputs: Sequence[str],
         starts: NDArray[np.int64],
-        family: Family,
+        family: DriveFamily,
         rtol: float,
         threads: int,
         delay_s: float = 0.0,

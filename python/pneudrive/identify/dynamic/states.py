@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.drive_recording import DriveRecording
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import Channel
     from pneudrive.identify.dynamic.shooting import Shooter
     from pneudrive.watch import Watch
@@ -56,7 +56,7 @@ SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
 
 @dataclass(frozen=True)
-class Starts:
+class SegmentStarts:
     """Starts of the segments of one recording.
 
     Attributes
@@ -123,7 +123,7 @@ def measured_starts(
     return state, spread
 
 
-def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names: list[str]) -> Starts:
+def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names: list[str]) -> SegmentStarts:
     """Let the model find what was not measured: the gas temperatures, the bristles, the gas of tubes.
 
     All segments are run, and each takes over from the end of the one before what was not measured; after a few rounds
@@ -155,7 +155,7 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
         np.where(is_gas, np.maximum(lowest - reach, LEAST_SHARE * lowest), lowest - reach),
         np.where(grows, np.inf, state.max(axis=0) + reach),
     )
-    return Starts(state, belief, np.r_[SIZE, size], ~np.isnan(spread), limits)
+    return SegmentStarts(state, belief, np.r_[SIZE, size], ~np.isnan(spread), limits)
 
 
 def _smoothed(

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.search import SINGULAR_SHARE, Joined, join_segments, reduced
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.dynamic.problem import Point, Problem
+    from pneudrive.identify.dynamic.problem import FitProblem, Iterate
 
     Array = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ class Information:
     weak: Array
     inflation: dict[tuple[int, int], tuple[float, float]]
 
-    def covariance(self, problem: Problem) -> Array:
+    def covariance(self, problem: FitProblem) -> Array:
         """Covariance of the coordinates [bates1988], with the residuals' own variance and correlation in time.
 
         inverse (sum over channels of s^2 tau J^T J + prior) inverse,  tau = 1 + 2 sum of autocorrelations.
@@ -64,7 +65,19 @@ class Information:
         return self.inverse @ middle @ self.inverse
 
 
-def information(problem: Problem, at: Joined) -> Information:
+@dataclass
+class Solved:
+    """The problem with its solution: what profile and bootstrap go on from."""
+
+    problem: FitProblem
+    point: Iterate
+    believed: list[Array]
+    at: Joined
+    information: Information
+    freedom: int
+
+
+def information(problem: FitProblem, at: Joined) -> Information:
     """Linearise at the estimate."""
     matrix, _ = reduced(at.blocks, problem.size)
     matrix += np.diag(problem.prior)
@@ -105,7 +118,7 @@ def correlation_time(residual: Array) -> float:
     return max(1.0, 1.0 + 2.0 * float(pairs[: stop[0] if stop.size else None].sum()))
 
 
-def bootstrap(problem: Problem, point: Point, found: Information, count: int, seed: int) -> Array:
+def bootstrap(solved: Solved, count: int, seed: int) -> Array:
     """Block bootstrap: recordings are cut into blocks, which are drawn with replacement.
 
     Each draw is answered by one Gauss-Newton step from the estimate, which is exact where the model is linear over the
@@ -120,8 +133,9 @@ def bootstrap(problem: Problem, point: Point, found: Information, count: int, se
     Returns
     -------
     ndarray, shape (count, P)
-        Values in SI, in the order of `Problem.names`.
+        Values in SI, in the order of `FitProblem.names`.
     """
+    problem, point, found = solved.problem, solved.point, solved.information
     information_of, gradient_of = [], []
     tau = max((t for _, t in found.inflation.values()), default=1.0)
     for slopes, residual in zip(found.slopes, found.residuals, strict=True):
@@ -144,21 +158,18 @@ def bootstrap(problem: Problem, point: Point, found: Information, count: int, se
     return out
 
 
-def profile(
-    problem: Problem, point: Point, believed: list[Array], at: Joined, found: Information, index: int, reach: float
-) -> tuple[float, float]:
-    """Interval of one coordinate by profile likelihood: where the best fit of all others becomes too bad.
+def profile(solved: Solved, index: int) -> tuple[float, float]:
+    """Interval of one value by profile likelihood, SI: where the best fit of all others becomes too bad.
 
-    The cost may grow by reach^2 times the inflation of the residuals. Each end is sought by the secant rule from the
-    end that the covariance gives; infinite where the cost never grows that far.
+    The cost may grow by Student's t squared times the inflation of the residuals. Each end is sought by the secant rule
+    from the end that the covariance gives; where the cost never grows that far, it is the bound of the value.
 
     Parameters
     ----------
     index : int
         Of the coordinate.
-    reach : float
-        Student's quantile.
     """
+    problem, point, found, reach = solved.problem, solved.point, solved.information, student(solved.freedom)
     covariance = found.covariance(problem)
     spread = float(np.sqrt(covariance[index, index]))
     plain = float(np.sqrt(found.inverse[index, index]))
@@ -168,8 +179,8 @@ def profile(
         away, last, root_last = reach * spread, 0.0, 0.0
         start = point
         for _ in range(PROFILE_STEPS):
-            cost, start = _constrained(problem, start, believed, point.eta[index] + sign * away, index)
-            root = np.sqrt(max(cost - at.cost, 0.0) / allowed) if np.isfinite(cost) else 2.0
+            cost, start = _constrained(problem, start, solved.believed, point.eta[index] + sign * away, index)
+            root = np.sqrt(max(cost - solved.at.cost, 0.0) / allowed) if np.isfinite(cost) else 2.0
             if abs(root - 1.0) < 0.02:
                 break
             slope = (root - root_last) / (away - last)
@@ -178,13 +189,15 @@ def profile(
                 away = np.inf
                 break
             away = float(np.clip(last + (1.0 - root) / slope, 0.3 * last, 3.0 * last))
-        ends.append(point.eta[index] + sign * away)
-    return ends[0], ends[1]
+        eta = point.eta.copy()
+        eta[index] += sign * away
+        ends.append(float(problem.values(eta)[index]))
+    return min(ends), max(ends)
 
 
 def _constrained(
-    problem: Problem, point: Point, believed: list[Array], value: float, index: int
-) -> tuple[float, Point]:
+    problem: FitProblem, point: Iterate, believed: list[Array], value: float, index: int
+) -> tuple[float, Iterate]:
     """Best cost with one coordinate held."""
     eta = point.eta.copy()
     eta[index] = value

@@ -40,7 +40,7 @@ BEYOND = 30.0
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ToolParameter:
     """A parameter of the other tool: its name there, SI."""
 
     name: str
@@ -56,7 +56,7 @@ class Exported(Shown):
     Attributes
     ----------
     tool : str
-    parameters : tuple of Parameter
+    parameters : tuple of ToolParameter
         Empty where the tool takes our parameters as they are.
     curve : Curve
         Ours.
@@ -71,7 +71,7 @@ class Exported(Shown):
     """
 
     tool: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ToolParameter, ...]
     curve: Curve
     converted_n: Array
     lost: tuple[str, ...]
@@ -170,10 +170,10 @@ def _simscape(curve: Curve) -> Exported:
         curve, lambda v: simscape_columns(speed, v), speed[0] / BEYOND, speed[-1]
     )
     parameters = (
-        Parameter("brkwy_frc", float(excess + coulomb), "N", "Breakaway friction force"),
-        Parameter("brkwy_vel", v_brk, "m/s", "Breakaway friction velocity"),
-        Parameter("Col_frc", float(coulomb), "N", "Coulomb friction force"),
-        Parameter("visc_coef", float(viscous), "N*s/m", "Viscous friction coefficient"),
+        ToolParameter("brkwy_frc", float(excess + coulomb), "N", "Breakaway friction force"),
+        ToolParameter("brkwy_vel", v_brk, "m/s", "Breakaway friction velocity"),
+        ToolParameter("Col_frc", float(coulomb), "N", "Coulomb friction force"),
+        ToolParameter("visc_coef", float(viscous), "N*s/m", "Viscous friction coefficient"),
     )
     lost = (
         *curve.lost,
@@ -207,10 +207,10 @@ def _modelica(curve: Curve) -> Exported:
     )
     coulomb, stribeck, viscous = (float(w) for w in weights)
     parameters = (
-        Parameter("F_prop", viscous, "N.s/m", "Velocity dependent friction"),
-        Parameter("F_Coulomb", coulomb, "N", "Constant friction: Coulomb force"),
-        Parameter("F_Stribeck", stribeck, "N", "Stribeck effect"),
-        Parameter("fexp", 1.0 / scale, "s/m", "Exponential decay"),
+        ToolParameter("F_prop", viscous, "N.s/m", "Velocity dependent friction"),
+        ToolParameter("F_Coulomb", coulomb, "N", "Constant friction: Coulomb force"),
+        ToolParameter("F_Stribeck", stribeck, "N", "Stribeck effect"),
+        ToolParameter("fexp", 1.0 / scale, "s/m", "Exponential decay"),
     )
     lost = (*curve.lost, "dwell and presliding: the component sticks at once and forgets")
     converted = modelica_columns(speed, 1.0 / scale) @ weights
