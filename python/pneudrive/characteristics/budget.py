@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive.characteristics.curves import by_chance, curve_speeds, systematic
 from pneudrive.characteristics.gain import GROWING
-from pneudrive.characteristics.result import Source
+from pneudrive.characteristics.result import UncertaintySource
 from pneudrive.estimate.estimates import NORMAL_95
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sensor that are the same at all forces
 
 
-def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Source, ...]:
+def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[UncertaintySource, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
     points = fits.points
     scatter, gains, turns, places, zeros = [], [], [], [], []
@@ -44,15 +44,17 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Sou
     words = "" if known is None else f"{known.words()}: the same in all cycles"
     other, turning = ("force sensor", "sensors") if known is None else ("other sensors", "other sensors")
     return (
-        Source("scatter of the cycles", _rms(scatter), "A", "data", f"{chance}; from the mixed model"),
+        UncertaintySource("scatter of the cycles", _rms(scatter), "A", "data", f"{chance}; from the mixed model"),
         *(
-            Source(f"force sensor, {name.removeprefix('force: ')}", u, "B", "stated", words)
+            UncertaintySource(f"force sensor, {name.removeprefix('force: ')}", u, "B", "stated", words)
             for name, u in named.items()
         ),
-        Source(f"gain of the {other}", grow, "A" if stated == "data" else "B", stated),
-        Source(f"hysteresis of the {turning}", turn, "B", "assumed", "a third of the accuracy"),
-        Source("mean over position", _rms(places), "B", "assumed", "pattern over the part of the stroke not covered"),
-        Source("zero and asymmetry", _rms(zeros), "A", "data", "curves of one direction only"),
+        UncertaintySource(f"gain of the {other}", grow, "A" if stated == "data" else "B", stated),
+        UncertaintySource(f"hysteresis of the {turning}", turn, "B", "assumed", "a third of the accuracy"),
+        UncertaintySource(
+            "mean over position", _rms(places), "B", "assumed", "pattern over the part of the stroke not covered"
+        ),
+        UncertaintySource("zero and asymmetry", _rms(zeros), "A", "data", "curves of one direction only"),
     )
 
 

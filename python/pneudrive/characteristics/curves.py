@@ -175,6 +175,16 @@ class Fits:
         return self.friction.data.blocks
 
     @property
+    def level_n(self) -> float:
+        """Mean friction of the points, N."""
+        return float(self.points.reduced.friction_n[self.points.use].mean())
+
+    @property
+    def scale_n(self) -> float:
+        """Newton at mean friction for one unit of the friction model's response."""
+        return self.level_n if self.friction.logarithmic else 1.0
+
+    @property
     def has_zero(self) -> bool:
         """Whether tares show the zero of the force sensor."""
         return bool((self.offset.data.curve < 0).any())
@@ -522,7 +532,6 @@ def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
 def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     """Give the standard deviation that a source of chance adds to a single cycle, at these frictions, N."""
     fit = fits.friction
-    level = float(fits.points.reduced.friction_n[fits.points.use].mean())
-    sd = fit.fit.most_probable_sd(source) * (level if fit.logarithmic else 1.0)
+    sd = fit.fit.most_probable_sd(source) * fits.scale_n
     relative = fit.relative if source == "cycle" else float(fit.logarithmic)
-    return sd * np.sqrt(relative * (friction_n / level) ** 2 + 1.0 - relative)
+    return sd * np.sqrt(relative * (friction_n / fits.level_n) ** 2 + 1.0 - relative)

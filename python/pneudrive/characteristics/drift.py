@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,16 +13,18 @@ from pneudrive.characteristics.effects import Drift, Repeatability
 from pneudrive.characteristics.smooth import CARRIED
 from pneudrive.estimate.estimates import NORMAL_95, Estimate
 from pneudrive.estimate.groups import cells
-from pneudrive.estimate.mixed import MixedModel, independent
+from pneudrive.estimate.mixed import independent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.characteristics.cycle import CycleData
     from pneudrive.characteristics.reading import Reading
 
     Array = NDArray[np.float64]
 
 HOUR_S = 3600.0
+UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K"}  # of the effects of these causes
 LEAST_KELVIN = 0.5  # of a temperature's range: less tells nothing of its effect
 LEAST_DECADES = 0.5  # of travel
 FIRST_TRAVEL_M = 1.0  # below which the logarithm of travel means nothing
@@ -35,12 +38,17 @@ TOGETHER = 0.95  # correlation of two causes beyond which they cannot be told ap
 class Causes:
     """What may make friction change over a campaign, shape (n,) each for the cycles that are points of F(v).
 
-    ``together`` names pairs that cannot be told apart, as correlation says.
+    Attributes
+    ----------
+    columns : dict
+        time (h), travel (decades), temperature (K), where they change enough to have an effect.
+    interrupted : ndarray of bool
+        Cycles that follow a long rest, or a cycle with a stop.
+    together : tuple of (str, str, float)
+        Pairs that cannot be told apart, and their correlation.
     """
 
-    hours: Array
-    decades: Array
-    kelvin: Array
+    columns: dict[str, Array]
     interrupted: NDArray[np.bool_]
     together: tuple[tuple[str, str, float], ...]
 
@@ -48,99 +56,67 @@ class Causes:
 def causes(reading: Reading, fits: Fits) -> Causes:
     """Collect the possible causes of a drift."""
     data = fits.points.cycles(fits.points.use)
-    hours = np.array([d.head.began_s for d in data]) / HOUR_S
-    travel = np.array([reading.travel_m[d.head.cycle.key] for d in data])
+    columns = {"time": np.array([d.head.began_s for d in data]) / HOUR_S}
+    decades = np.log10(np.array([reading.travel_m[d.head.cycle.key] for d in data]) + FIRST_TRAVEL_M)
     kelvin = np.array([d.temperature_k for d in data])
-    decades = np.log10(travel + FIRST_TRAVEL_M)
-    columns = {"time": hours}
     if np.ptp(decades) >= LEAST_DECADES:
         columns["travel"] = decades
     if np.isfinite(kelvin).all() and np.ptp(kelvin) >= LEAST_KELVIN:
         columns["temperature"] = kelvin
-    names = list(columns)
-    together = []
-    for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            if np.ptp(columns[a]) > 0 and np.ptp(columns[b]) > 0:
-                r = float(np.corrcoef(columns[a], columns[b])[0, 1])
-                if abs(r) > TOGETHER:
-                    together.append((a, b, r))
-    return Causes(hours, decades, kelvin, _interrupted(reading, data), tuple(together))
+    changing = {name: column for name, column in columns.items() if np.ptp(column) > 0}
+    pairs = [(a, b, float(np.corrcoef(changing[a], changing[b])[0, 1])) for a, b in combinations(changing, 2)]
+    return Causes(columns, _interrupted(reading, data), tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
 
 
-def _interrupted(reading: Reading, data: list) -> NDArray[np.bool_]:
-    """Cycles that follow a long rest, or a cycle with a stop."""
-    heads = {head.cycle.key: i for i, head in enumerate(reading.heads)}
+def _interrupted(reading: Reading, data: list[CycleData]) -> NDArray[np.bool_]:
+    before = {head.cycle.key: last for last, head in pairwise([None, *reading.heads]) if head is not None}
     durations = {d.head.cycle.key: d.duration_s for d in (*reading.sliding, *reading.tares)}
-    rests = []
-    for d in data:
-        place = heads[d.head.cycle.key]
-        before = reading.heads[place - 1] if place else None
-        if before is None:
-            rests.append(float("nan"))
-        elif before.cycle.kind == "stop":
-            rests.append(float(before.cycle.stop_s or 0.0))
-        elif before.cycle.key in durations:
-            rests.append(d.head.began_s - before.began_s - durations[before.cycle.key])
-        else:
-            rests.append(float("nan"))
-    rest = np.array(rests)
+    rest = np.full(len(data), np.nan)
+    for i, d in enumerate(data):
+        last = before[d.head.cycle.key]
+        if last is not None and last.cycle.kind == "stop":
+            rest[i] = last.cycle.stop_s or 0.0
+        elif last is not None and last.cycle.key in durations:
+            rest[i] = d.head.began_s - last.began_s - durations[last.cycle.key]
     usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 0.0
     return np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
 
 
 def drift_of(reading: Reading, fits: Fits, found: Causes) -> Drift:
     """Describe the drift; effects are None where the design does not carry them."""
-    points, fit = fits.points, fits.friction
-    use = points.use
-    data = points.cycles(use)
-    level = float(points.reduced.friction_n[use].mean())
-    scale = level if fit.logarithmic else 1.0
-    first = min(head.began_s for head in reading.heads)
+    points, fit, scale = fits.points, fits.friction, fits.scale_n
     carried = fits.drift_share < CARRIED
-    sentinel = np.array([d.head.cycle.kind == "sentinel" for d in points.reduced.data])
-    per_hour = per_decade = per_kelvin = interrupted = None
-    if carried:
-        per_hour = _effect(fits, found.hours, scale, "N/h")
-        if np.ptp(found.decades) >= LEAST_DECADES:
-            per_decade = _effect(fits, found.decades, scale, "N/decade")
-        if np.isfinite(found.kelvin).all() and np.ptp(found.kelvin) >= LEAST_KELVIN:
-            per_kelvin = _effect(fits, found.kelvin, scale, "N/K")
-    number = int(found.interrupted.sum())
+    effects = {name: _effect(fits, column, UNITS[name]) for name, column in found.columns.items()} if carried else {}
+    number, interrupted = int(found.interrupted.sum()), None
     if FEWEST_INTERRUPTED <= number <= found.interrupted.size - FEWEST_INTERRUPTED:
-        interrupted = _effect(fits, found.interrupted.astype(float), scale, "N")
+        interrupted = _effect(fits, found.interrupted.astype(float), "N")
+    time = np.array([d.head.began_s for d in points.reduced.data]) - min(head.began_s for head in reading.heads)
+    sentinel = np.array([d.head.cycle.kind == "sentinel" for d in points.reduced.data])
+    told = "sentinels" if sentinel.any() else "repeats" if _repeated(fits) else "smooth curve"
     value, half = fit.drift * scale, fit.drift_half * scale
     return Drift(
-        time_s=np.array([d.head.began_s - first for d in data]),
+        time_s=time[points.use],
         drift_n=value,
         low_n=value - half,
         high_n=value + half,
-        sentinel_time_s=np.array([d.head.began_s - first for d in points.reduced.data])[sentinel],
+        sentinel_time_s=time[sentinel],
         sentinel_n=points.reduced.friction_n[sentinel],
-        per_hour=per_hour,
-        per_decade_of_travel=per_decade,
-        per_kelvin=per_kelvin,
+        per_hour=effects.get("time"),
+        per_decade_of_travel=effects.get("travel"),
+        per_kelvin=effects.get("temperature"),
         interrupted=interrupted,
-        basis=_basis(fits, bool(sentinel.any())) if carried else "not determined",
+        basis=told if carried else "not determined",
         spread_n=float(np.std(value)),
     )
 
 
-def _effect(fits: Fits, column: Array, scale: float, unit: str) -> Estimate | None:
+def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
     """Effect of one cause on friction at its mean, the smooth drift being part of what is unknown."""
     model = fits.friction.fit.model
     x = np.column_stack([model.x, column - column.mean()])
     if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
         return None
-    row = np.zeros(x.shape[1])
-    row[-1] = scale
-    return MixedModel(model.y, x, model.noise, model.components).fit().contrast(row, unit)
-
-
-def _basis(fits: Fits, sentinels: bool) -> str:
-    if sentinels:
-        return "sentinels"
-    return "repeats" if _repeated(fits) else "smooth curve"
+    return replace(model, x=x).fit().contrast(fits.scale_n * np.eye(x.shape[1])[-1], unit)
 
 
 def _repeated(fits: Fits) -> bool:
@@ -149,21 +125,18 @@ def _repeated(fits: Fits) -> bool:
 
 def repeatability(fits: Fits) -> Repeatability:
     """Give the standard deviations of a cycle's friction: of repeats and sentinels themselves, where there are any."""
-    points, fit = fits.points, fits.friction
-    level = float(points.reduced.friction_n[points.use].mean())
-    pure = pure_scatter(fits)
+    fit, pure = fits.friction, pure_scatter(fits)
+    scale = pure.level_n if pure is not None and fit.logarithmic else fits.scale_n
     if pure is not None:
-        level = pure.level_n
-        within = pure.estimate.scaled(level if fit.logarithmic else 1.0)
+        within = pure.estimate.scaled(scale)
     else:
-        scale = level if fit.logarithmic else 1.0
         noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
         within = fit.fit.deviation("cycle").scaled(scale)
-        ends = (float(np.hypot(v, noise)) for v in (within.value, within.low, within.high))
-        within = replace(within, **dict(zip(("value", "low", "high"), ends, strict=True)))
+        ends = {name: float(np.hypot(getattr(within, name), noise)) for name in ("value", "low", "high")}
+        within = replace(within, **ends)
     between = total = None
     if fits.blocks is not None:
-        between = fit.fit.deviation("block").scaled(level if fit.logarithmic else 1.0)
+        between = fit.fit.deviation("block").scaled(scale)
         value = float(np.hypot(within.value, between.value))
         stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
         reach = NORMAL_95 * stderr / max(value, 1e-12)

@@ -97,7 +97,7 @@ class AirShare:
 
 
 @dataclass(frozen=True)
-class Harmonic:
+class PositionWave:
     """A wave of friction over position that fits `order` times, rarely whole, into the range.
 
     Cosine, sine (about the middle of the range) and amplitude are relative to the mean friction.
@@ -111,7 +111,7 @@ class Harmonic:
 
 
 @dataclass(frozen=True, eq=False)
-class PositionDependence:
+class PositionPattern:
     """Friction against position at one set of levels, relative to its mean over the range.
 
     Attributes
@@ -124,7 +124,7 @@ class PositionDependence:
         Friction over its mean, 95 % interval.
     trend_per_m : Estimate
         Relative change along x.
-    harmonics : tuple of Harmonic
+    harmonics : tuple of PositionWave
         Waves that the pattern has beyond chance, the strongest first.
     cycles : int
     """
@@ -135,7 +135,7 @@ class PositionDependence:
     low: Array
     high: Array
     trend_per_m: Estimate
-    harmonics: tuple[Harmonic, ...]
+    harmonics: tuple[PositionWave, ...]
     cycles: int
 
 

@@ -69,7 +69,7 @@ def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequenc
     stderr = float(np.sqrt(max(float(np.mean(variances)) / len(values), scatter)))
     if abs(measured) > PLAUSIBLE:
         return Gain(0.0, float("nan"), measured, stderr, len(values), plausible=False)
-    prior = _stated(identity)
+    prior = stated_gain(identity)
     if prior is None:
         return Gain(measured, stderr, measured, stderr, len(values))
     total = float(np.hypot(prior, stderr))
@@ -79,7 +79,7 @@ def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequenc
     return Gain(share * measured, float(np.sqrt(share)) * stderr, measured, stderr, len(values))
 
 
-def _stated(identity: Identity) -> float | None:
+def stated_gain(identity: Identity) -> float | None:
     """Relative gain error that calibration or stated accuracy allow; None where nothing is stated."""
     if identity.force_calibration is not None:
         return identity.force_calibration.u_gain

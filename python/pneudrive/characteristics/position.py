@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.basics import Condition
-from pneudrive.characteristics.effects import Harmonic, PositionDependence
+from pneudrive.characteristics.effects import PositionPattern, PositionWave
 from pneudrive.characteristics.reduction import FREEDOM_PER_CYCLE
 from pneudrive.estimate.autocorrelation import stderrs_of_means
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
@@ -36,7 +36,7 @@ APART = 2.0  # times the slowest over the fastest cycle's time and force, from w
 COVERED = 0.9  # of the common bins: cycles that lack more do not tell of trend and harmonics
 
 
-def position_dependence(points: Points) -> tuple[PositionDependence, ...]:
+def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
     """Describe friction over position: all cycles together, then each condition that has enough of them."""
     use = points.use
     groups: list[tuple[Condition | None, NDArray[np.bool_]]] = [(None, use)]
@@ -46,7 +46,7 @@ def position_dependence(points: Points) -> tuple[PositionDependence, ...]:
     return tuple(one for one in found if one is not None)
 
 
-def _describe(points: Points, condition: Condition | None, members: NDArray[np.bool_]) -> PositionDependence | None:
+def _describe(points: Points, condition: Condition | None, members: NDArray[np.bool_]) -> PositionPattern | None:
     reduced = points.reduced
     rows = reduced.relative_n[members][:, reduced.common]
     position = reduced.position_m[reduced.common]
@@ -70,7 +70,7 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
         _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
         for i, times in enumerate(waves)
     )
-    return PositionDependence(condition, position, mean, mean - half, mean + half, trend, harmonics, rows.shape[0])
+    return PositionPattern(condition, position, mean, mean - half, mean + half, trend, harmonics, rows.shape[0])
 
 
 def _trend(
@@ -170,7 +170,7 @@ def _each(columns: Array, rows: Array) -> Array:
     return found
 
 
-def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Harmonic:
+def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> PositionWave:
     """Estimate one harmonic; its amplitude is tested by Hotelling's T2 of both parts."""
     from scipy.special import fdtrc
 
@@ -188,4 +188,4 @@ def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Ha
     except np.linalg.LinAlgError:
         p = float(size == 0.0)
     amplitude = Estimate(size, max(size - half, 0.0), size + half, stderr, "1", n - 1, p)
-    return Harmonic(times, wavelength, mean_estimate(cosine, "1"), mean_estimate(sine, "1"), amplitude)
+    return PositionWave(times, wavelength, mean_estimate(cosine, "1"), mean_estimate(sine, "1"), amplitude)

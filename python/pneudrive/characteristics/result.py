@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         Asymmetry,
         Drift,
         Loop,
-        PositionDependence,
+        PositionPattern,
         PressureEffects,
         Repeatability,
         SensorZero,
@@ -143,7 +143,7 @@ class Curve(Shown):
 
 
 @dataclass(frozen=True)
-class Source:
+class UncertaintySource:
     """A source of uncertainty of the curves.
 
     Attributes
@@ -195,7 +195,7 @@ class CampaignCharacteristics(Shown):
     friction_map : xarray.Dataset
         One row per cycle, speed level and direction: the columns of a friction map, the 95 % band and the levels.
     curves : tuple of Curve
-    sources : tuple of Source
+    sources : tuple of UncertaintySource
         Budget of the band.
     pressure, air, position, asymmetry, loops, stick_slip, stick_slip_thresholds, drift, repeatability, zero
     stops : tuple of Stop
@@ -217,10 +217,10 @@ class CampaignCharacteristics(Shown):
     zero: SensorZero
     ranges: Ranges
     curves: tuple[Curve, ...] = ()
-    sources: tuple[Source, ...] = ()
+    sources: tuple[UncertaintySource, ...] = ()
     pressure: tuple[PressureEffects, ...] = ()
     air: tuple[AirShare, ...] = ()
-    position: tuple[PositionDependence, ...] = ()
+    position: tuple[PositionPattern, ...] = ()
     asymmetry: tuple[Asymmetry, ...] = ()
     loops: tuple[Loop, ...] = ()
     stick_slip: tuple[StickSlipPoint, ...] = ()

@@ -169,8 +169,7 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
     if fits.drift_share >= CARRIED:
         yield say("drift.not_carried")
         return
-    level = float(fits.points.reduced.friction_n[fits.points.use].mean())
-    yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / level)
+    yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / fits.level_n)
     yield from still_changing(drift)
     effects = {"time": drift.per_hour, "travel (run-in)": drift.per_decade_of_travel, "temperature": drift.per_kelvin}
     for cause, effect in effects.items():

@@ -27,6 +27,18 @@ def levels(values: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
     return level
 
 
+def means(group: NDArray[np.int64], *columns: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Give the mean of each column over each group; every group has members.
+
+    Examples
+    --------
+    >>> [one.tolist() for one in means(np.array([0, 0, 1]), np.array([1.0, 3.0, 5.0]))]
+    [[2.0, 5.0]]
+    """
+    count = np.bincount(group)
+    return [np.bincount(group, column) / count for column in columns]
+
+
 def cells(*columns: NDArray[np.int64]) -> NDArray[np.int64]:
     """Give the number of each combination that occurs, from columns of shape (n,).
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.characteristics import CampaignCharacteristics
-    from pneudrive.characteristics.effects import Loop, PositionDependence
+    from pneudrive.characteristics.effects import Loop, PositionPattern
     from pneudrive.report.page import Section
 
 HOUR_S = 3600.0
@@ -41,7 +41,7 @@ def position(found: CampaignCharacteristics) -> Section | None:
     return topic.section(topic.text(), picture, topic.table(rows))
 
 
-def _patterns(found: CampaignCharacteristics, p: PositionDependence) -> Iterator[tuple]:
+def _patterns(found: CampaignCharacteristics, p: PositionPattern) -> Iterator[tuple]:
     label = _place(found, p)
     yield label, "trend", with_interval(p.trend_per_m, 100.0, "%/m"), p.trend_per_m.p
     for h in p.harmonics:
@@ -49,11 +49,11 @@ def _patterns(found: CampaignCharacteristics, p: PositionDependence) -> Iterator
         yield label, wave, with_interval(h.amplitude, 100.0, "%"), h.amplitude.p
 
 
-def _place(found: CampaignCharacteristics, p: PositionDependence) -> str:
+def _place(found: CampaignCharacteristics, p: PositionPattern) -> str:
     return condition_names(found)(p.condition) if p.condition is not None else "all cycles"
 
 
-def draw_position(found: CampaignCharacteristics, shown: list[PositionDependence]) -> Figure:
+def draw_position(found: CampaignCharacteristics, shown: list[PositionPattern]) -> Figure:
     """Relative friction over position, one panel a condition."""
     label = "friction less its mean / %"
     figure, axes = draw.grid(len(shown), 3, 1.9, 0.5, x="position / mm", y=label, sharey=True)

@@ -7,6 +7,7 @@ Each question is one test; Holm's correction [holm1979] keeps the chance that eq
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characteristics.compare.checks import Check, checks_of
 from pneudrive.characteristics.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
+from pneudrive.characteristics.gain import stated_gain
 from pneudrive.characteristics.sentences import capitalised, say
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import CHANCE, Estimate
@@ -127,26 +129,27 @@ def compare(first: CampaignCharacteristics, second: CampaignCharacteristics) -> 
     Comparison
     """
     abouts = [_about(found) for found in (first, second)]
-    checks = tuple(checks_of(first, second, *abouts))
     curves = compare_curves(first, second, _gain(first, second, abouts))
     pairs = tuple(_pairs(first, second))
-    tests: list[Test] = []
-    if isinstance(curves, CurveComparison):
-        tests += _curve_tests(first, second, curves)
-    tests += [test for pair in pairs for test in _dwell_tests(*pair)]
-    tests += [test for test in (_drift_test(first, second), _repeatability_test(first, second)) if test is not None]
-    tests = _adjusted(tests)
-    statements = tuple(_statements(first, second, checks, tests, curves, pairs))
-    return Comparison(
+    tests = _adjusted(
+        [
+            *(_curve_tests(first, second, curves) if isinstance(curves, CurveComparison) else ()),
+            *(test for pair in pairs for test in _dwell_tests(*pair)),
+            *_drift_test(first, second),
+            *_repeatability_test(first, second),
+        ]
+    )
+    found = Comparison(
         first=first,
         second=second,
-        checks=checks,
-        tests=tuple(tests),
+        checks=tuple(checks_of(first, second, *abouts)),
+        tests=tests,
         curves=curves if isinstance(curves, CurveComparison) else None,
         dwell=pairs,
         different=any(test.different for test in tests),
-        statements=statements,
+        statements=(),
     )
+    return replace(found, statements=tuple(_statements(found, curves if isinstance(curves, str) else "")))
 
 
 def _about(found: CampaignCharacteristics) -> dict[str, Any]:
@@ -166,15 +169,7 @@ def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, about
     same = a.name == b.name and a.calibration == b.calibration and a.force_calibration == b.force_calibration
     if same and not drawn:
         return 0.0
-    gains = []
-    for identity in (a, b):
-        span = identity.limits.get("force_n")
-        reach = max(abs(v) for v in span) if span else float("nan")
-        if identity.force_calibration is not None:
-            gains.append(identity.force_calibration.u_gain)
-            continue
-        gains.append(identity.accuracy.get("force_n", 0.0) / reach if np.isfinite(reach) and reach > 0 else 0.0)
-    return float(np.hypot(*gains) / np.sqrt(2.0))
+    return float(np.hypot(stated_gain(a) or 0.0, stated_gain(b) or 0.0) / np.sqrt(2.0))
 
 
 # --- tests ---------------------------------------------------------------------------------------------------------
@@ -184,83 +179,65 @@ def _curve_tests(
     first: CampaignCharacteristics, second: CampaignCharacteristics, curves: CurveComparison
 ) -> Iterator[Test]:
     mean_n = float(curves.friction_n.mean())
-    limits = [REPEATABILITY_FACTOR * s for s in (_within(first), _within(second)) if np.isfinite(s)]
-    beyond = abs(curves.mean.value) * mean_n > max(limits) if len(limits) == 2 else None
+    mean = curves.mean.scaled(mean_n, "N")
+    within = [found.repeatability.within for found in (first, second) if found.repeatability is not None]
+    limits = [REPEATABILITY_FACTOR * r.value for r in within if r is not None]
+    beyond = abs(mean.value) > max(limits) if len(limits) == 2 else None
     note = f"mean of {curves.points.speed_m_s.size} common points, {100 * curves.mean.value:+.2g} % of friction"
-    yield Test(
-        "friction over speed", curves.mean.scaled(mean_n, "N"), curves.shape.p, beyond_repeatability=beyond, note=note
-    )
+    yield Test("friction over speed", mean, curves.shape.p, beyond_repeatability=beyond, note=note)
     if curves.pressure is not None:
         note = "how much friction grows with pressure, relative to friction"
         yield Test("effect of pressure", None, curves.pressure.p, note=note)
-
-
-def _within(found: CampaignCharacteristics) -> float:
-    r = found.repeatability
-    return r.within.value if r is not None and r.within is not None else float("nan")
 
 
 def _pairs(
     first: CampaignCharacteristics, second: CampaignCharacteristics
 ) -> Iterator[tuple[DwellSeries, DwellSeries]]:
     """Series of stops with one restart speed and way of holding in each campaign."""
-    for a in first.dwell:
-        for b in second.dwell:
-            same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s
-            fits = a.levels == b.levels or (len(_levels(first)) == 1 and len(_levels(second)) == 1)
-            if same and fits and a.curve is not None and b.curve is not None and _common(a, b):
-                yield a, b
-
-
-def _levels(found: CampaignCharacteristics) -> set[str]:
-    return {series.levels for series in found.dwell}
+    single = all(len({series.levels for series in found.dwell}) == 1 for found in (first, second))
+    for a, b in product(first.dwell, second.dwell):
+        same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s
+        if same and (single or a.levels == b.levels) and a.curve is not None and b.curve is not None and _common(a, b):
+            yield a, b
 
 
 def _common(a: DwellSeries, b: DwellSeries) -> list[tuple[int, int]]:
     """Conditions of both series with the same pressures."""
-    out = []
-    for i, p in enumerate(a.conditions):
-        for j, q in enumerate(b.conditions):
-            near = abs(p.pressure_a_pa - q.pressure_a_pa) < SAME_PRESSURE_PA
-            if near and abs(p.pressure_b_pa - q.pressure_b_pa) < SAME_PRESSURE_PA:
-                out.append((i, j))
-    return out
+    pressures = (np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in s.conditions]) for s in (a, b))
+    one, two = (p.reshape(-1, 1, 2) for p in pressures)
+    near = (np.abs(one - two.swapaxes(0, 1)) < SAME_PRESSURE_PA).all(axis=2)
+    return [(int(i), int(j)) for i, j in np.argwhere(near)]
 
 
 def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
-    common = _common(a, b)
     low = max(min(s.dwell_s for s in series.stops) for series in (a, b))
     high = min(max(s.dwell_s for s in series.stops) for series in (a, b))
     if not high > low:
         return
     at = a.reference_s if low < a.reference_s < high else float(np.sqrt(low * high))
     slopes, levels = [], []
-    for series, of in ((a, [i for i, _ in common]), (b, [j for _, j in common])):
+    for series, of in zip((a, b), zip(*_common(a, b), strict=True), strict=True):
         assert series.curve is not None
         row = np.zeros((1, len(series.conditions)))
-        row[0, of] = 1.0 / len(of)
+        row[0, list(of)] = 1.0 / len(of)
         slopes.append(series.curve.gains(float(np.log10(low)), float(np.log10(high))).combine(row).estimates()[0])
         levels.append(series.curve.values(np.log10([at])).combine(row).estimates()[0])
-    where = f"{a.name}, at {at:.3g} s"
-    level = levels[1] - levels[0]
-    limits = [REPEATABILITY_FACTOR * s.scatter_n for s in (a, b)]
-    beyond = abs(level.value) > max(limits)
+    level, slope = levels[1] - levels[0], slopes[1] - slopes[0]
+    beyond = abs(level.value) > REPEATABILITY_FACTOR * max(a.scatter_n, b.scatter_n)
+    where, span = f"{a.name}, at {at:.3g} s", f"{a.name}, mean from {low:.3g} to {high:.3g} s"
     yield Test("breakaway after a stop", level, level.p, beyond_repeatability=beyond, note=where)
-    slope = slopes[1] - slopes[0]
-    span = f"{a.name}, mean from {low:.3g} to {high:.3g} s"
     yield Test("slope of breakaway per decade of stop", slope, slope.p, note=span)
 
 
-def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Test | None:
-    rates = [found.drift.per_hour if found.drift is not None else None for found in (first, second)]
-    if rates[0] is None or rates[1] is None:
-        return None
-    difference = rates[1] - rates[0]
-    return Test("drift over time", difference, difference.p, note="of friction, linear in time")
+def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
+    before, after = (found.drift.per_hour if found.drift is not None else None for found in (first, second))
+    if before is not None and after is not None:
+        difference = after - before
+        yield Test("drift over time", difference, difference.p, note="of friction, linear in time")
 
 
-def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Test | None:
-    """Compare the scatter of repeated cycles by an F test; None where a campaign repeats nothing.
+def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
+    """Compare the scatter of repeated cycles by an F test, where both campaigns repeat some.
 
     What cycles leave of a smooth curve is no scatter alone: no test is made of that.
     """
@@ -269,7 +246,7 @@ def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacte
     both = [found.repeatability for found in (first, second)]
     a, b = (r.within if r is not None and r.basis != "smooth curve" else None for r in both)
     if a is None or b is None or not (a.value > 0 and b.value > 0):
-        return None
+        return
     free = b.degrees_of_freedom, a.degrees_of_freedom
     ratio = (b.value / a.value) ** 2
     p = min(1.0, 2.0 * min(float(fdtr(*free, ratio)), float(fdtrc(*free, ratio))))
@@ -277,47 +254,37 @@ def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacte
     value = float(np.sqrt(ratio))
     error = value * float(np.sqrt(0.5 / free[0] + 0.5 / free[1]))
     estimate = Estimate(value, low, high, error, "", min(free), p)
-    return Test("repeatability of a cycle", estimate, p, note="ratio of the standard deviations, second over first")
+    yield Test("repeatability of a cycle", estimate, p, note="ratio of the standard deviations, second over first")
 
 
-def _adjusted(tests: list[Test]) -> list[Test]:
+def _adjusted(tests: list[Test]) -> tuple[Test, ...]:
     known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
     adjusted = holm(np.array([tests[i].p for i in known]))
-    out = list(tests)
     for i, p in zip(known, adjusted, strict=True):
-        out[i] = replace(tests[i], adjusted_p=float(p), different=bool(p < CHANCE))
-    return out
+        tests[i] = replace(tests[i], adjusted_p=float(p), different=bool(p < CHANCE))
+    return tuple(tests)
 
 
-# --- what it comes to ------------------------------------------------------------------------------------------------
-
-
-def _statements(
-    first: CampaignCharacteristics,
-    second: CampaignCharacteristics,
-    checks: tuple[Check, ...],
-    tests: list[Test],
-    curves: CurveComparison | str,
-    pairs: tuple[tuple[DwellSeries, DwellSeries], ...],
-) -> Iterator[Statement]:
-    for check in checks:
+def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
+    """Say what makes the tests doubtful; `not_comparable` says why there are no curves."""
+    for check in found.checks:
         if not check.comparable:
             yield say("data.rigs_differ", what=capitalised(check.what), check=check)
-    if isinstance(curves, str):
-        yield say("curve.not_comparable", why=curves)
+    if found.curves is None:
+        yield say("curve.not_comparable", why=not_comparable)
     else:
-        size, left = curves.points.speed_m_s.size, curves.points.left_out
+        size, left = found.curves.points.speed_m_s.size, found.curves.points.left_out
         if left:
             yield say("curve.thinned", all=size + left, compared=size)
-        if not curves.several_blocks:
+        if not found.curves.several_blocks:
             yield say("repeatability.not_in_tests")
-    if (first.dwell or second.dwell) and not pairs:
+    if (found.first.dwell or found.second.dwell) and not found.dwell:
         yield say("stops.not_comparable")
-    for test in tests:
+    for test in found.tests:
         if test.different and test.beyond_repeatability is False:
             yield say("repeatability.small_difference", what=capitalised(test.what))
-    mean = next((t.difference for t in tests if t.what == "friction over speed" and t.different), None)
-    for found in (first, second):
-        moved = float(np.ptp(found.drift.drift_n)) if found.drift is not None else 0.0
+    mean = next((t.difference for t in found.tests if t.what == "friction over speed" and t.different), None)
+    for one in (found.first, found.second):
+        moved = float(np.ptp(one.drift.drift_n)) if one.drift is not None else 0.0
         if mean is not None and moved > abs(mean.value):
-            yield say("drift.more_than_difference", name=found.name, moved=moved)
+            yield say("drift.more_than_difference", name=one.name, moved=moved)

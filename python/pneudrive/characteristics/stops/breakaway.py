@@ -49,7 +49,7 @@ QUICK = 5  # samples of the mean that the place of a peak is sought in
 
 
 @dataclass(frozen=True)
-class Breakaway:
+class BreakawayPeak:
     """A peak.
 
     Attributes
@@ -61,11 +61,7 @@ class Breakaway:
         Nearest sample.
     rate_hz : float
         Of the samples around it.
-    rise_samples : int
-        From 10 % to 90 % of the rise.
     loading_rate_n_s : float
-    width_s : float
-        Of the parabola.
     flags : tuple of str
         undersampled, no_peak.
     """
@@ -76,9 +72,7 @@ class Breakaway:
     travel_m: float
     index: int
     rate_hz: float
-    rise_samples: int
     loading_rate_n_s: float
-    width_s: float
     flags: tuple[str, ...]
 
 
@@ -89,7 +83,7 @@ def find_breakaway(
     running_n: float,
     stiffness_n_m: float | None = None,
     bandwidth_hz: float | None = None,
-) -> Breakaway:
+) -> BreakawayPeak:
     """Find the first peak after a restart.
 
     Parameters
@@ -126,16 +120,14 @@ def find_breakaway(
         flags.append("undersampled")
     if not peaked and index >= end - 2:
         flags.append("no_peak")
-    return Breakaway(
+    return BreakawayPeak(
         friction_n=value,
         stderr_n=stderr,
         time_s=at - float(time_s[0]),
         travel_m=float(travel_m[index]),
         index=index,
         rate_hz=float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else float("nan"),
-        rise_samples=high - low,
         loading_rate_n_s=float(friction_n[high] - friction_n[low]) / span if span > 0 else float("nan"),
-        width_s=width,
         flags=tuple(flags),
     )
 

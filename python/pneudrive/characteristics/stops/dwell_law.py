@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, SAME_DURATIO
 from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, DwellLawFit, fit_forms
 from pneudrive.characteristics.stops.stop import SPOILING
 from pneudrive.estimate.estimates import mean_estimate
-from pneudrive.estimate.groups import levels
+from pneudrive.estimate.groups import cells, levels
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -113,23 +113,23 @@ class DwellSeries(Shown):
     stops: tuple[Stop, ...]
     left_out: int
     reference_s: float
-    slopes: tuple[Estimate, ...]
-    mean_slopes: tuple[Estimate, ...]
-    slope: Estimate | None
-    mean_slope: Estimate | None
-    increment: Estimate | None
-    share: Estimate | None
     running_n: float
-    duration_s: Array
-    increment_n: Array
-    low_n: Array
-    high_n: Array
-    laws: tuple[DwellLawFit, ...]
-    pressure: DwellPressure | None
-    scatter_n: float
-    block_n: float
-    outlying: tuple[str, ...]
-    curve: DwellCurve | None
+    slopes: tuple[Estimate, ...] = ()
+    mean_slopes: tuple[Estimate, ...] = ()
+    slope: Estimate | None = None
+    mean_slope: Estimate | None = None
+    increment: Estimate | None = None
+    share: Estimate | None = None
+    duration_s: Array = field(default_factory=lambda: np.zeros(0))
+    increment_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    low_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    high_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    laws: tuple[DwellLawFit, ...] = ()
+    pressure: DwellPressure | None = None
+    scatter_n: float = float("nan")
+    block_n: float = float("nan")
+    outlying: tuple[str, ...] = ()
+    curve: DwellCurve | None = None
 
     @property
     def name(self) -> str:
@@ -160,71 +160,58 @@ def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[
     """
     groups: dict[tuple, list[Stop]] = {}
     for stop in stops:
-        c = stop.condition
-        groups.setdefault((c.mounting, c.seal, c.drive, round(stop.speed_m_s, 6), stop.released), []).append(stop)
+        groups.setdefault((*stop.condition.levels, round(stop.speed_m_s, 6), stop.released), []).append(stop)
     series, statements = [], []
     for key in sorted(groups):
-        one = _series(groups[key], ", ".join(k for k in key[:3] if k), ambient_pressure_pa)
+        one = _series(groups[key], ambient_pressure_pa)
         series.append(one)
         statements += _statements(one, groups[key])
     return tuple(series), statements
 
 
-def _series(stops: list[Stop], levels: str, ambient: float) -> DwellSeries:
+def _series(stops: list[Stop], ambient: float) -> DwellSeries:
     used = [s for s in stops if s.usable]
     conditions = sorted({s.condition for s in used})
     enough = [c for c in conditions if _durations([s for s in used if s.condition == c]) >= 2]
     used = [s for s in used if s.condition in enough]
-    reference = _reference([s.dwell_s for s in used])
-    common = {
-        "levels": levels,
-        "speed_m_s": stops[0].speed_m_s,
-        "released": stops[0].released,
-        "conditions": tuple(enough),
-        "stops": tuple(used),
-        "left_out": len(stops) - len(used),
-        "reference_s": reference,
-        "running_n": _running(used or stops),
-    }
-    data = _data(used, enough) if used else None
-    curve = fit_curve(data) if data is not None else None
-    return DwellSeries(**common, **_results(curve, reference, common["running_n"], _inertia(used), ambient))
+    series = DwellSeries(
+        levels=stops[0].condition.title,
+        speed_m_s=stops[0].speed_m_s,
+        released=stops[0].released,
+        conditions=tuple(enough),
+        stops=tuple(used),
+        left_out=len(stops) - len(used),
+        reference_s=_reference([s.dwell_s for s in used]),
+        running_n=_running(used or stops),
+    )
+    curve = fit_curve(_data(used, enough)) if used else None
+    return replace(series, **_results(series, curve, ambient)) if curve is not None else series
 
 
-def _results(curve: DwellCurve | None, reference: float, running_n: float, inertia_n: float, ambient: float) -> dict:
-    if curve is None:
-        nothing = np.zeros((0, 0))
-        return {
-            "slopes": (), "mean_slopes": (), "slope": None, "mean_slope": None, "increment": None, "share": None,
-            "duration_s": np.zeros(0), "increment_n": nothing, "low_n": nothing, "high_n": nothing, "laws": (),
-            "pressure": None, "scatter_n": float("nan"), "block_n": float("nan"), "outlying": (), "curve": None,
-        }  # fmt: skip
-    data, at = curve.data, np.log10([reference])
-    low, high = float(data.log_s.min()), float(data.log_s.max())
-    mean = np.full((1, len(data.conditions)), 1.0 / len(data.conditions))
-    slopes, gains, level = curve.slopes(at), curve.gains(low, high), curve.values(at)
+def _results(series: DwellSeries, curve: DwellCurve, ambient: float) -> dict[str, Any]:
+    at = np.log10([series.reference_s])
+    low, high = float(curve.data.log_s.min()), float(curve.data.log_s.max())
+    slopes, gains = curve.slopes(at), curve.gains(low, high)
     # Inertia adds to every peak, but less where the contact gives way more: at most all of it over the durations.
-    u = inertia_n / max(high - low, 0.3) / np.sqrt(12.0)
+    u = _inertia(series.stops) / max(high - low, 0.3) / np.sqrt(12.0)
     grid = np.linspace(low, high, GRID_POINTS)
     shown = curve.values(grid).estimates()
-    shape = (len(data.conditions), GRID_POINTS)
-    slope = slopes.combine(mean).estimates()[0].widened(u)
+    ends = {"increment_n": "value", "low_n": "low", "high_n": "high"}
+    slope = slopes.mean().estimates()[0].widened(u)
     return {
         "slopes": tuple(e.widened(u) for e in slopes.estimates()),
         "mean_slopes": tuple(e.widened(u) for e in gains.estimates()),
         "slope": slope,
-        "mean_slope": gains.combine(mean).estimates()[0].widened(u),
-        "increment": level.combine(mean).estimates()[0],
-        "share": slope.scaled(1.0 / running_n, "") if running_n > 0 else None,
+        "mean_slope": gains.mean().estimates()[0].widened(u),
+        "increment": curve.values(at).mean().estimates()[0],
+        "share": slope.scaled(1.0 / series.running_n, "") if series.running_n > 0 else None,
         "duration_s": 10.0**grid,
-        "increment_n": np.array([e.value for e in shown]).reshape(shape),
-        "low_n": np.array([e.low for e in shown]).reshape(shape),
-        "high_n": np.array([e.high for e in shown]).reshape(shape),
-        "laws": fit_forms(curve, reference),
+        **{name: np.array([getattr(e, end) for e in shown]).reshape(-1, GRID_POINTS) for name, end in ends.items()},
+        "laws": fit_forms(curve, series.reference_s),
         "pressure": _pressure(curve, at, ambient),
         "scatter_n": curve.fit.most_probable_sd("scatter"),
         "block_n": curve.fit.most_probable_sd("block"),
-        "outlying": tuple(k for k, w in zip(data.key, curve.weight, strict=True) if w < 0.7),
+        "outlying": tuple(k for k, w in zip(curve.data.key, curve.weight, strict=True) if w < 0.7),
         "curve": curve,
     }
 
@@ -253,16 +240,14 @@ def _running(stops: Sequence[Stop]) -> float:
 
 
 def _data(stops: list[Stop], conditions: list[Condition]) -> DwellData:
-    places: dict[tuple, int] = {}
-    for s in stops:
-        places.setdefault((s.direction, round(s.position_m / SAME_PLACE_M)), len(places))
+    place = np.array([(s.direction, round(s.position_m / SAME_PLACE_M)) for s in stops], dtype=np.int64)
     return DwellData(
         key=tuple(s.key for s in stops),
         duration_s=np.array([s.dwell_s for s in stops]),
         increment_n=np.array([s.increment_n for s in stops]),
         stderr_n=np.array([s.increment_stderr_n for s in stops]),
         condition=np.array([conditions.index(s.condition) for s in stops], dtype=np.int64),
-        place=np.array([places[s.direction, round(s.position_m / SAME_PLACE_M)] for s in stops], dtype=np.int64),
+        place=cells(*place.T),
         began_s=np.array([s.began_s for s in stops]),
         block=np.array([s.block for s in stops], dtype=np.int64),
         conditions=tuple(conditions),

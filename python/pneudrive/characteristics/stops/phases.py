@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +12,10 @@ from pneudrive.characterise.motion import middle, noise_level
 from pneudrive.rig.interface import Hold, Move
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.rig.interface import Step
+    from pneudrive.characterise.recording import Recording
 
     Array = NDArray[np.float64]
 
@@ -94,17 +93,15 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np
 
 def stop_step(cycle: Cycle) -> int | None:
     """Find the hold that is the stop of a cycle, before a move and as long as planned; None where there is none."""
-    found = [
-        i
-        for i, step in enumerate(cycle.steps)
-        if isinstance(step, Hold) and step.duration_s > 0 and _moves(cycle.steps, i + 1)
-    ]
-    if not found:
-        return None
-    if cycle.stop_s is None:
-        return max(found, key=lambda i: cycle.steps[i].duration_s)  # pyright: ignore[reportAttributeAccessIssue]
+    held = {
+        i: step.duration_s
+        for i, (step, following) in enumerate(pairwise(cycle.steps))
+        if isinstance(step, Hold) and step.duration_s > 0 and isinstance(following, Move)
+    }
+    if not held or cycle.stop_s is None:
+        return max(held, key=lambda i: held[i], default=None)
     wanted = max(cycle.stop_s, 1e-9)
-    return min(found, key=lambda i: (abs(np.log(cycle.steps[i].duration_s / wanted)), -i))  # pyright: ignore[reportAttributeAccessIssue]
+    return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i))
 
 
 def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np.int64]) -> int | None:
@@ -123,10 +120,6 @@ def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[
     return number if misfit < np.log(OTHER_DURATION) else None
 
 
-def _moves(steps: Sequence[Step], index: int) -> bool:
-    return index < len(steps) and isinstance(steps[index], Move)
-
-
 def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
     """Signed speed over a time in which a move of this speed goes well beyond the noise of position, shape (n,)."""
     noise = max(noise_level(position_m), 1e-12)
@@ -136,16 +129,24 @@ def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
     return ends / np.maximum(high - low, 1e-12)
 
 
-def steady_part(time_s: Array, position_m: Array) -> slice:
+def steady_part(recording: Recording, part: slice) -> slice:
     """Part of one move at constant speed, from the first to the last sample near its usual speed."""
+    time_s, position_m = recording.time_s[part], recording.position_m[part]
     n = time_s.size
     share = np.abs(position_m - position_m[0]) / max(abs(float(position_m[-1] - position_m[0])), 1e-12)
     inner = np.flatnonzero((share > 0.2) & (share < 0.8))
     if inner.size < FEWEST or time_s[inner[-1]] <= time_s[inner[0]]:
-        return slice(0, n)
+        return slice(part.start, part.start + n)
     usual = float(position_m[inner[-1]] - position_m[inner[0]]) / float(time_s[inner[-1]] - time_s[inner[0]])
     steady = np.flatnonzero(np.abs(speed_of(time_s, position_m, abs(usual)) - usual) < STEADY * abs(usual))
-    return slice(int(steady[0]), int(steady[-1]) + 1) if steady.size >= FEWEST else slice(0, n)
+    first, last = (steady[0], steady[-1]) if steady.size >= FEWEST else (0, n - 1)
+    return slice(part.start + int(first), part.start + int(last) + 1)
+
+
+def mean_velocity(recording: Recording, part: slice) -> float:
+    """Way over time of a part of a recording, signed."""
+    time, position = recording.time_s[part], recording.position_m[part]
+    return float(position[-1] - position[0]) / max(float(time[-1] - time[0]), 1e-12)
 
 
 def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:

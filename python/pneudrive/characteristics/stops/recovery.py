@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import Estimate, student
+from pneudrive.estimate.groups import means
 from pneudrive.estimate.separable import Scan, refined, scan
 
 if TYPE_CHECKING:
@@ -104,11 +105,8 @@ def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, 
     kept = count >= LEAST_IN_BIN
     if kept.sum() < FEWEST_BINS:
         return None
-
-    def mean(values: Array) -> Array:
-        return np.bincount(group, values)[kept] / count[kept]
-
-    return Excess(mean(travel), mean(time), mean(excess), np.hypot(noise_n / np.sqrt(count[kept]), texture_n))
+    stderr = np.hypot(noise_n / np.sqrt(count), texture_n)
+    return Excess(*(column[kept] for column in (*means(group, travel, time, excess), stderr)))
 
 
 def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery | None:

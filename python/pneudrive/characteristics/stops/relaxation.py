@@ -10,14 +10,15 @@ All four are fitted to means over bins that are even in log time and compared by
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.characterise.motion import noise_level
 from pneudrive.estimate.estimates import NORMAL_95, Estimate
-from pneudrive.estimate.separable import Scan, corrected_criterion, scan
+from pneudrive.estimate.groups import cells, means
+from pneudrive.estimate.separable import corrected_criterion, scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +37,7 @@ CHI_SQUARE_95 = 3.84  # of one quantity
 
 
 @dataclass(frozen=True)
-class Relaxation:
+class ForceRelaxation:
     """What the force did while the piston was held, friction positive in the direction of the restart.
 
     Attributes
@@ -76,14 +77,7 @@ class Relaxation:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Bins:
-    time_s: Array
-    force_n: Array
-    variance: Array
-
-
-def relax(time_s: Array, friction_n: Array) -> Relaxation | None:
+def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
     """Describe a hold.
 
     Parameters
@@ -95,7 +89,7 @@ def relax(time_s: Array, friction_n: Array) -> Relaxation | None:
 
     Returns
     -------
-    Relaxation or None
+    ForceRelaxation or None
         None where fewer than six samples were taken.
     """
     if time_s.size < 2 * LEAST_SAMPLES:
@@ -109,26 +103,18 @@ def relax(time_s: Array, friction_n: Array) -> Relaxation | None:
     stderr = noise * float(np.sqrt(1.0 / start.size + 1.0 / end.size))
     value = float(start.mean() - end.mean())
     amount = Estimate(value, value - NORMAL_95 * stderr, value + NORMAL_95 * stderr, stderr, "N")
-    bins = _binned(time_s, friction_n, noise)
-    if bins.time_s.size < FEWEST_BINS:
-        return Relaxation(amount, float(end.mean()), "none", (), (), (), None, {})
-    return _forms(bins, amount, float(end.mean()))
-
-
-def _binned(time: Array, friction: Array, noise: float) -> _Bins:
-    known = time > 0
-    time, friction = time[known], friction[known]
+    nothing = ForceRelaxation(amount, float(end.mean()), "none", (), (), (), None, {})
+    known = time_s > 0
+    if known.sum() < FEWEST_BINS:
+        return nothing
+    time, friction = time_s[known], friction_n[known]
+    low, high = max(float(time[0]), float(time[-1]) * 1e-6), float(time[-1]) * (1 + 1e-9)
+    edges = np.geomspace(low, high, max(int(PER_DECADE * np.log10(float(time[-1]) / low)), FEWEST_BINS) + 1)
+    group = cells(np.clip(np.searchsorted(edges, time, side="right") - 1, 0, edges.size - 2))
+    time, friction = means(group, time, friction)
     if time.size < FEWEST_BINS:
-        return _Bins(time, friction, np.full(time.size, noise**2))
-    low = max(float(time[0]), float(time[-1]) * 1e-6)
-    count = max(int(PER_DECADE * np.log10(float(time[-1]) / low)), FEWEST_BINS)
-    edges = np.geomspace(low, float(time[-1]) * (1 + 1e-9), count + 1)
-    at = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, count - 1)
-    number = np.bincount(at, minlength=count)
-    kept = number > 0
-    mean_t = np.bincount(at, time, count)[kept] / number[kept]
-    mean_f = np.bincount(at, friction, count)[kept] / number[kept]
-    return _Bins(mean_t, mean_f, noise**2 / number[kept])
+        return nothing
+    return replace(nothing, **_forms(time, friction, noise**2 / np.bincount(group)))
 
 
 def _basis(form: str, time: Array, times: tuple[float, ...]) -> Array:
@@ -137,52 +123,40 @@ def _basis(form: str, time: Array, times: tuple[float, ...]) -> Array:
     return np.column_stack([-np.expm1(-time / tau) for tau in times]) if times else np.zeros((time.size, 0))
 
 
-def _forms(bins: _Bins, amount: Estimate, held_n: float) -> Relaxation:
+def _forms(time: Array, force: Array, variance: Array) -> dict[str, Any]:
     # Slow noise that bins share is no part of the samples' noise: the least variance that a cubic in log time leaves.
-    weight = 1.0 / (bins.variance + _slow_variance(bins))
-    grid = np.geomspace(bins.time_s[0] / REACH, bins.time_s[-1] * REACH, TIMES)
-    pairs = [(float(a), float(b)) for i, a in enumerate(grid[::3]) for b in grid[::3][i + 2 :]]
-    single = [(float(t),) for t in grid]
+    root = np.sqrt(1.0 / (variance + _slow_variance(time, force, variance)))
+    grid = np.geomspace(time[0] / REACH, time[-1] * REACH, TIMES)
+    pairs = [(a, b) for i, a in enumerate(grid[::3]) for b in grid[::3][i + 2 :]]
+    single = [(t,) for t in grid]
     candidates = {"none": [()], "exponential": single, "log": single, "two times": pairs}
-    n = bins.time_s.size
-    fits = {form: _scan(bins, weight, form, shapes) for form, shapes in candidates.items()}
-    aicc = {
-        form: corrected_criterion(float(found.cost[found.best]), 1 + 2 * found.shape.shape[1], n)
-        for form, found in fits.items()
-    }
+    fits, aicc = {}, {}
+    for form, shapes in candidates.items():
+        shape = np.array(shapes).reshape(len(shapes), -1)
+        columns = np.array([np.c_[np.ones(time.size), -_basis(form, time, one)] for one in shapes])
+        fits[form] = scan(shape, columns * root[None, :, None], force * root)
+        aicc[form] = corrected_criterion(float(fits[form].cost.min()), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
-    best, log, freedom = fits[form], fits["log"], max(n - 3, 1)
+    best, log, freedom = fits[form], fits["log"], max(time.size - 3, 1)
     per_decade = None
     if np.isfinite(aicc["log"]):
         low, high = log.interval(np.array([0.0, 1.0]), log.rise(freedom, 1.0))
         stderr = float(np.sqrt(log.scale(freedom, 1.0) * log.covariance[log.best, 1, 1]))
         per_decade = Estimate(float(log.coefficient[log.best, 1]), low, high, stderr, "N", float(freedom))
-    single = form in {"log", "exponential"}
-    return Relaxation(
-        amount=amount,
-        held_n=held_n,
-        form=form,
-        times_s=tuple(best.shape[best.best].tolist()),
-        time_intervals_s=(best.shape_interval(0, CHI_SQUARE_95, (grid[0], grid[-1])),) if single else (),
-        amplitudes_n=tuple(best.coefficient[best.best, 1:].tolist()),
-        per_decade=per_decade,
-        aicc={name: value - aicc[form] for name, value in aicc.items() if np.isfinite(value)},
-    )
+    ends = (best.shape_interval(0, CHI_SQUARE_95, (grid[0], grid[-1])),) if form in {"log", "exponential"} else ()
+    return {
+        "form": form,
+        "times_s": tuple(best.shape[best.best].tolist()),
+        "time_intervals_s": ends,
+        "amplitudes_n": tuple(best.coefficient[best.best, 1:].tolist()),
+        "per_decade": per_decade,
+        "aicc": {name: value - aicc[form] for name, value in aicc.items() if np.isfinite(value)},
+    }
 
 
-def _slow_variance(bins: _Bins) -> float:
-    u = np.log10(bins.time_s)
+def _slow_variance(time: Array, force: Array, variance: Array) -> float:
+    u = np.log10(time)
     design = np.vander((u - u.mean()) / max(float(np.ptp(u)), 1e-9), min(6, max(u.size - 3, 1)))
-    w = 1.0 / np.sqrt(bins.variance)
-    rest = (bins.force_n - design @ np.linalg.lstsq(design * w[:, None], bins.force_n * w, rcond=None)[0]) ** 2
-    freedom = max(u.size - design.shape[1], 1)
-    return max(float(rest.sum()) / freedom - float(bins.variance.mean()), 0.0)
-
-
-def _scan(bins: _Bins, weight: Array, form: str, shapes: list[tuple[float, ...]]) -> Scan:
-    """Weighted linear fit at each shape."""
-    root = np.sqrt(weight)
-    basis = np.array([_basis(form, bins.time_s, shape) for shape in shapes])
-    ones = np.ones((len(shapes), bins.time_s.size, 1))
-    shape = np.array(shapes).reshape(len(shapes), -1)
-    return scan(shape, np.concatenate([ones, -basis], axis=2) * root[None, :, None], bins.force_n * root)
+    w = 1.0 / np.sqrt(variance)
+    rest = (force - design @ np.linalg.lstsq(design * w[:, None], force * w, rcond=None)[0]) ** 2
+    return max(float(rest.sum()) / max(u.size - design.shape[1], 1) - float(variance.mean()), 0.0)

@@ -1,34 +1,121 @@
-"""Friction of uninterrupted sliding where a stop was: its level, and how it goes on along the way."""
+"""Uninterrupted sliding, with which a stop is compared: strokes without one, its level at a stop, and along the way."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.campaign.folder import read_samples
 from pneudrive.characterise.spread import profile_stderr
-from pneudrive.characteristics.stops.phases import FEWEST, steady_part
-from pneudrive.characteristics.stops.uninterrupted import SAME_SPEED
+from pneudrive.characteristics.cycle import condition_of
+from pneudrive.characteristics.raw import recording_of, steps_of
+from pneudrive.characteristics.stops.phases import FEWEST, mean_velocity, steady_part
+from pneudrive.errors import CampaignError, PneudriveError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
+    from pneudrive.campaign.folder import CycleFile
     from pneudrive.characterise.recording import Recording
     from pneudrive.characteristics.basics import Condition
     from pneudrive.characteristics.stops.phases import Phases
-    from pneudrive.characteristics.stops.uninterrupted import Stroke
+    from pneudrive.rig.interface import Identity, Samples
 
     Array = NDArray[np.float64]
 
-LAST_SHARE = (
-    0.5  # of the approach at constant speed whose friction counts: its beginning may still recover from a start
-)
+SAME_SPEED = 0.05  # speeds that differ by less than this share are the same
+POINTS = 400  # over a stroke: means of neighbouring samples
+#: Of the approach at constant speed whose friction counts: its beginning may still recover from a start.
+LAST_SHARE = 0.5
 BINS = 24
 MOST_REFERENCES = 8
 COVERED = 0.8  # of the way before the stop that a stroke must cover to be a reference
+NOISE_OF_STEPS = 0.954  # median size of the step between two values of noise 1
+
+
+@dataclass(frozen=True, eq=False)
+class UninterruptedStroke:
+    """One stroke at constant speed without a stop: friction over rising position, as means of neighbours, shape (m,).
+
+    ``noise_n`` is that of one mean.
+    """
+
+    condition: Condition
+    direction: int
+    speed_m_s: float
+    position_m: Array
+    friction_n: Array
+    noise_n: float
+
+
+def strokes_of(
+    file: CycleFile, recording: Recording, step: NDArray[np.int64], *, leave: int | None = None
+) -> list[UninterruptedStroke]:
+    """Strokes of a cycle at the speed that it is for.
+
+    Parameters
+    ----------
+    file : CycleFile
+    recording : Recording
+        Its samples.
+    step : ndarray of int, shape (n,)
+    leave : int or None
+        Step that is a stop: the moves before and after it are none.
+    """
+    planned, out = file.head.cycle.speed_m_s, []
+    balance = recording.balance_n()
+    edges = np.flatnonzero(np.diff(np.r_[step[:1] - 1, step]) != 0) if step.size else []
+    for begin, end in pairwise([*edges, step.size]):
+        if (leave is not None and abs(int(step[begin]) - leave) <= 1) or end - begin < 4 * FEWEST:
+            continue
+        part = steady_part(recording, slice(int(begin), int(end)))
+        if part.stop - part.start < 4 * FEWEST or recording.time_s[part.stop - 1] <= recording.time_s[part.start]:
+            continue
+        velocity = mean_velocity(recording, part)
+        if velocity == 0.0 or (planned is not None and abs(abs(velocity) - planned) > SAME_SPEED * planned):
+            continue
+        direction = 1 if velocity > 0 else -1
+        position, _ = _means(recording.position_m[part], POINTS)
+        friction, _ = _means(direction * balance[part], POINTS)
+        noise = _noise(friction) if position.size > 3 else 0.0
+        rising = np.argsort(position)
+        arrays = position[rising], friction[rising]
+        out.append(UninterruptedStroke(condition_of(file.head), direction, abs(velocity), *arrays, noise))
+    return out
+
+
+def read_strokes(files: Iterable[CycleFile], identity: Identity) -> list[UninterruptedStroke]:
+    """Uninterrupted strokes of whole cycles; cycles that cannot be read have none."""
+    found = list(files)
+    every = zip(found, read_samples(found), strict=True)
+    return [stroke for file, samples in every for stroke in _read(file, samples, identity)]
+
+
+def _read(file: CycleFile, samples: Samples | CampaignError, identity: Identity) -> list[UninterruptedStroke]:
+    try:
+        if isinstance(samples, CampaignError):
+            raise samples
+        recording, _ = recording_of(file, identity, samples)
+        return strokes_of(file, recording, steps_of(recording, samples))
+    except (PneudriveError, ValueError, IndexError, ArithmeticError):
+        return []  # named where the cycle itself is characterised
+
+
+def _means(values: Array, most: int) -> tuple[Array, float]:
+    """Means over equal parts, at most so many, and the mean number of samples in one."""
+    edges = np.linspace(0, values.size, min(most, values.size) + 1).astype(int)
+    sizes = np.diff(edges)
+    return np.add.reduceat(values, edges[:-1]) / sizes, float(sizes.mean())
+
+
+def _noise(values: Array) -> float:
+    """Estimate the noise of single values from neighbours."""
+    return float(np.median(np.abs(np.diff(values)))) / NOISE_OF_STEPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +156,8 @@ def running_level(
     recording: Recording,
     friction_n: Array,
     phases: Phases,
-    own: Sequence[Stroke],
-    others: Sequence[Stroke],
+    own: Sequence[UninterruptedStroke],
+    others: Sequence[UninterruptedStroke],
     condition: Condition,
 ) -> Running:
     """Find the level from the approach, from uninterrupted strokes, or both.
@@ -81,113 +168,78 @@ def running_level(
     friction_n : ndarray, shape (n,)
         direction * balance.
     phases : Phases
-    own, others : sequence of Stroke
+    own, others : sequence of UninterruptedStroke
         Of this cycle, and of others.
     condition : Condition
     """
-    part = phases.restart
-    steady = steady_part(recording.time_s[part], recording.position_m[part])
-    at = float(recording.position_m[part.start])
-    speed = _speed(recording, slice(part.start + steady.start, part.start + steady.stop))
+    steady = steady_part(recording, phases.restart)
+    at = float(recording.position_m[phases.restart.start])
+    speed = abs(mean_velocity(recording, steady))
     approach = _approach(recording, phases, speed)
-    end = float(recording.position_m[part.start + steady.stop - 1])
-    way = sorted((float(recording.position_m[approach.start]) if approach else at, end))
-    references = _references(own, phases, speed, way, condition) or _references(others, phases, speed, way, condition)
-    reference_m, reference_n, reference_noise = _averaged(references, phases.direction)
-    if approach is None:
-        if not references:
-            return Running(np.nan, np.nan, 0.0, "none", at, reference_m, reference_n)
-        levels = [float(np.interp(at, s.position_m, phases.direction * s.balance_n)) for s in _ascending(references)]
-        near = np.abs(reference_m - at) < 0.1 * (way[1] - way[0])
+    end = float(recording.position_m[steady.stop - 1])
+    low, high = sorted((float(recording.position_m[approach.start]) if approach else at, end))
+    alike = (phases.direction, speed, low, high, condition)
+    references = _references(own, *alike) or _references(others, *alike)
+    reference_m, reference_n, noise = _averaged(references)
+    nothing = Running(np.nan, np.nan, 0.0, "none", at, reference_m, reference_n)
+    if approach is not None:
+        basis = "approach and reference" if references else "approach"
+        before = friction_n[approach] - nothing.shape(recording.position_m[approach])
+        level, stderr, texture = _of_approach(before)
+    elif references:
+        basis, level = "reference", [float(np.interp(at, s.position_m, s.friction_n)) for s in references]
+        near = np.abs(reference_m - at) < 0.1 * (high - low)
         texture = float(np.std(reference_n[near])) if near.sum() > 3 else 0.0
-        spread = float(np.std(levels, ddof=1)) / np.sqrt(len(levels)) if len(levels) > 1 else texture
-        return Running(
-            float(np.mean(levels)),
-            float(np.hypot(spread, reference_noise)),
-            texture,
-            "reference",
-            at,
-            reference_m,
-            reference_n,
-        )
-    position, before = recording.position_m[approach], friction_n[approach]
-    basis = "approach"
-    if references:
-        basis = "approach and reference"
-        before = before - (np.interp(position, reference_m, reference_n) - np.interp(at, reference_m, reference_n))
-    bins, noise = _binned(position, before)
+        stderr = float(np.std(level, ddof=1)) / np.sqrt(len(level)) if len(level) > 1 else texture
+        level = float(np.mean(level))
+    else:
+        return nothing
+    return Running(level, float(np.hypot(stderr, noise)), texture, basis, at, reference_m, reference_n)
+
+
+def _of_approach(friction: Array) -> tuple[float, float, float]:
+    """Give mean, standard error and texture of friction before the stop."""
+    bins, each = _means(friction, int(min(BINS, max(friction.size // 4, 4))))
+    noise = _noise(friction) / np.sqrt(each)
     stderr = profile_stderr(bins)
     lean = abs(float(np.polyfit(np.linspace(0.0, 1.0, bins.size), bins, 1)[0])) / 2.0 if bins.size > 3 else 0.0
-    stderr = float(np.hypot(stderr if np.isfinite(stderr) else noise, lean / np.sqrt(3.0)))
     texture = float(np.sqrt(max(np.var(bins, ddof=2) - noise**2, 0.0))) if bins.size > 3 else 0.0
-    return Running(
-        float(bins.mean()), float(np.hypot(stderr, reference_noise)), texture, basis, at, reference_m, reference_n
-    )
-
-
-def _speed(recording: Recording, part: slice) -> float:
-    time, position = recording.time_s[part], recording.position_m[part]
-    return abs(float(position[-1] - position[0])) / max(float(time[-1] - time[0]), 1e-12)
+    return float(bins.mean()), float(np.hypot(stderr if np.isfinite(stderr) else noise, lean / np.sqrt(3.0))), texture
 
 
 def _approach(recording: Recording, phases: Phases, speed: float) -> slice | None:
     """Last part of an approach in the same direction and at the same speed; None where there is none."""
-    part = phases.approach
-    if phases.reversed or part.stop - part.start < 4 * FEWEST:
+    if phases.reversed or phases.approach.stop - phases.approach.start < 4 * FEWEST:
         return None
-    steady = steady_part(recording.time_s[part], recording.position_m[part])
-    begin, end = part.start + steady.start, part.start + steady.stop
-    if abs(_speed(recording, slice(begin, end)) - speed) > SAME_SPEED * speed:
+    steady = steady_part(recording, phases.approach)
+    if abs(abs(mean_velocity(recording, steady)) - speed) > SAME_SPEED * speed:
         return None
-    position = recording.position_m[begin:end]
+    position = recording.position_m[steady]
     share = np.abs(position - position[0]) / max(abs(float(position[-1] - position[0])), 1e-12)
-    first = begin + int(np.argmax(share >= 1.0 - LAST_SHARE))
-    return slice(first, end) if end - first >= 2 * FEWEST else None
+    first = steady.start + int(np.argmax(share >= 1.0 - LAST_SHARE))
+    return slice(first, steady.stop) if steady.stop - first >= 2 * FEWEST else None
 
 
 def _references(
-    strokes: Sequence[Stroke], phases: Phases, speed: float, way: list[float], condition: Condition
-) -> list[Stroke]:
+    strokes: Sequence[UninterruptedStroke], direction: int, speed: float, low: float, high: float, condition: Condition
+) -> list[UninterruptedStroke]:
     """Strokes in the same direction, speed and condition that cover the way."""
     out = []
     for s in strokes:
-        if s.direction != phases.direction or s.condition != condition or abs(s.speed_m_s - speed) > SAME_SPEED * speed:
-            continue
-        low, high = max(float(s.position_m.min()), way[0]), min(float(s.position_m.max()), way[1])
-        if high - low >= COVERED * (way[1] - way[0]):
+        alike = s.direction == direction and s.condition == condition
+        covered = min(float(s.position_m[-1]), high) - max(float(s.position_m[0]), low)
+        if alike and abs(s.speed_m_s - speed) <= SAME_SPEED * speed and covered >= COVERED * (high - low):
             out.append(s)
     return out[-MOST_REFERENCES:]
 
 
-def _ascending(strokes: Sequence[Stroke]) -> list[Stroke]:
-    """Turn strokes so that positions rise, as interpolation needs them."""
-    out = []
-    for s in strokes:
-        order = np.argsort(s.position_m)
-        out.append(replace(s, position_m=s.position_m[order], balance_n=s.balance_n[order]))
-    return out
-
-
-def _averaged(strokes: Sequence[Stroke], direction: int) -> tuple[Array, Array, float]:
+def _averaged(strokes: Sequence[UninterruptedStroke]) -> tuple[Array, Array, float]:
     """Friction along the way, mean of the strokes, smoothed over three points, and the noise of such a mean."""
     if not strokes:
         return np.zeros(0), np.zeros(0), 0.0
-    ascending = _ascending(strokes)
-    low = max(float(s.position_m[0]) for s in ascending)
-    high = min(float(s.position_m[-1]) for s in ascending)
-    grid = np.linspace(low, high, 200)
-    mean = np.mean([np.interp(grid, s.position_m, direction * s.balance_n) for s in ascending], axis=0)
+    ends = max(float(s.position_m[0]) for s in strokes), min(float(s.position_m[-1]) for s in strokes)
+    grid = np.linspace(*ends, 200)
+    mean = np.mean([np.interp(grid, s.position_m, s.friction_n) for s in strokes], axis=0)
     padded = np.r_[mean[0], mean, mean[-1]]
     smooth = (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
-    noise = float(np.mean([s.noise_n[0] for s in strokes])) / np.sqrt(3.0 * len(strokes))
-    return grid, smooth, noise
-
-
-def _binned(position: Array, friction: Array) -> tuple[Array, float]:
-    """Means over equal parts of the way, and the noise of one of them from neighbouring samples."""
-    count = int(min(BINS, max(position.size // 4, 4)))
-    edges = np.linspace(0, position.size, count + 1).astype(int)
-    sizes = np.diff(edges)
-    means = np.add.reduceat(friction, edges[:-1]) / sizes
-    noise = float(np.median(np.abs(np.diff(friction)))) / 0.954 / np.sqrt(float(sizes.mean()))
-    return means, noise
+    return grid, smooth, float(np.mean([s.noise_n for s in strokes])) / np.sqrt(3.0 * len(strokes))

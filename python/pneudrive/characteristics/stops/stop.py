@@ -17,18 +17,24 @@ from pneudrive.characterise.pool import in_processes, workers
 from pneudrive.characteristics.basics import Skipped
 from pneudrive.characteristics.cycle import condition_of
 from pneudrive.characteristics.raw import recording_of, steps_of
-from pneudrive.characteristics.stops.breakaway import Breakaway, find_breakaway
-from pneudrive.characteristics.stops.phases import Phases, find_phases, steady_part, stop_step
+from pneudrive.characteristics.stops.breakaway import BreakawayPeak, find_breakaway
+from pneudrive.characteristics.stops.phases import Phases, find_phases, mean_velocity, steady_part, stop_step
 from pneudrive.characteristics.stops.recovery import Recovery, bin_excess, recover
-from pneudrive.characteristics.stops.relaxation import Relaxation, relax
-from pneudrive.characteristics.stops.running import Running, running_level
-from pneudrive.characteristics.stops.uninterrupted import MOST_CYCLES, SAME_SPEED, Stroke, read_strokes, strokes_of
+from pneudrive.characteristics.stops.relaxation import ForceRelaxation, relax
+from pneudrive.characteristics.stops.running import (
+    SAME_SPEED,
+    Running,
+    UninterruptedStroke,
+    read_strokes,
+    running_level,
+    strokes_of,
+)
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.rig.interface import Move
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -45,6 +51,7 @@ if TYPE_CHECKING:
 SPOILS = 0.1
 LEAST_RATE_HZ = 5000.0  # of the samples around a restart
 SAME_DURATION = 0.2  # a rest that differs from the planned stop by more than this share is named
+MOST_CYCLES = 24  # without a stop, of one condition and speed, that are read for comparison
 WORTH_WORKERS = 60  # stops below which starting processes costs more than it saves
 AROUND_PEAK = 3.0  # times from restart to peak, in which missing samples count
 TRACE_SAMPLES = (120, 160, 480)  # of approach, rest and restart that are kept for figures
@@ -96,7 +103,7 @@ class Stop(Shown):
         Around the peak.
     inertia_n : float
         Most that the mass which breaks loose can add to the peak: v sqrt(k m), like after every stop.
-    relaxation : Relaxation or None
+    relaxation : ForceRelaxation or None
         None where the axis gave way, or too few samples were taken.
     recovery : Recovery or None
         None where the peak cannot be told from running friction.
@@ -128,7 +135,7 @@ class Stop(Shown):
     loading_s: float
     sample_rate_hz: float
     inertia_n: float
-    relaxation: Relaxation | None
+    relaxation: ForceRelaxation | None
     recovery: Recovery | None
     trace: Trace
     flags: tuple[str, ...] = ()
@@ -140,7 +147,7 @@ class Stop(Shown):
 
 
 def read_stop(
-    file: CycleFile, samples: Samples | CampaignError, identity: Identity, others: Sequence[Stroke] = ()
+    file: CycleFile, samples: Samples | CampaignError, identity: Identity, others: Sequence[UninterruptedStroke] = ()
 ) -> Stop | Skipped:
     """Make sense of one cycle of kind ``stop``.
 
@@ -151,7 +158,7 @@ def read_stop(
         Its raw samples, or why they cannot be read.
     identity : Identity
         Of the rig.
-    others : sequence of Stroke
+    others : sequence of UninterruptedStroke
         Uninterrupted strokes of other cycles, for where this one has none of its own.
 
     Returns
@@ -170,34 +177,33 @@ def read_stop(
     return Skipped(file.head.cycle.key, file.path.name, reason)
 
 
-def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequence[Stroke]) -> Stop | Skipped:
+def _read(
+    file: CycleFile, samples: Samples, identity: Identity, others: Sequence[UninterruptedStroke]
+) -> Stop | Skipped:
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
-    cycle = file.head.cycle
+    cycle, condition = file.head.cycle, condition_of(file.head)
     phases = find_phases(cycle, recording.time_s, recording.position_m, step)
     if isinstance(phases, str):
         return Skipped(cycle.key, file.path.name, phases)
     friction = phases.direction * recording.balance_n()
     own = strokes_of(file, recording, step, leave=stop_step(cycle)) if phases.by_steps else []
-    running = running_level(recording, friction, phases, own, others, condition_of(file.head))
+    running = running_level(recording, friction, phases, own, others, condition)
+    steady = steady_part(recording, phases.restart)
     time, travel, after = _restart(recording, friction, phases)
     level = running.level_n if np.isfinite(running.level_n) else float(np.median(after[after.size // 2 :]))
     peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m, identity.bandwidth_hz.get("force_n"))
     at_peak = phases.restart.start + peak.index
     shift = float(running.shape(recording.position_m[[at_peak]])[0])
-    relaxation = None
-    if not cycle.released:
-        rest = phases.rest
-        relaxation = relax(recording.time_s[rest] - phases.rest_s, friction[rest])
-    flags = _flags(file, recording, phases, peak, running, samples)
+    held = phases.rest
     stop = Stop(
         index=file.head.index,
         key=cycle.key,
         block=cycle.block,
         repeat=cycle.repeat,
-        condition=condition_of(file.head),
+        condition=condition,
         direction=phases.direction,
-        speed_m_s=_planned_speed(file, recording, phases),
+        speed_m_s=float(cycle.speed_m_s or 0.0) or abs(mean_velocity(recording, steady)),
         position_m=float(recording.position_m[phases.restart.start]),
         began_s=file.head.began_s,
         stop_s=float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
@@ -214,13 +220,13 @@ def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequenc
         loading_s=peak.time_s,
         sample_rate_hz=peak.rate_hz,
         inertia_n=_inertia(recording, peak, cycle.speed_m_s),
-        relaxation=relaxation,
-        recovery=_recovery(recording, friction, phases, peak, running),
+        relaxation=None if cycle.released else relax(recording.time_s[held] - phases.rest_s, friction[held]),
+        recovery=_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running),
         trace=_trace(recording, friction, phases),
-        flags=flags,
+        flags=_flags(file, recording, phases, peak, running, samples),
     )
     in_chamber = identity.pressure_measured_at == "chamber"
-    return replace(stop, flags=(*flags, *_spoiled(recording, phases, stop, at_peak, in_chamber)))
+    return replace(stop, flags=(*stop.flags, *_spoiled(recording, phases, stop, at_peak, in_chamber)))
 
 
 def _restart(recording: Recording, friction: Array, phases: Phases) -> tuple[Array, Array, Array]:
@@ -229,67 +235,42 @@ def _restart(recording: Recording, friction: Array, phases: Phases) -> tuple[Arr
     return recording.time_s[part], np.maximum.accumulate(travel), friction[part]
 
 
-def _planned_speed(file: CycleFile, recording: Recording, phases: Phases) -> float:
-    if file.head.cycle.speed_m_s is not None:
-        return float(file.head.cycle.speed_m_s)
-    part = phases.restart
-    steady = steady_part(recording.time_s[part], recording.position_m[part])
-    time, position = recording.time_s[part][steady], recording.position_m[part][steady]
-    return abs(float(position[-1] - position[0])) / max(float(time[-1] - time[0]), 1e-12)
-
-
-def _recovery(
-    recording: Recording, friction: Array, phases: Phases, peak: Breakaway, running: Running
-) -> Recovery | None:
-    part = phases.restart
-    if not np.isfinite(running.level_n):
+def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: Running) -> Recovery | None:
+    """Find the way back over what follows the peak at constant speed."""
+    if not np.isfinite(running.level_n) or part.stop - part.start < 2:
         return None
-    steady = steady_part(recording.time_s[part], recording.position_m[part])
-    begin, end = part.start + peak.index, part.start + steady.stop
-    if end - begin < 2:
-        return None
-    position = recording.position_m[begin:end]
-    travel = np.maximum.accumulate(phases.direction * (position - position[0]))
-    time = recording.time_s[begin:end] - recording.time_s[begin]
-    excess = friction[begin:end] - running.level_n - running.shape(position)
-    bins = bin_excess(travel, time, excess, noise_level(friction[begin:end]), running.texture_n)
+    position = recording.position_m[part]
+    travel = np.maximum.accumulate(direction * (position - position[0]))
+    time = recording.time_s[part] - recording.time_s[part.start]
+    excess = friction[part] - running.level_n - running.shape(position)
+    bins = bin_excess(travel, time, excess, noise_level(friction[part]), running.texture_n)
     speed = float(travel[-1]) / max(float(time[-1]), 1e-12)
     return recover(bins, running.stderr_n, speed) if bins is not None else None
 
 
 def _flags(
-    file: CycleFile, recording: Recording, phases: Phases, peak: Breakaway, running: Running, samples: Samples
+    file: CycleFile, recording: Recording, phases: Phases, peak: BreakawayPeak, running: Running, samples: Samples
 ) -> tuple[str, ...]:
-    flags = list(peak.flags)
-    if running.basis == "none":
-        flags.append("no_running")
-    if running.level_n < 0:
-        flags.append("negative_friction")
-    if np.ptp(recording.force_n[phases.restart]) == 0:
-        flags.append("stuck")
     # Samples at the sensor's limit are left out on reading: some are missing about the peak.
     begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
-    here = int(((samples.time_s >= begin) & (samples.time_s <= end)).sum())
-    kept = int(((recording.time_s >= begin) & (recording.time_s <= end)).sum())
-    if recording.flags.get("saturated", 0) and here - kept > 2:
-        flags.append("saturated")
-    if peak.rate_hz < LEAST_RATE_HZ * 0.9:
-        flags.append("slow_samples")
+    here, kept = (int(((t >= begin) & (t <= end)).sum()) for t in (samples.time_s, recording.time_s))
     planned = file.head.cycle.stop_s
-    if planned is not None and abs(phases.dwell_s - planned) > SAME_DURATION * planned:
-        flags.append("duration")
-    if peak.time_s > SPOILS * phases.dwell_s:
-        flags.append("long_loading")
-    if phases.reversed:
-        flags.append("reversed")
-    if not phases.by_steps:
-        flags.append("by_motion")
-    return tuple(flags)
+    found = {
+        "no_running": running.basis == "none",
+        "negative_friction": running.level_n < 0,
+        "stuck": np.ptp(recording.force_n[phases.restart]) == 0,
+        "saturated": recording.flags.get("saturated", 0) and here - kept > 2,
+        "slow_samples": peak.rate_hz < LEAST_RATE_HZ * 0.9,
+        "duration": planned is not None and abs(phases.dwell_s - planned) > SAME_DURATION * planned,
+        "long_loading": peak.time_s > SPOILS * phases.dwell_s,
+        "reversed": phases.reversed,
+        "by_motion": not phases.by_steps,
+    }
+    return (*peak.flags, *(flag for flag, holds in found.items() if holds))
 
 
-def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_chamber: bool) -> tuple[str, ...]:
+def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_chamber: bool) -> Iterator[str]:
     """Name what of the increment may not be friction: air that moved meanwhile, a mass that breaks loose."""
-    flags = []
     size = max(abs(stop.increment_n), 3.0 * stop.increment_stderr_n)
     begin = max(phases.restart.start - 3, 0)
     moved = 0.0
@@ -300,13 +281,12 @@ def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_
         moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
     # What is measured in the chamber is taken out of the balance; it spoils only where it is as large as the result.
     if moved > (1.0 if in_chamber else SPOILS) * size:
-        flags.append("pressure_transient")
+        yield "pressure_transient"
     if stop.inertia_n > SPOILS * size:
-        flags.append("inertia")
-    return tuple(flags)
+        yield "inertia"
 
 
-def _inertia(recording: Recording, peak: Breakaway, speed_m_s: float | None) -> float:
+def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None) -> float:
     """Overshoot of a mass that breaks loose on the rig's spring, at the speed that the axis has by then."""
     speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less than that in a longer move
     speed = min(speed, speed_m_s) if speed_m_s is not None else speed
@@ -318,13 +298,9 @@ def _trace(recording: Recording, friction: Array, phases: Phases) -> Trace:
     chosen = []
     for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
         size = part.stop - part.start
-        if size <= 0:
-            continue
-        if part is phases.restart:  # dense where the peak is
-            rank = np.unique(np.geomspace(1, size, most).astype(int)) - 1
-        else:
-            rank = np.unique(np.linspace(0, size - 1, most).astype(int))
-        chosen.append(part.start + rank)
+        # Dense where the peak is.
+        ranks = np.geomspace(1, size, most) - 1 if part is phases.restart else np.linspace(0, size - 1, most)
+        chosen.append(part.start + np.unique(ranks.astype(int)) if size > 0 else np.zeros(0, dtype=int))
     index = np.concatenate(chosen)
     return Trace(recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
 
@@ -363,7 +339,9 @@ def find_stops(
     return tuple(read), tuple(skipped)
 
 
-def read_stops(files: Sequence[CycleFile], identity: Identity, others: Sequence[Stroke]) -> list[Stop | Skipped]:
+def read_stops(
+    files: Sequence[CycleFile], identity: Identity, others: Sequence[UninterruptedStroke]
+) -> list[Stop | Skipped]:
     """Read some stops one after the other."""
     return [
         read_stop(file, samples, identity, others) for file, samples in zip(files, read_samples(files), strict=True)
