@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.output import write_text
 
 
 def apply(
@@ -33,7 +34,7 @@ def apply(
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.files import read_fit
     from pneudrive.identify.volume_result import VolumeFit
-    from pneudrive.trajectory import check_target, whole
+    from pneudrive.trajectory import check_target
 
     if out is not None:
         check_target(out, (".toml",))
@@ -51,9 +52,4 @@ def apply(
         )
     else:
         after = found.apply(given)
-    if out is None:
-        typer.echo(after.to_toml(), nl=False)
-        return
-    with whole(out) as temporary:
-        temporary.write_text(after.to_toml(), encoding="utf-8")
-    typer.echo(str(out))
+    write_text(after.to_toml(), out)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pneudrive.cli.groups import group
+from pneudrive.cli.options import BenchRig, Protocol
 from pneudrive.errors import CommandError
 
 campaign = group(
@@ -28,8 +29,8 @@ def _campaign() -> None:
 
 
 def plan(
-    protocol: Annotated[str, typer.Argument(help="Protocol file (TOML), or a ready one by name.", metavar="PROTOCOL")],
-    rig: Annotated[str, typer.Option(help="Rig file, ready rig, or address.", metavar="RIG")] = "default",
+    protocol: Protocol,
+    rig: BenchRig = "default",
     fraction: Annotated[
         Path | None, typer.Option(help="Write a protocol that runs the proposed fraction.", metavar="FILE")
     ] = None,

@@ -6,6 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.live import duration
+from pneudrive.cli.output import aligned
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def _blocks(plan: Plan) -> list[str]:
                 size(size_of(group)),
             ]
         )
-    return _table(rows if len(groups) > 1 else rows[:2])
+    return aligned(rows if len(groups) > 1 else rows[:2], right_from=2, indent="").splitlines()
 
 
 def _contents(plan: Plan) -> list[str]:
@@ -167,14 +168,3 @@ def _verdict(plan: Plan) -> list[str]:
 
     asked = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in margins(plan).items()]
     return [f"pre-flight: passed ({', '.join(asked)})", *(f"note: {note}" for note in plan.notes)]
-
-
-def _table(rows: list[list[str]]) -> list[str]:
-    """Align: the first two columns to the left, numbers to the right."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  ".join(
-            cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pneudrive.cli.options import BenchRig, Protocol
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -33,9 +35,9 @@ Patience = Annotated[
 
 
 def run(
-    protocol: Annotated[str, typer.Argument(help="Protocol file (TOML), or a ready one by name.", metavar="PROTOCOL")],
+    protocol: Protocol,
     into: Annotated[Path, typer.Option(help="Campaign folder.", metavar="DIR")],
-    rig: Annotated[str, typer.Option(help="Rig file, ready rig, or address.", metavar="RIG")] = "default",
+    rig: BenchRig = "default",
     operator: Operator = "",
     label: Annotated[
         list[str] | None, typer.Option(help="Free text kept with the campaign; repeatable.", metavar="KEY=VALUE")

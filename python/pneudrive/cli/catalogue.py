@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.output import aligned, write_text
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
@@ -33,17 +34,14 @@ def catalogue(
 def _write(name: str | None, out: Path) -> None:
     from pneudrive.describe import Drive
     from pneudrive.describe.catalogue import PREFIX, entries
-    from pneudrive.trajectory import check_target, whole
+    from pneudrive.trajectory import check_target
 
     if name is None or (name in entries() and not entries()[name].is_drive):
         drives = ", ".join(one.name for one in entries().values() if one.is_drive)
         what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
         raise CommandError(what, remedy=f"Drives: {drives}.")
-    target = check_target(out, (".toml",))
-    text = Drive.load(f"{PREFIX}{name}").to_toml()
-    with whole(target) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    typer.echo(str(out))
+    check_target(out, (".toml",))
+    write_text(Drive.load(f"{PREFIX}{name}").to_toml(), out)
 
 
 def _list(found: list[Entry]) -> None:
@@ -79,9 +77,7 @@ def _show(e: Entry) -> None:
     values = all_values(e) if e.is_drive else list(e.values)
     lines = [(v.key, _plain(v.value), v.said) for v in values]
     lines += [(f"printed.{v.key}", _plain(v.value), v.said) for v in e.printed]
-    widths = [max(len(line[column]) for line in lines) for column in (0, 1)]
-    for key, value, said in lines:
-        typer.echo(f"  {key:<{widths[0]}}  {value:<{widths[1]}}  {said}")
+    typer.echo(aligned(lines))
     if not e.is_drive and e.open:
         typer.echo(f"\nLeft open, to be given where it is used: {', '.join(e.open)}.")
     for note in filter(None, notes):

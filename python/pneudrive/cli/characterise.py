@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.output import console, writable_folder
+from pneudrive.cli.options import Results, Samples, one_of
+from pneudrive.cli.output import MOST_ROWS, show_lines, show_statements, show_table, tell, writable_folder
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
@@ -35,10 +36,8 @@ def characterise(
     layout: Annotated[
         Path | None, typer.Option(help="How the files are read; default: layout.toml beside them.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("characterisation"),
-    protocol: Annotated[
-        str, typer.Option(help="Which samples count: settled, or source-paper (first 5 % dropped).")
-    ] = "settled",
+    out: Results = Path("characterisation"),
+    protocol: Samples = "settled",
     law: Annotated[str, typer.Option(help="Friction law of fit.toml: coulomb or stribeck.")] = "stribeck",
 ) -> None:
     """Characterise recordings: friction map (map.parquet, map.csv), fit (fit.toml), report.html.
@@ -48,21 +47,18 @@ def characterise(
     from pneudrive.characterise import characterise_recordings, write_map
     from pneudrive.characterise.pressure_line import ALL_RECORDINGS
     from pneudrive.characterise.settling import SAMPLE_CHOICES
-    from pneudrive.errors import CommandError, nearest
     from pneudrive.identify.fit import LAWS
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
 
-    if protocol not in SAMPLE_CHOICES:
-        raise CommandError(f"--protocol {protocol} is not known", remedy=nearest(protocol, SAMPLE_CHOICES))
-    if law not in LAWS:
-        raise CommandError(f"--law {law} is not known", remedy=nearest(law, LAWS))
+    choice = one_of("--protocol", protocol, SAMPLE_CHOICES)()
+    one_of("--law", law, dict.fromkeys(LAWS))
     if any(path.is_dir() for path in recordings):
-        _campaign(recordings, layout, out, SAMPLE_CHOICES[protocol](), law)
+        _campaign(recordings, layout, out, choice, law)
         return
     with _output(out) as folder:
         watch = on_terminal()
-        found = characterise_recordings(list(recordings), layout, SAMPLE_CHOICES[protocol](), progress=watch.tell)
+        found = characterise_recordings(list(recordings), layout, choice, progress=watch.tell)
         written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
         fits, problems = fit_characterisation(found)
         written += _write_fits(fits, law, folder, whole=ALL_RECORDINGS)
@@ -122,48 +118,26 @@ def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
 
 def _say(found: Characterisation, written: list[Path]) -> None:
     """Print one line per recording, the notes, and where the results lie."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("recording", no_wrap=True)
-    for heading in ("speed mm/s", "friction N", "U (k=2) N", "offset N"):
-        table.add_column(heading, justify="right")
-    table.add_column("flags")
-    for level in found.levels[:60]:
+    heads = ("recording", "speed mm/s", "friction N", "U (k=2) N", "offset N", "<flags")
+    rows = []
+    for level in found.levels[:MOST_ROWS]:
         speeds = ", ".join(f"{row.velocity_m_s * 1e3:+.1f}" for row in level.rows)
-        numbers = (f"{level.friction_n:.2f}", f"{level.expanded_n:.2f}", f"{level.offset_n:.2f}")
-        table.add_row(level.recording, speeds, *numbers, " ".join(level.flags))
-    shown = console()
-    shown.print(table)
-    for note in found.notes:
-        shown.print(f"- {note}")
-    for path in written:
-        typer.echo(str(path))
+        numbers = (f"{n:.2f}" for n in (level.friction_n, level.expanded_n, level.offset_n))
+        rows.append((level.recording, speeds, *numbers, " ".join(level.flags)))
+    show_table(heads, rows)
+    show_lines(f"- {note}" for note in found.notes)
+    tell(written)
 
 
 def _say_campaign(found: CampaignCharacteristics, written: list[Path]) -> None:
     """Print one line per curve, what the data carry and what not, and where the results lie."""
-    from rich.table import Table
-
-    ambient = found.identity.ambient_pressure_pa
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("curve", no_wrap=True)
+    ambient, rows = found.identity.ambient_pressure_pa, []
     what = "seal + air N" if any(curve.contains_air for curve in found.curves) else "friction N"
-    for heading in ("cycles", "speeds mm/s", what, "95 % band N"):
-        table.add_column(heading, justify="right")
-    for curve in found.curves:
-        if curve.direction == 0:
-            speeds, friction = 1e3 * curve.speed_m_s, curve.friction_n
-            table.add_row(
-                curve.condition.label(ambient),
-                str(int(curve.cycles.sum())),
-                f"{speeds[0]:.3g} .. {speeds[-1]:.3g}",
-                f"{friction.min():.2f} .. {friction.max():.2f}",
-                f"+-{float(((curve.high_n - curve.low_n) / 2.0)[curve.measured].mean()):.2f}",
-            )
-    shown = console()
-    shown.print(table)
-    for statement in found.statements:
-        shown.print(f"{'-' if statement.carried else '!'} {statement}")
-    for path in written:
-        typer.echo(str(path))
+    for curve in (one for one in found.curves if one.direction == 0):
+        speeds, friction = 1e3 * curve.speed_m_s, curve.friction_n
+        band = float(((curve.high_n - curve.low_n) / 2.0)[curve.measured].mean())
+        ends = (f"{speeds[0]:.3g} .. {speeds[-1]:.3g}", f"{friction.min():.2f} .. {friction.max():.2f}")
+        rows.append((curve.condition.label(ambient), str(int(curve.cycles.sum())), *ends, f"+-{band:.2f}"))
+    show_table(("curve", "cycles", "speeds mm/s", what, "95 % band N"), rows)
+    show_statements(found.statements)
+    tell(written)

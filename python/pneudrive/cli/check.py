@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.options import CatalogueFolders, Described
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
 def check(
-    drive: Annotated[
-        str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
-    ],
+    drive: Described,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Check a drive or a circuit, and list what was assumed and what has a source."""

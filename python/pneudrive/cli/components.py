@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pneudrive.cli.output import aligned
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
 
 def components(
@@ -19,7 +21,7 @@ def components(
 
     kinds = component_kinds()
     if kind is None:
-        _table((name, entry["title"], f"ports {_ports(entry)}") for name, entry in kinds.items())
+        typer.echo(aligned((name, entry["title"], f"ports {_ports(entry)}") for name, entry in kinds.items()))
         typer.echo("\npneudrive components KIND shows the parameters of one.")
         return
     if kind not in kinds:
@@ -39,8 +41,7 @@ def _show(entry: Mapping[str, Any]) -> None:
         ("Columns", [(one["name"], one["meaning"]) for one in entry["outputs"]]),
     ):
         if lines:
-            typer.echo(f"\n{title}")
-            _table(lines)
+            typer.echo(f"\n{title}\n{aligned(lines)}")
     if entry["sources"]:
         from pneudrive.references import bibtex
 
@@ -60,11 +61,3 @@ def _flags(port: Mapping[str, Any]) -> str:
     if port["exhaust"]:
         return "open to the ambient air where nothing is joined to it"
     return "may stay free" if port["optional"] else ""
-
-
-def _table(lines: Iterable[tuple[str, ...]]) -> None:
-    """Print columns, each as wide as its widest entry."""
-    lines = list(lines)
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    for line in lines:
-        typer.echo("  " + "  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())

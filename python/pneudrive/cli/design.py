@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import option
+from pneudrive.cli.options import option, quantity
 
 if TYPE_CHECKING:
     from pneudrive.identify import FrictionFit
@@ -48,7 +48,6 @@ def design(
     from pneudrive.identify import FrictionFit
     from pneudrive.identify.design import design as designed
     from pneudrive.rig import load_rig
-    from pneudrive.units import parse
 
     if out is not None and (out.exists() or out.suffix != ".toml" or not out.parent.is_dir()):
         raise CommandError(
@@ -60,15 +59,11 @@ def design(
     machine = load_rig(rig)
     identity, envelope = machine.identity(), machine.limits()
     if stops:
-        with option("--scale"):
-            scale_s = parse(scale, "s")
-        text, said = _stops(stops, scale_s, points, found)
+        text, said = _stops(stops, quantity("--scale", scale, "s"), points, found)
     else:
         limits = _limits(found, identity, envelope, speeds, strokes)
-        with option("--time"):
-            asked_s = parse(time, "s") if time else None
-        with option("--noise"):
-            noise_n = parse(noise, "N") if noise else None
+        asked_s = quantity("--time", time, "s") if time else None
+        noise_n = quantity("--noise", noise, "N") if noise else None
         options = {"criterion": criterion, "noise_n": noise_n}
         plan = designed(found, limits, points=points or None, seconds=asked_s, **options)
         text = _protocol(plan, identity, envelope)

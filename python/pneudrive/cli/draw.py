@@ -7,13 +7,11 @@ from typing import Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.options import CatalogueFolders, Described
 
 
 def draw(
-    drive: Annotated[
-        str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
-    ],
+    drive: Described,
     out: Annotated[Path, typer.Option(help="Picture: .svg, .png or .pdf.")] = Path("circuit.svg"),
     catalogue: CatalogueFolders = None,
 ) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import option
+from pneudrive.cli.options import names_in, option
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def fit(
     from pneudrive.identify.laws import CANDIDATES
     from pneudrive.identify.model import PRESSURE_FORMS
 
-    names = [name.strip() for name in laws.split(",") if name.strip()] or list(CANDIDATES)
+    names = names_in(laws) or list(CANDIDATES)
     for name in names:
         if name not in CANDIDATES:
             raise CommandError(f"--laws {name!r} is not known", remedy=nearest(name, CANDIDATES))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, sensor_option
+from pneudrive.cli.options import CatalogueFolders, names_in, sensor_option
 
 if TYPE_CHECKING:
     from pneudrive.identify.dynamic import Progress
@@ -59,7 +59,7 @@ def identify(
 
     if out is not None:
         check_target(out, (".toml",))
-    names = [name.strip() for name in free.split(",") if name.strip()]
+    names = names_in(free)
     if Tank.is_file(drive):
         _tank(drive, recordings, names, layout, out, beside={"sensor": sensor, "robust": robust, "profile": profile})
         return

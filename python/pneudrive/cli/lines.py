@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.options import CatalogueFolders, names_in
+from pneudrive.cli.output import aligned, tell
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,15 +47,13 @@ def lines(
         if path is not None:
             check_target(path, suffixes)
     described = load(drive)
-    lengths, diameters = ([one.strip() for one in text.split(",") if one.strip()] for text in (length, diameter))
-    found = study(cast("Drive", described), lengths, diameters, on_terminal())
+    found = study(cast("Drive", described), names_in(length), names_in(diameter), on_terminal())
     _show(found)
     if out is not None:
         _save(found, out)
-        typer.echo(str(out))
     if plot is not None:
         plot_lines(found, plot)
-        typer.echo(str(plot))
+    tell([out, plot])
 
 
 def _show(study: xr.Dataset) -> None:
@@ -69,10 +68,7 @@ def _show(study: xr.Dataset) -> None:
     first = rows[0][2]
     heads = ("bore", "length", "C dm3/(s bar)", "choked m/s", "out s", "back s", "mean m/s", "end m/s", "of the speed")
     table = [heads, *((bore, length, *_cells(values, first)) for bore, length, values in rows)]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    typer.echo(study.attrs["title"])
-    for line in table:
-        typer.echo("  " + "  ".join(f"{text:>{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
+    typer.echo(f"{study.attrs['title']}\n{aligned(table, right_from=0)}")
     typer.echo(f"\n{SAID}")
 
 

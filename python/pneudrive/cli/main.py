@@ -1,4 +1,4 @@
-"""The ``pneudrive`` command. Each command is one module in this folder and one line in ``COMMANDS``."""
+"""The ``pneudrive`` command. Each command is one module in this folder and one word in ``COMMANDS``."""
 
 from __future__ import annotations
 
@@ -17,28 +17,13 @@ from pneudrive.errors import Cancelled, PneudriveError, PneudriveWarning, Simula
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-# Command -> module, in which a function or a group has the command's name. Imported when it is asked for.
+#: The commands; each is a function or a group of its name in a module of its name, imported when it is asked for.
 COMMANDS = {
-    "simulate": "pneudrive.cli.simulate",
-    "check": "pneudrive.cli.check",
-    "draw": "pneudrive.cli.draw",
-    "lines": "pneudrive.cli.lines",
-    "characterise": "pneudrive.cli.characterise",
-    "identify": "pneudrive.cli.identify",
-    "apply": "pneudrive.cli.apply",
-    "fit": "pneudrive.cli.fit",
-    "design": "pneudrive.cli.design",
-    "compare": "pneudrive.cli.compare",
-    "validate": "pneudrive.cli.validate",
-    "export": "pneudrive.cli.export",
-    "campaign": "pneudrive.cli.campaign",
-    "rig": "pneudrive.cli.rig",
-    "layout": "pneudrive.cli.layout",
-    "reproduce": "pneudrive.cli.reproduce",
-    "catalogue": "pneudrive.cli.catalogue",
-    "components": "pneudrive.cli.components",
-    "schema": "pneudrive.cli.schema",
-    "demo": "pneudrive.cli.demo",
+    name: f"pneudrive.cli.{name}"
+    for name in (
+        *("simulate", "check", "draw", "lines", "characterise", "identify", "apply", "fit", "design", "compare"),
+        *("validate", "export", "campaign", "rig", "layout", "reproduce", "catalogue", "components", "schema", "demo"),
+    )
 }
 HIDDEN = frozenset({"demo"})  # `make demo` is its door
 

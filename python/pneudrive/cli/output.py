@@ -1,19 +1,26 @@
-"""What commands write to: folders, and the terminal."""
+"""What commands write to: files, folders, and the terminal."""
 
 from __future__ import annotations
 
 import sys
+from itertools import zip_longest
 from typing import TYPE_CHECKING
+
+import typer
 
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from rich.console import Console
 
+    from pneudrive.characteristics.basics import Statement
+
 #: Columns of a table that goes to a file.
 WIDTH = 160
+MOST_ROWS = 60  # of a table of results; the files hold all of them
 
 
 def writable_folder(out: Path) -> Path:
@@ -39,3 +46,74 @@ def console() -> Console:
     from rich.console import Console
 
     return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
+
+
+def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> None:
+    """Print a table as wide as the terminal.
+
+    Parameters
+    ----------
+    heads : sequence of str
+    rows : iterable of sequences of str
+    left : int
+        Columns that are set to the left; of the others all but those whose head begins with "<".
+    """
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for index, head in enumerate(heads):
+        right = index >= left and not head.startswith("<")
+        table.add_column(head.removeprefix("<"), justify="right" if right else "left", no_wrap=index == 0 and left == 1)
+    for row in rows:
+        table.add_row(*row)
+    console().print(table)
+
+
+def show_lines(lines: Iterable[str]) -> None:
+    """Print lines as they are, wrapped at the width of the terminal."""
+    shown = console()
+    for line in lines:
+        shown.print(line)
+
+
+def show_statements(statements: Iterable[Statement]) -> None:
+    """Print what data carry, and what not."""
+    show_lines(f"{'-' if statement.carried else '!'} {statement}" for statement in statements)
+
+
+def aligned(rows: Iterable[Sequence[str]], right_from: int | None = None, indent: str = "  ") -> str:
+    """Return rows as lines, each column as wide as its widest entry, those from `right_from` on set to the right.
+
+    Examples
+    --------
+    >>> print(aligned([("bore", "m/s"), ("4 mm", "0.812")], right_from=1, indent=""))
+    bore    m/s
+    4 mm  0.812
+    """
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
+    sides = ["<" if right_from is None or index < right_from else ">" for index in range(len(widths))]
+    lines = (
+        "  ".join(f"{text:{side}{width}}" for text, side, width in zip(row, sides, widths, strict=False))
+        for row in rows
+    )
+    return "\n".join((indent + line).rstrip() for line in lines)
+
+
+def tell(paths: Iterable[Path | None]) -> None:
+    """Print where results lie, a line each; what was not written is left out."""
+    for path in paths:
+        if path is not None:
+            typer.echo(str(path))
+
+
+def write_text(text: str, out: Path | None) -> None:
+    """Write a text to a file, whole or not at all, and say so; to standard output where no file is named."""
+    from pneudrive.trajectory import whole
+
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    with whole(out) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    tell([out])

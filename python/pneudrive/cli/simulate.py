@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.options import CatalogueFolders, Described
+from pneudrive.cli.output import tell
 from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 MOST_IMPACTS = 5  # shown; the file holds all of them
 
 
 def simulate(
-    drive: Annotated[
-        str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
-    ],
+    drive: Described,
     duration: Annotated[str, typer.Option(help='How long, e.g. "2 s".')],
     command: Annotated[
         list[str] | None,
@@ -74,7 +76,7 @@ def simulate(
         from pneudrive.report import plot as draw
 
         draw(result.dataset(), plot)
-    _say(described.name, result.columns, result.provenance, [p for p in (out, plot) if p is not None])
+    _say(described.name, result.columns, result.provenance, (out, plot))
 
 
 def _only(commands: list[str] | None) -> str:
@@ -86,7 +88,7 @@ def _only(commands: list[str] | None) -> str:
     return commands[0]
 
 
-def _say(name: str, columns: dict, provenance: dict, written: list[Path]) -> None:
+def _say(name: str, columns: dict, provenance: dict, written: Sequence[Path | None]) -> None:
     time, statistics = columns["time_s"], provenance["statistics"]
     typer.echo(f"{name}: {len(time)} samples to {time[-1]:g} s, {statistics['steps']} steps of the solver")
     for column, x in columns.items():
@@ -105,5 +107,4 @@ def _say(name: str, columns: dict, provenance: dict, written: list[Path]) -> Non
         )
     if len(provenance["impacts"]) > MOST_IMPACTS:
         typer.echo(f"and {len(provenance['impacts']) - MOST_IMPACTS} impacts more")
-    for path in written:
-        typer.echo(str(path))
+    tell(written)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, option, sensor_option
-from pneudrive.cli.output import console, writable_folder
+from pneudrive.cli.options import CatalogueFolders, Layout, Results, quantity, sensor_option
+from pneudrive.cli.output import MOST_ROWS, show_lines, show_table, tell, writable_folder
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ def validate(
             metavar="RECORDING...|MAP|CAMPAIGN",
         ),
     ],
-    layout: Annotated[
-        Path | None, typer.Option(help="How foreign files are read; default: layout.toml beside them.")
-    ] = None,
+    layout: Layout = None,
     sensor: Annotated[
         list[str] | None,
         typer.Option(
@@ -44,7 +42,7 @@ def validate(
         ),
     ] = None,
     window: Annotated[str, typer.Option(help="Length of the runs that start from measured states.")] = "0.5 s",
-    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("validation"),
+    out: Results = Path("validation"),
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate what was recorded and compare: report.html, validation.toml; and why the model is off.
@@ -54,13 +52,10 @@ def validate(
     from pneudrive.describe import Drive
     from pneudrive.errors import CommandError
     from pneudrive.report.validation import write_validation_report
-    from pneudrive.units import parse
     from pneudrive.validate import validate as validated
     from pneudrive.validate.static import is_friction
 
-    with option("--window"):
-        seconds = parse(window, "s")
-    fit = _fit(drive)
+    seconds, fit = quantity("--window", window, "s"), _fit(drive)
     described = Drive.load(drive) if fit is None else fit.apply()
     known = dict(sensor_option(text) for text in sensor or ())
     if any(is_friction(path) for path in recordings):
@@ -70,15 +65,18 @@ def validate(
             )
         _friction(described, recordings[0], out)
         return
-    shown = on_terminal().tell
     found = validated(
-        described, list(recordings), layout=layout, window_s=seconds, sensors=known or fit, progress=shown
+        described,
+        list(recordings),
+        layout=layout,
+        window_s=seconds,
+        sensors=known or fit,
+        progress=on_terminal().tell,
     )
     folder = writable_folder(out)
     written = [*found.write(folder), write_validation_report(found, folder)]
     _say(found)
-    for path in written:
-        typer.echo(str(path))
+    tell(written)
 
 
 def _fit(path: str) -> DriveFit | None:
@@ -100,25 +98,19 @@ def _friction(drive: Drive, path: Path, out: Path) -> None:
     found = validate_friction(drive, path)
     folder = writable_folder(out)
     written = [*found.write(folder), write_friction_report(found, folder)]
-    console().print(str(found))
-    for file in written:
-        typer.echo(str(file))
+    show_lines([str(found)])
+    tell(written)
 
 
 def _say(found: Validation) -> None:
     """Print one line per recording, the verdicts and what the residuals point to."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("recording", no_wrap=True)
-    for heading in ("position fit %", f"from states, {found.window_s:g} s %", "pressure NRMSE %", "off from s"):
-        table.add_column(heading, justify="right")
-    for record in found.records[:60]:
+    heads = ("recording", "position fit %", f"from states, {found.window_s:g} s %", "pressure NRMSE %", "off from s")
+    rows = []
+    for record in found.records[:MOST_ROWS]:
         position = record.channels["position_m"]
         pressure = max(record.channels[c].free.nrmse for c in ("pressure_a_pa", "pressure_b_pa"))
         off = "-" if position.off_s is None else f"{position.off_s:.2f}"
         fits = (f"{position.free.fit_percent:.1f}", f"{position.restarted.fit_percent:.1f}")
-        table.add_row(record.recording.name, *fits, f"{100 * pressure:.2g}", off)
-    shown = console()
-    shown.print(table)
-    shown.print(str(found))
+        rows.append((record.recording.name, *fits, f"{100 * pressure:.2g}", off))
+    show_table(heads, rows)
+    show_lines([str(found)])
