@@ -7,10 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.report import style
+from pneudrive.report.tables import quantity
 from pneudrive.validate.balance import moving_mass
 from pneudrive.validate.residuals import BALANCES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from pneudrive.describe import Drive
@@ -18,9 +23,15 @@ if TYPE_CHECKING:
     from pneudrive.validate.residuals import Residuals
     from pneudrive.validate.signals import Signals
 
-#: Column -> unit and factor from SI.
-UNITS = {"position_m": ("mm", 1e3), "pressure_a_pa": ("bar", 1e-5), "pressure_b_pa": ("bar", 1e-5)}
-NAMES = {"position_m": "position / mm", "pressure_a_pa": "pressure a / bar", "pressure_b_pa": "pressure b / bar"}
+
+def scale(column: str) -> tuple[float, str]:
+    """Return factor from SI and unit in which people read a column."""
+    size, unit = quantity(column)
+    return 1.0 / size, unit
+
+
+def _name(column: str) -> str:
+    return column.rpartition("_")[0].replace("_", " ")
 
 
 def channels(r: RecordResult) -> Figure:
@@ -29,20 +40,16 @@ def channels(r: RecordResult) -> Figure:
     axes = figure.subplots(6, 1, sharex=True, height_ratios=(2, 1, 2, 1, 2, 1))
     s, part = r.signals, style.thin(r.signals.time_s)
     t = s.time_s[part]
-    for (column, (unit, factor)), axis, below in zip(UNITS.items(), axes[::2], axes[1::2], strict=True):
-        measured = getattr(s, column)
+    for column, axis, below in zip(r.channels, axes[::2], axes[1::2], strict=True):
+        (factor, unit), measured = scale(column), getattr(s, column)
         free, again = r.free[column], r.restarted[column]
         axis.plot(t, factor * measured[part], color=style.BLACK, label="measured")
         axis.plot(t, factor * free[part], "--", color=style.ORANGE, label="free run")
-        axis.set_ylabel(NAMES[column])
+        axis.set_ylabel(f"{_name(column)} / {unit}")
         below.plot(t, factor * (measured - again)[part], "-", color=style.BLUE, lw=0.7, label="from measured states")
         below.plot(t, factor * (measured - free)[part], "--", color=style.ORANGE, label="free run")
         below.set_ylabel(f"residual / {unit}")
-    handles = [*axes[0].get_lines(), axes[1].get_lines()[0]]
-    axes[0].legend(handles=handles, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    axes[-1].set_xlabel("time / s")
-    axes[-1].set_xlim(0.0, float(t[-1]))
-    figure.align_ylabels()
+    _over_time(figure, list(axes), t, [*axes[0].get_lines(), axes[1].get_lines()[0]])
     return figure
 
 
@@ -51,17 +58,14 @@ def correlation(r: RecordResult, window_s: float) -> Figure:
     figure = style.new_figure(3.6)
     for (column, channel), pair in zip(r.channels.items(), figure.subplots(2, 3).T, strict=True):
         above, below = pair
-        unit, factor = UNITS[column]
+        factor, unit = scale(column)
         values, bound = channel.whiteness.autocorrelation, channel.whiteness.bound
         above.vlines(np.arange(1, values.size + 1), 0.0, values, color=style.BLACK)
         above.axhspan(-bound, bound, color=style.BAND)
-        above.set_ylim(-1.05, 1.05)
-        above.set_title(NAMES[column].partition(" /")[0])
-        above.set_xlabel("lag / samples")
-        below.bar((np.arange(channel.window_rms.size) + 0.5) * window_s, factor * channel.window_rms, 0.8 * window_s,
-                  color=style.BLUE)  # fmt: skip
-        below.set_ylabel(f"rms / {unit}")
-        below.set_xlabel("start at / s")
+        above.set(ylim=(-1.05, 1.05), title=_name(column), xlabel="lag / samples")
+        middle = (np.arange(channel.window_rms.size) + 0.5) * window_s
+        below.bar(middle, factor * channel.window_rms, 0.8 * window_s, color=style.BLUE)
+        below.set(ylabel=f"rms / {unit}", xlabel="start at / s")
     figure.axes[0].set_ylabel("autocorrelation")
     return figure
 
@@ -80,7 +84,6 @@ def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
     for label, values, line, color in lines:
         axes[0].plot(t, values[part], line, color=color, lw=0.9, label=label)
     axes[0].set_ylabel("force / N")
-    axes[0].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     units = (("N", 1.0), ("bar/s", 1e-5), ("bar/s", 1e-5))
     some = style.thin(found.time_s)
     for axis, name, values, used, scale, (unit, factor) in zip(
@@ -91,7 +94,12 @@ def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
         axis.fill_between(found.time_s[some], -band, band, color=style.BAND)
         axis.plot(found.time_s[some], shown[some], color=style.BLACK, lw=0.8)
         axis.set_ylabel(f"residual of\n{name} / ({unit})" if "/" in unit else f"residual of\n{name} / {unit}")
-    axes[-1].set_xlabel("time / s")
-    axes[-1].set_xlim(0.0, float(t[-1]))
-    figure.align_ylabels()
+    _over_time(figure, list(axes), t, axes[0].get_lines())
     return figure
+
+
+def _over_time(figure: Figure, axes: Sequence[Axes], time_s: np.ndarray, lines: Sequence[Artist]) -> None:
+    """Put the legend above the panels and the time below them."""
+    axes[0].legend(handles=lines, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    axes[-1].set(xlabel="time / s", xlim=(0.0, float(time_s[-1])))
+    figure.align_ylabels()
