@@ -15,6 +15,8 @@ from pneudrive.identify.levels import distinct_levels
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from pneudrive.identify.model import FrictionModel, Observations
@@ -38,8 +40,108 @@ VISCOUS_REACH = 0.5
 MOST_SPEEDS = 6
 
 
+#: What is not determined -> why, and what to measure. Values stand in braces.
+SENTENCES = {
+    "held at zero": (
+        "it was held at zero; what is called coulomb here is all the friction at the speeds of the map",
+        "measure at speeds that differ by a factor of three or more",
+    ),
+    "one speed": (
+        "all rows lie at one speed ({levels}); what is called coulomb here is all the friction at that speed",
+        "measure at a second speed, at least three times higher",
+    ),
+    "few values, viscous": (
+        "the map has {values} independent values, fewer than the law has parameters; what is called coulomb here is "
+        "all the friction at its speeds",
+        "measure at a second speed, at least three times higher",
+    ),
+    "few speeds": (
+        "the map has {count} distinct speed{s} ({levels}) and a Stribeck curve needs at least {needed}",
+        "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest",
+    ),
+    "few values": (
+        "the map has {values} independent values, fewer than the law has parameters",
+        "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest",
+    ),
+    "few pressures": (
+        "chamber {chamber} was measured at fewer than three pressures, which carry no more than a line",
+        "measure at three or more pressures, spread over the range",
+    ),
+    "not crossed": (
+        "the two chambers' pressures were not varied independently of each other",
+        "measure a grid: both chambers at 0, 2, 4 and 6 bar gauge in all combinations",
+    ),
+    "one pressure": (
+        "the pressure in chamber {chamber} is the same in all rows ({bar:.3g} bar gauge)",
+        "measure with chamber {chamber} at two or more pressures at least 1 bar apart",
+    ),
+    "same pressure": (
+        "both chambers always had the same pressure: only the sum of both slopes is known, half of it is given to each",
+        "measure with different pressures in the chambers, such as a grid of 0, 2, 4 and 6 bar gauge",
+    ),
+    "weak": (
+        "the rows do not tell it from the other parameters (a direction of the scaled Jacobian vanishes)",
+        "measure at more speeds and pressures, not all varied together",
+    ),
+    "open": ("its 95 % interval is open", "measure where the law depends on it, with smaller noise"),
+    "no fall": (
+        "friction does not fall with speed by more than chance between {slowest} and {fastest} "
+        "(a falling part improves the fit with p = {p:.2g})",
+        "add levels well below {slowest} and well above {fastest}, and repeat strokes to lower the noise",
+    ),
+    "same speeds": (
+        "all speeds are about {mean}, and one speed tells nothing of how friction depends on it; what is called "
+        "coulomb here is all the friction at this speed",
+        "add levels at other speeds",
+    ),
+    "falls": (
+        "friction falls with speed between {slowest} and {fastest}, which no viscous part does; what is called coulomb "
+        "here is the mean friction at these speeds",
+        "add levels below {slowest} and above {beyond}, for a law with a Stribeck part",
+    ),
+    "anything": (
+        "between {slowest} and {fastest} it could be anything up to {reach} N, where {typical} N were measured; what "
+        "is called coulomb here is all the friction at these speeds",
+        "add levels above {beyond}",
+    ),
+    "tail": (
+        "the slowest level, {slowest}, lies above {tail:g} vs (vs is near {vs}): a larger Fs with a smaller vs fits as "
+        "well",
+        "add levels at and below {vs}",
+    ),
+    "no plateau": (
+        "the fastest level, {fastest}, lies below {plateau:g} vs (vs is near {vs}): the plateau above the Stribeck "
+        "part is not reached",
+        "add levels above {level}",
+    ),
+    "far below": (
+        "a Stribeck velocity far below the slowest level, {slowest}, fits as well",
+        "add levels below {slowest}",
+    ),
+    "far above": (
+        "a Stribeck velocity far above the fastest level, {fastest}, fits as well",
+        "add levels above {fastest}",
+    ),
+    "too fast": (
+        "the slowest level, {slowest}, is too fast to see the limit of friction at zero speed",
+        "add levels below {level}",
+    ),
+}
+
+
+def _lost(names: Iterable[str], what: str, **values: object) -> list[Undetermined]:
+    """Say of each parameter why it is not determined; see `SENTENCES`."""
+    reason, remedy = (text.format(**values) for text in SENTENCES[what])
+    return [Undetermined(name, reason, remedy) for name in names]
+
+
 def _mm_s(speed: float) -> str:
     return f"{1e3 * speed:.3g} mm/s"
+
+
+def _span(data: Observations) -> dict[str, str]:
+    """Slowest and fastest level in words."""
+    return {"slowest": _mm_s(float(data.speed_m_s.min())), "fastest": _mm_s(float(data.speed_m_s.max()))}
 
 
 def _listed(levels: list[tuple[float, float]]) -> str:
@@ -65,24 +167,22 @@ def choose_model(
         Wanted dependence on pressure, one of ``PRESSURE_FORMS``.
     """
     model, lost = (wanted, []) if pressure is None else _with_pressure(wanted, data, pressure)
-    model, statements = _with_enough_speeds(model, data, len(model.terms))
-    if statements:
-        lost = [s for s in lost if not s.parameter.startswith("breakaway_")] + statements
-        if pressure is not None:
-            first = statements[0]
-            lost += [Undetermined(f"breakaway_{c}", first.reason, first.remedy) for c in "ab"]
     levels = distinct_levels(data.speed_m_s)
+    needed = 5 if model.exponent is None else 4
+    if model.stribeck and (len(levels) < needed or len(data) < needed + 2 * len(model.terms)):
+        names = [*_curve_names(model), *(f"breakaway_{c}" for c in "ab" if pressure is not None)]
+        lost = [s for s in lost if not s.parameter.startswith("breakaway_")]
+        if len(levels) < needed:
+            s = "s" * (len(levels) != 1)
+            lost += _lost(names, "few speeds", count=len(levels), s=s, levels=_listed(levels), needed=needed)
+        else:
+            lost += _lost(names, "few values", values=len(data))
+        model = model.without_stribeck()
     if not wanted.viscous:
-        reason = "it was held at zero; what is called coulomb here is all the friction at the speeds of the map"
-        lost.append(Undetermined("viscous", reason, "measure at speeds that differ by a factor of three or more"))
+        lost += _lost(["viscous"], "held at zero")
     elif len(levels) < 2 or len(data) < len(model.names):
-        reason = f"all rows lie at one speed ({_listed(levels)})"
-        if len(levels) >= 2:
-            reason = f"the map has {len(data)} independent values, fewer than the law has parameters"
-        reason += "; what is called coulomb here is all the friction at " + (
-            "that speed" if len(levels) < 2 else "its speeds"
-        )
-        lost.append(Undetermined("viscous", reason, "measure at a second speed, at least three times higher"))
+        what = "one speed" if len(levels) < 2 else "few values, viscous"
+        lost += _lost(["viscous"], what, levels=_listed(levels), values=len(data))
         model = replace(model, viscous=False)
     if len(data) < len(model.names):
         raise FitError(
@@ -93,42 +193,32 @@ def choose_model(
     return model, lost
 
 
-def _with_enough_speeds(
-    model: FrictionModel, data: Observations, terms: int
-) -> tuple[FrictionModel, list[Undetermined]]:
-    """Leave the Stribeck part out where there are fewer speeds or values than it has parameters."""
-    grouped = distinct_levels(data.speed_m_s)
-    levels, free = len(grouped), model.exponent is None
-    needed = 5 if free else 4
-    if not model.stribeck or (levels >= needed and len(data) >= needed + 2 * terms):
-        return model, []
-    count = f"{levels} distinct speed{'s' * (levels != 1)} ({_listed(grouped)})"
-    reason = f"the map has {count} and a Stribeck curve needs at least {needed}"
-    if levels >= needed:
-        reason = f"the map has {len(data)} independent values, fewer than the law has parameters"
-    remedy = "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest"
-    names = ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * free
-    return model.without_stribeck(), [Undetermined(name, reason, remedy) for name in names]
+def _curve_names(model: FrictionModel) -> list[str]:
+    """Parameters of the Stribeck part."""
+    return ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * (model.exponent is None)
 
 
 def _with_pressure(
     wanted: FrictionModel, data: Observations, pressure: str
 ) -> tuple[FrictionModel, list[Undetermined]]:
     """Add what of the dependence on pressure the levels can carry."""
-    chambers, lost = _chambers(data, wanted.law)
     forces = ("coulomb", "breakaway") if wanted.stribeck else ("coulomb",)
     gauges = {"a": data.gauge_a_pa, "b": data.gauge_b_pa}
+    chambers = tuple(c for c, g in gauges.items() if np.ptp(g) > SAME_PRESSURE_PA)
+    lost: list[Undetermined] = []
+    for c in gauges:
+        if c not in chambers:
+            lost += _lost((f"{f}_{c}" for f in forces), "one pressure", chamber=c, bar=1e-5 * gauges[c].mean())
+    if len(chambers) == 2 and _collinear(data.gauge_a_pa, data.gauge_b_pa):
+        lost += _lost((f"{f}_{c}" for f in forces for c in "ab"), "same pressure")
+        chambers = ("ab",)
     if pressure in ("quadratic", "saturating"):
         few = [c for c in "ab" if any(c in chamber for chamber in chambers) and _levels(gauges[c]) < 3]
         if few:
-            reason = f"chamber {few[0]} was measured at fewer than three pressures, which carry no more than a line"
-            remedy = "measure at three or more pressures, spread over the range"
-            lost += [Undetermined(f"{f}_curve_{c}", reason, remedy) for f in forces for c in few]
+            lost += _lost((f"{f}_curve_{c}" for f in forces for c in few), "few pressures", chamber=few[0])
             pressure = "linear"
     if pressure == "interaction" and (chambers != ("a", "b") or not _crossed(data)):
-        reason = "the two chambers' pressures were not varied independently of each other"
-        remedy = "measure a grid: both chambers at 0, 2, 4 and 6 bar gauge in all combinations"
-        lost += [Undetermined(f"{f}_product", reason, remedy) for f in forces]
+        lost += _lost((f"{f}_product" for f in forces), "not crossed")
         pressure = "linear"
     return replace(wanted, chambers=chambers, pressure=pressure), lost
 
@@ -143,28 +233,6 @@ def _crossed(data: Observations) -> bool:
     base = np.column_stack([np.ones_like(a), a, b])
     rest = a * b - base @ np.linalg.lstsq(base, a * b, rcond=None)[0]
     return bool(np.std(rest) > 1e-3 * np.std(a * b))
-
-
-def _chambers(data: Observations, law: str) -> tuple[tuple[str, ...], list[Undetermined]]:
-    """Chambers whose slopes can be found, and statements on those that cannot."""
-    gauges = {"a": data.gauge_a_pa, "b": data.gauge_b_pa}
-    varying = tuple(c for c, g in gauges.items() if np.ptp(g) > SAME_PRESSURE_PA)
-    forces = ("coulomb", "breakaway") if law == "stribeck" else ("coulomb",)
-    lost = []
-    for c in gauges:
-        if c not in varying:
-            reason = f"the pressure in chamber {c} is the same in all rows ({1e-5 * gauges[c].mean():.3g} bar gauge)"
-            remedy = f"measure with chamber {c} at two or more pressures at least 1 bar apart"
-            lost += [Undetermined(f"{f}_{c}", reason, remedy) for f in forces]
-    if len(varying) == 2 and _collinear(data.gauge_a_pa, data.gauge_b_pa):
-        reason = (
-            "both chambers always had the same pressure: only the sum of both slopes is known, "
-            "half of it is given to each"
-        )
-        remedy = "measure with different pressures in the chambers, such as a grid of 0, 2, 4 and 6 bar gauge"
-        lost += [Undetermined(f"{f}_{c}", reason, remedy) for f in forces for c in "ab"]
-        return ("ab",), lost
-    return varying, lost
 
 
 def _collinear(a: Array, b: Array) -> bool:
@@ -185,30 +253,14 @@ def diagnose(
     model, data, found, intervals
         As of the fit.
     """
-    statements: dict[str, Undetermined] = {}
-    theta = dict(zip(model.names, model.natural(found.q), strict=True))
-    if model.stribeck:
-        for statement in _stribeck(theta, data, intervals):
-            statements.setdefault(statement.parameter, statement)
-    for name in np.array(model.names)[weak_coordinates(found.jacobian)].tolist():
-        statements.setdefault(
-            name,
-            Undetermined(
-                name,
-                "the rows do not tell it from the other parameters (a direction of the scaled Jacobian vanishes)",
-                "measure at more speeds and pressures, not all varied together",
-            ),
-        )
+    said = _stribeck(model, data, found, intervals) if model.stribeck else []
+    said += _lost(np.array(model.names)[weak_coordinates(found.jacobian)].tolist(), "weak")
     for name, (lower, upper) in intervals.items():
         open_below = name in {"stribeck_velocity", "stribeck_exponent"} and lower <= 0.0
         if open_below or not np.isfinite([lower, upper]).all():
-            statements.setdefault(
-                name,
-                Undetermined(
-                    name, "its 95 % interval is open", "measure where the law depends on it, with smaller noise"
-                ),
-            )
-    return [statements[n] for n in model.names if n in statements]
+            said += _lost([name], "open")
+    first = {one.parameter: one for one in reversed(said)}
+    return [first[n] for n in model.names if n in first]
 
 
 def without_support(
@@ -227,78 +279,43 @@ def without_support(
     excess_p_value : float or None
         Probability of a Stribeck part as large as the one found where there is none.
     """
-    slowest, fastest = float(data.speed_m_s.min()), float(data.speed_m_s.max())
+    span, fastest = _span(data), float(data.speed_m_s.max())
     if model.stribeck and excess_p_value is not None and excess_p_value > CHANCE:
-        reason = (
-            f"friction does not fall with speed by more than chance between {_mm_s(slowest)} and {_mm_s(fastest)} "
-            f"(a falling part improves the fit with p = {excess_p_value:.2g})"
-        )
-        remedy = (
-            f"add levels well below {_mm_s(slowest)} and well above {_mm_s(fastest)}, "
-            "and repeat strokes to lower the noise"
-        )
-        names = ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * (model.exponent is None)
-        names += [f"breakaway_{c}" for c in ("a", "b") if any(c in chamber for chamber in model.chambers)]
-        smaller = model.without_stribeck()
-        return smaller, [Undetermined(n, reason, remedy) for n in names]
-    if model.viscous and not model.stribeck and not changed(data.speed_m_s):
-        reason = (
-            f"all speeds are about {_mm_s(float(data.speed_m_s.mean()))}, and one speed tells nothing of how friction "
-            "depends on it; what is called coulomb here is all the friction at this speed"
-        )
-        return replace(model, viscous=False), [Undetermined("viscous", reason, "add levels at other speeds")]
-    if model.viscous and not model.stribeck:
-        typical = float(np.median(np.abs(data.friction_n)))
-        reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))
-        smaller = replace(model, viscous=False)
-        if found.active[model.names.index("viscous")] and reach < 1e-3 * typical:
-            reason = (
-                f"friction falls with speed between {_mm_s(slowest)} and {_mm_s(fastest)}, which no viscous part does; "
-                "what is called coulomb here is the mean friction at these speeds"
-            )
-            remedy = (
-                f"add levels below {_mm_s(slowest)} and above {_mm_s(3.0 * fastest)}, for a law with a Stribeck part"
-            )
-            return smaller, [Undetermined("viscous", reason, remedy)]
-        if reach > VISCOUS_REACH * typical:
-            reason = (
-                f"between {_mm_s(slowest)} and {_mm_s(fastest)} it could be anything up to {plain(reach, 2)} N, where "
-                f"{plain(typical, 2)} N were measured; what is called coulomb here is all the friction at these speeds"
-            )
-            return smaller, [Undetermined("viscous", reason, f"add levels above {_mm_s(3.0 * fastest)}")]
+        names = _curve_names(model) + [f"breakaway_{c}" for c in "ab" if any(c in ch for ch in model.chambers)]
+        return model.without_stribeck(), _lost(names, "no fall", p=excess_p_value, **span)
+    if model.stribeck or not model.viscous:
+        return model, []
+    smaller = replace(model, viscous=False)
+    if not changed(data.speed_m_s):
+        return smaller, _lost(["viscous"], "same speeds", mean=_mm_s(float(data.speed_m_s.mean())))
+    typical = float(np.median(np.abs(data.friction_n)))
+    reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))
+    beyond = _mm_s(3.0 * fastest)
+    if found.active[model.names.index("viscous")] and reach < 1e-3 * typical:
+        return smaller, _lost(["viscous"], "falls", beyond=beyond, **span)
+    if reach > VISCOUS_REACH * typical:
+        sizes = {"reach": plain(reach, 2), "typical": plain(typical, 2)}
+        return smaller, _lost(["viscous"], "anything", beyond=beyond, **sizes, **span)
     return model, []
 
 
 def _stribeck(
-    theta: dict[str, float], data: Observations, intervals: dict[str, tuple[float, float]]
+    model: FrictionModel, data: Observations, found: RobustEstimate, intervals: dict[str, tuple[float, float]]
 ) -> list[Undetermined]:
-    slowest, fastest = float(data.speed_m_s.min()), float(data.speed_m_s.max())
-    vs = theta["stribeck_velocity"]
+    """Say what of the Stribeck curve lies beyond the levels."""
+    theta = dict(zip(model.names, model.natural(found.q), strict=True))
+    vs, span = theta["stribeck_velocity"], _span(data)
+    curve, lower_upper = ("breakaway", "stribeck_velocity"), intervals["stribeck_velocity"]
     out = []
-    if slowest > TAIL * vs:
-        reason = (
-            f"the slowest level, {_mm_s(slowest)}, lies above {TAIL:g} vs (vs is near {_mm_s(vs)}): "
-            "a larger Fs with a smaller vs fits as well"
-        )
-        out += [
-            Undetermined(n, reason, f"add levels at and below {_mm_s(vs)}") for n in ("breakaway", "stribeck_velocity")
-        ]
-    if fastest < PLATEAU * vs:
-        reason = (
-            f"the fastest level, {_mm_s(fastest)}, lies below {PLATEAU:g} vs (vs is near {_mm_s(vs)}): "
-            "the plateau above the Stribeck part is not reached"
-        )
-        remedy = f"add levels above {_mm_s(PLATEAU * vs)}"
-        out += [Undetermined(n, reason, remedy) for n in ("coulomb", "viscous") if n in theta]
-    lower, upper = intervals["stribeck_velocity"]
-    if lower <= 0.0:
-        reason = f"a Stribeck velocity far below the slowest level, {_mm_s(slowest)}, fits as well"
-        remedy = f"add levels below {_mm_s(slowest)}"
-        out += [Undetermined(n, reason, remedy) for n in ("breakaway", "stribeck_velocity")]
-    if not np.isfinite(upper):
-        reason = f"a Stribeck velocity far above the fastest level, {_mm_s(fastest)}, fits as well"
-        out.append(Undetermined("stribeck_velocity", reason, f"add levels above {_mm_s(fastest)}"))
+    if data.speed_m_s.min() > TAIL * vs:
+        out += _lost(curve, "tail", tail=TAIL, vs=_mm_s(vs), **span)
+    if data.speed_m_s.max() < PLATEAU * vs:
+        names = [n for n in ("coulomb", "viscous") if n in theta]
+        out += _lost(names, "no plateau", plateau=PLATEAU, vs=_mm_s(vs), level=_mm_s(PLATEAU * vs), **span)
+    if lower_upper[0] <= 0.0:
+        out += _lost(curve, "far below", **span)
+    if not np.isfinite(lower_upper[1]):
+        out += _lost(["stribeck_velocity"], "far above", **span)
     if not np.isfinite(intervals["breakaway"][1]):
-        reason = f"the slowest level, {_mm_s(slowest)}, is too fast to see the limit of friction at zero speed"
-        out.append(Undetermined("breakaway", reason, f"add levels below {_mm_s(0.5 * vs)}"))
+        out += _lost(["breakaway"], "too fast", level=_mm_s(0.5 * vs), **span)
     return out
