@@ -280,8 +280,8 @@ def _added(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
         speed, why = chosen
         model = next(p for p in here if (p.cycle.pressure_a_pa, p.cycle.pressure_b_pa) == pair)
         assert model.cell is not None
-        cycle = builder.point(replace(model.cell, speed_m_s=speed, turn=""), block, 1, model.cycle.levels)
-        return cycle, why
+        builder.begin_block(block, model.cycle.levels)
+        return builder.point(replace(model.cell, speed_m_s=speed, turn=""), 1), why
     return None
 
 

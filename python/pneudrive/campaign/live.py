@@ -62,37 +62,41 @@ class Display:
         """End."""
 
 
-class Remaining:
-    """The time that a campaign still takes: what is planned, at the pace that it had so far.
+class Progress:
+    """How many cycles are done, and the time that the others take at the pace of those so far.
 
     A rig's own time goes by as planned; a simulated rig without a pace takes time by the number of its samples.
 
     Parameters
     ----------
     plan : Plan
-    done : set of str
-        Keys of cycles that were finished before.
+    finished : sequence of Finished
+        Before it began.
     """
 
-    def __init__(self, plan: Plan, done: set[str]) -> None:
-        self._plan, self._done = plan, set(done)
+    def __init__(self, plan: Plan, finished: Sequence[Finished]) -> None:
+        self.count = len(finished)
+        self._done = {one.cycle.key for one in finished}
         self._planned = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
         self._began, self._passed = time.monotonic(), np.zeros(2)
 
-    def finished(self, key: str) -> None:
+    def finished(self, one: Finished) -> None:
         """Take a cycle as done."""
-        self._passed += self._planned.get(key, (0.0, 0.0))
-        self._done.add(key)
+        self.count += 1
+        self._passed += self._planned.get(one.cycle.key, (0.0, 0.0))
+        self._done.add(one.cycle.key)
 
     @property
-    def seconds(self) -> float:
-        """What is left, s of the clock on the wall."""
+    def left(self) -> str:
+        """What is left on the clock on the wall, in words."""
         left = np.sum([size for key, size in self._planned.items() if key not in self._done] or [(0.0, 0.0)], axis=0)
         took = time.monotonic() - self._began
         if self._passed[0] <= 0.0:
-            return float(left[0])
+            return duration(float(left[0]))
         in_virtual_time = took < 0.5 * self._passed[0] and self._passed[1] > 0.0
-        return float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
+        return duration(
+            float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
+        )
 
 
 def guarded(display: Display, journal: Journal) -> Display:
@@ -123,20 +127,16 @@ class LineDisplay(Display):
     """
 
     def __init__(self, out: TextIO | None = None) -> None:
-        self._out = out or sys.stdout  # now: while the engine runs, what its thread prints goes into the journal
-        self._remaining: Remaining | None = None
-        self._count, self._planned = 0, 0
+        self._out = out or sys.stdout
+        self._progress: Progress | None = None
+        self._planned = 0
 
     def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
         """Begin."""
-        self._remaining = Remaining(plan, {one.cycle.key for one in finished})
-        self._count, self._planned = len(finished), len(plan.planned)
-        left = (
-            f"{self._planned - self._count} of {self._planned} cycles to do"
-            if self._count
-            else f"{self._planned} cycles"
-        )
-        self.say(f"{plan.protocol.name}: {left}, {duration(self._remaining.seconds)} on the rig")
+        self._progress, self._planned = Progress(plan, finished), len(plan.planned)
+        to_do = f"{self._planned - len(finished)} of {self._planned} cycles to do"
+        left = to_do if finished else f"{self._planned} cycles"
+        self.say(f"{plan.protocol.name}: {left}, {self._progress.left} on the rig")
 
     def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
         """Take note of how many there will be."""
@@ -144,12 +144,10 @@ class LineDisplay(Display):
 
     def finished(self, one: Finished) -> None:
         """Tell that a cycle is on the disk."""
-        self._count += 1
-        assert self._remaining is not None
-        self._remaining.finished(one.cycle.key)
+        assert self._progress is not None
+        self._progress.finished(one)
         flags = f"  flags: {', '.join(one.flags)}" if one.flags else ""
-        left = duration(self._remaining.seconds)
-        self.say(f"{self._count}/{self._planned} {one.cycle.key}  {left} left{flags}")
+        self.say(f"{self._progress.count}/{self._planned} {one.cycle.key}  {self._progress.left} left{flags}")
 
     def say(self, text: str) -> None:
         """Write a line."""
@@ -170,33 +168,30 @@ class ScreenDisplay(Display):
 
     def __init__(self, console: Any = None) -> None:  # noqa: ANN401 - rich is imported on use
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+        from rich.progress import Progress as Bar
 
         self._console = console or Console(file=sys.stdout, highlight=False)  # this one, whoever redirects it
-        self._progress = Progress(
+        self._bar = Bar(
             TextColumn("{task.description}", markup=False),  # a name that may hold brackets
             BarColumn(),
             MofNCompleteColumn(),
             TextColumn("{task.fields[left]}"),
         )
-        self._task = self._progress.add_task("campaign", total=None, left="")
+        self._task = self._bar.add_task("campaign", total=None, left="")
         self._lock = threading.Lock()
         self._live: Any = None
-        self._remaining: Remaining | None = None
+        self._progress: Progress | None = None
         self._said: list[str] = []
         self._parts: list[Samples] = []
         self._map: dict[tuple[float, float], list[tuple[float, float]]] = {}
         self._cycle: Cycle | None = None
-        self._count = 0
 
     def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
         """Begin."""
-        self._remaining = Remaining(plan, {one.cycle.key for one in finished})
+        self._progress = Progress(plan, finished)
         self._range = plan.envelope.position_m
-        self._count = len(finished)
-        self._progress.update(
-            self._task, total=len(plan.planned), completed=self._count, description=plan.protocol.name
-        )
+        self._bar.update(self._task, total=len(plan.planned), completed=len(finished), description=plan.protocol.name)
         for one in finished:
             self._add(one)
         self.go_on()
@@ -205,7 +200,7 @@ class ScreenDisplay(Display):
         """Tell that a cycle begins."""
         with self._lock:
             self._cycle, self._parts = cycle, []
-        self._progress.update(self._task, total=planned)
+        self._bar.update(self._task, total=planned)
         if reason:
             self.say(f"{cycle.key} {reason}")
 
@@ -216,11 +211,9 @@ class ScreenDisplay(Display):
 
     def finished(self, one: Finished) -> None:
         """Tell that a cycle is on the disk."""
-        self._count += 1
-        assert self._remaining is not None
-        self._remaining.finished(one.cycle.key)
-        left = f"{duration(self._remaining.seconds)} left"
-        self._progress.update(self._task, completed=self._count, left=left)
+        assert self._progress is not None
+        self._progress.finished(one)
+        self._bar.update(self._task, completed=self._progress.count, left=f"{self._progress.left} left")
         self._add(one)
         if one.flags:
             self.say(f"{one.cycle.key}: {', '.join(f'{flag} {count}' for flag, count in one.flags.items())}")
@@ -280,7 +273,7 @@ class ScreenDisplay(Display):
         left = [f"{'now: ' + cycle.key if cycle else '':<{width}}"[:width], *self._curve(parts, width, height)]
         right = [f"{len(points)} pair(s) of pressures so far", *self._speeds(points, width, height)]
         both = [f"{a:<{width}}   {b}" for a, b in zip(left, right, strict=True)]
-        return Group(self._progress, Text("\n".join(both)), Text("\n".join(said)))
+        return Group(self._bar, Text("\n".join(both)), Text("\n".join(said)))
 
     def _curve(self, parts: list[Samples], width: int, height: int) -> list[str]:
         total = sum(map(len, parts))

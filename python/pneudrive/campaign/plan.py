@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 from pneudrive.bulk import many_objects
 from pneudrive.campaign.order import ordered_blocks, ordered_cells
 from pneudrive.campaign.planned import BYTES_PER_SAMPLE, Plan, Planned, size_of
-from pneudrive.campaign.points import Builder, Cell, Pair, Way, cycle_count, cycle_samples, cycle_time_s, pairs
+from pneudrive.campaign.points import VENTED, Builder, Cell, Pair, Way, cycle_count, cycle_samples, cycle_time_s, pairs
 from pneudrive.campaign.preflight import check, check_range
-from pneudrive.campaign.protocol_values import AMBIENT
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.files.bounds import within
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity
-
-VENTED = Pair(AMBIENT, AMBIENT)
 
 
 def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
@@ -123,49 +120,47 @@ class _Layout:
         return set(fraction.cells)
 
     def _block(self, block: int, levels: dict[str, str], before: dict[str, str], cells: list[tuple[Cell, int]]) -> None:
-        p, make = self.protocol, self.make
+        p, make, blank_m_s = self.protocol, self.make, self.protocol.before_block.blank_stroke_m_s
+        make.begin_block(block, levels)
         for name, factor in p.hard.items():
             if before.get(name) != levels[name] or (block > 1 and before == levels):
                 ask = factor.ask or f"{name}: {{level}}. Confirm when it is in place."
-                text = ask.replace("{level}", levels[name])
-                self._add(make.operator(name, text, VENTED, block, levels), wait_s=factor.time_s)
-        self._prepare(block, levels, before)
-        if p.before_block.blank_stroke_m_s is not None:
-            self._add(make.blank("before", p.before_block.blank_stroke_m_s, VENTED, block, levels))
+                self._add(make.operator(name, ask.replace("{level}", levels[name])), wait_s=factor.time_s)
+        self._prepare(new=block == 1 or any(before.get(name) != levels.get(name) for name in ("seal", "drive")))
+        if blank_m_s is not None:
+            self._add(make.blank("before", blank_m_s))
         every = p.sentinel.every if p.sentinel is not None else 0
         sentinels = 0
         for index, (cell, repeat) in enumerate(cells):
             if every and index % every == 0:
                 sentinels += 1
-                self._add(make.sentinel(sentinels, block, levels))
-            self._add(make.point(cell, block, repeat, levels), cell=cell)
+                self._add(make.sentinel(sentinels))
+            self._add(make.point(cell, repeat), cell=cell)
         if every:
-            self._add(make.sentinel(sentinels + 1, block, levels))
-        if p.before_block.blank_stroke_m_s is not None:
-            self._add(make.blank("after", p.before_block.blank_stroke_m_s, VENTED, block, levels))
+            self._add(make.sentinel(sentinels + 1))
+        if blank_m_s is not None:
+            self._add(make.blank("after", blank_m_s))
 
-    def _prepare(self, block: int, levels: dict[str, str], before: dict[str, str]) -> None:
+    def _prepare(self, *, new: bool) -> None:
         """Run in what is new, warm up, then check the sensors: their zero is that of the warm rig."""
-        p, make, checks = self.protocol, self.make, self.protocol.before_block
-        new = any(before.get(name) != levels.get(name) for name in ("seal", "drive")) or block == 1
-        if p.warm_up is not None:
-            if new and p.warm_up.run_in_cycles:
-                self._add(make.warm_up("run-in", p.warm_up.run_in_cycles, p.warm_up.speed_m_s, block, levels))
-            if p.warm_up.cycles:
-                self._add(make.warm_up("warm-up", p.warm_up.cycles, p.warm_up.speed_m_s, block, levels))
+        make, warm_up, checks = self.make, self.protocol.warm_up, self.protocol.before_block
+        if warm_up is not None:
+            if new and warm_up.run_in_cycles:
+                self._add(make.warm_up("run-in", warm_up.run_in_cycles, warm_up.speed_m_s))
+            if warm_up.cycles:
+                self._add(make.warm_up("warm-up", warm_up.cycles, warm_up.speed_m_s))
         if checks.tare_s is not None:
-            self._add(make.standing("tare", Hold(checks.tare_s, released=True), VENTED, block, levels))
+            self._add(make.standing("tare", Hold(checks.tare_s, released=True), VENTED))
         weight = checks.known_weight
         if weight is not None:
             mass, force = f"{weight.mass_kg:g} kg", weight.mass_kg * STANDARD_GRAVITY_M_S2
             on = f"Uncouple the drive and hang the known weight of {mass} on the force sensor, pulling in +x."
             off = f"Take the weight of {mass} off and couple the drive again."
-            self._add(make.operator("weight-on", on, VENTED, block, levels), wait_s=weight.change_s)
-            hold = Hold(weight.time_s, weight_n=force)
-            self._add(make.standing("weight", hold, VENTED, block, levels, weight_kg=weight.mass_kg))
-            self._add(make.operator("weight-off", off, VENTED, block, levels), wait_s=weight.change_s)
+            self._add(make.operator("weight-on", on), wait_s=weight.change_s)
+            self._add(make.standing("weight", Hold(weight.time_s, weight_n=force), VENTED, weight.mass_kg))
+            self._add(make.operator("weight-off", off), wait_s=weight.change_s)
         if checks.leak_check_s is not None:
-            self._add(make.standing("leak", Hold(checks.leak_check_s, shut=True), self.highest, block, levels))
+            self._add(make.standing("leak", Hold(checks.leak_check_s, shut=True), self.highest))
 
     def _add(self, cycle: Cycle, *, wait_s: float = 0.0, cell: Cell | None = None) -> None:
         now = (cycle.pressure_a_pa, cycle.pressure_b_pa)

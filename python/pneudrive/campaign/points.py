@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.cycle import Cycle
+from pneudrive.campaign.protocol_values import AMBIENT
 from pneudrive.rig.interface import Hold, Move, Sampling
 from pneudrive.rig.motion import Limits, move
 from pneudrive.rig.sampling import step_samples
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
 #: How a stroke of a cycle that only prepares is sampled: enough to see that something is wrong (assumed).
 PREPARING = Sampling(samples_per_stroke=500, burst_rate_hz=0.0)
-#: Rate at which the standing axis is sampled while a sensor is checked (assumed).
-CHECK_RATE_HZ = 1000.0
+#: How the standing axis is sampled while a sensor is checked (assumed).
+CHECKING = Sampling(hold_rate_hz=1000.0, burst_rate_hz=0.0)
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,10 @@ class Pair:
     def absolute_pa(self, ambient_pa: float) -> tuple[float, float]:
         """Return both as absolute pressures, Pa."""
         return self.a.absolute_pa(ambient_pa), self.b.absolute_pa(ambient_pa)
+
+
+#: Chambers open to ambient.
+VENTED = Pair(AMBIENT, AMBIENT)
 
 
 @dataclass(frozen=True)
@@ -194,24 +199,26 @@ class Builder:
         self.protocol, self.ambient_pa = protocol, identity.ambient_pressure_pa
         self.way = Way.on(protocol, envelope)
         self.first = pairs(protocol)[0]
-        self.sampling = protocol.sampling
+        self.block, self.levels = 1, dict[str, str]()
         self._steps: dict[str, tuple[Step, ...]] = {}
 
-    def point(self, cell: Cell, block: int, repeat: int, levels: dict[str, str]) -> Cycle:
+    def begin_block(self, block: int, levels: dict[str, str]) -> None:
+        """Make the cycles of this block from now on, at these levels of the hard-to-change factors."""
+        self.block, self.levels = block, levels
+
+    def point(self, cell: Cell, repeat: int) -> Cycle:
         """Make the cycle that measures a cell; another speed than the protocol's is `dataclasses.replace` away."""
         if cell.name not in self._steps:
             self._steps[cell.name] = self._sweep(cell) if cell.place is None else self._stop(cell)
         return self._cycle(
-            f"b{block}/{cell.name}/r{repeat}",
+            f"{cell.name}/r{repeat}",
             cell.kind,
             self._steps[cell.name],
             cell.pressures,
-            block=block,
             repeat=repeat,
             speed_m_s=cell.speed_m_s,
             stop_s=cell.stop_s,
             released=cell.released,
-            levels=levels,
         )
 
     def strokes(self, speed_m_s: float) -> int:
@@ -222,53 +229,29 @@ class Builder:
             return 1
         return min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes)
 
-    def sentinel(self, number: int, block: int, levels: dict[str, str]) -> Cycle:
+    def sentinel(self, number: int) -> Cycle:
         """Make a sentinel; they are counted from 1 in each block."""
         sentinel = self.protocol.sentinel
         assert sentinel is not None
-        pressure = sentinel.pressure
-        pair = self.first if pressure is None else Pair(pressure, pressure)
-        return self._cycle(
-            f"b{block}/sentinel/n{number}",
-            "sentinel",
-            self._out_and_back(sentinel.speed_m_s, 1),
-            pair,
-            block=block,
-            speed_m_s=sentinel.speed_m_s,
-            levels=levels,
-        )
+        pair = self.first if sentinel.pressure is None else Pair(sentinel.pressure, sentinel.pressure)
+        steps = self._out_and_back(sentinel.speed_m_s, 1)
+        return self._cycle(f"sentinel/n{number}", "sentinel", steps, pair, speed_m_s=sentinel.speed_m_s)
 
-    def warm_up(self, word: str, cycles: int, speed_m_s: float, block: int, levels: dict[str, str]) -> Cycle:
+    def warm_up(self, word: str, cycles: int, speed_m_s: float) -> Cycle:
         """Make the strokes of a warm-up or run-in."""
-        steps = self._out_and_back(speed_m_s, cycles)
-        key = f"b{block}/{word}"
-        return self._cycle(key, "warm-up", steps, self.first, sampling=PREPARING, block=block, levels=levels)
+        return self._cycle(word, "warm-up", self._out_and_back(speed_m_s, cycles), self.first, sampling=PREPARING)
 
-    def standing(
-        self, kind: str, hold: Hold, pair: Pair, block: int, levels: dict[str, str], *, weight_kg: float | None = None
-    ) -> Cycle:
+    def standing(self, kind: str, hold: Hold, pair: Pair, weight_kg: float | None = None) -> Cycle:
         """Make a cycle that stands still: tare, leak check or known weight."""
-        return self._cycle(
-            f"b{block}/{kind}",
-            kind,
-            (hold,),
-            pair,
-            sampling=Sampling(hold_rate_hz=CHECK_RATE_HZ, burst_rate_hz=0.0),
-            block=block,
-            levels=levels,
-            released=hold.released,
-            weight_kg=weight_kg,
-        )
+        return self._cycle(kind, kind, (hold,), pair, sampling=CHECKING, released=hold.released, weight_kg=weight_kg)
 
-    def blank(self, word: str, speed_m_s: float, pair: Pair, block: int, levels: dict[str, str]) -> Cycle:
+    def blank(self, word: str, speed_m_s: float) -> Cycle:
         """Make a blank stroke; `word` is before or after."""
-        steps = self._out_and_back(speed_m_s, 1)
-        key = f"b{block}/blank-{word}"
-        return self._cycle(key, "blank", steps, pair, block=block, levels=levels, speed_m_s=speed_m_s)
+        return self._cycle(f"blank-{word}", "blank", self._out_and_back(speed_m_s, 1), VENTED, speed_m_s=speed_m_s)
 
-    def operator(self, word: str, text: str, pair: Pair, block: int, levels: dict[str, str]) -> Cycle:
+    def operator(self, word: str, text: str) -> Cycle:
         """Make a change by hand."""
-        return self._cycle(f"b{block}/operator/{word}", "operator", (), pair, block=block, levels=levels, text=text)
+        return self._cycle(f"operator/{word}", "operator", (), VENTED, text=text)
 
     def _cycle(
         self,
@@ -280,8 +263,17 @@ class Builder:
         sampling: Sampling | None = None,
         **rest: Any,  # noqa: ANN401 - the optional fields of Cycle
     ) -> Cycle:
-        a_pa, b_pa = pair.absolute_pa(self.ambient_pa)
-        return Cycle(key, kind, steps, sampling or self.sampling, a_pa, b_pa, start_m=self.way.low_m, **rest)
+        return Cycle(
+            f"b{self.block}/{key}",
+            kind,
+            steps,
+            sampling or self.protocol.sampling,
+            *pair.absolute_pa(self.ambient_pa),
+            block=self.block,
+            levels=self.levels,
+            start_m=self.way.low_m,
+            **rest,
+        )
 
     def _out_and_back(self, speed_m_s: float, times: int) -> tuple[Step, ...]:
         return (Move(self.way.high_m, speed_m_s), Move(self.way.low_m, speed_m_s)) * times

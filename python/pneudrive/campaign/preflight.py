@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,6 @@ from pneudrive.errors import ProtocolError, nearest
 from pneudrive.rig.interface import Changeable, Hold, Move
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planned import Plan
     from pneudrive.campaign.protocol import Protocol
@@ -27,6 +26,12 @@ ROUNDING = 1e-9
 SAME_PRESSURE_PA = 0.1
 #: So many violations are shown; all are counted.
 SHOWN = 5
+#: What makes the largest part of a force smaller.
+LESS_FORCE = {
+    "difference of the pressure forces": "Bring the pressures of the chambers closer together.",
+    "inertia": "Lower the speed.",
+    "known weight": "Take a smaller weight.",
+}
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,8 @@ def check(plan: Plan) -> tuple[str, ...]:
         Naming the first cycle that breaks each limit, with value, limit and remedy, and how many do.
     """
     _check_temperature(plan.protocol, plan.envelope)
-    alike = _alike(plan)
-    found = [v for one in alike for v in violations(one[0], plan.protocol, plan.identity, plan.envelope)]
+    alike, allowed = _alike(plan), Allowed.of(plan)
+    found = [v for one in alike for v in violations(one[0], allowed)]
     if found:
         keys = {one[0].key: [cycle.key for cycle in one[1:]] for one in alike}
         found += [replace(v, key=key) for v in found for key in keys[v.key]]
@@ -77,30 +82,85 @@ def _alike(plan: Plan) -> list[list[Cycle]]:
     return list(found.values())
 
 
+@dataclass(frozen=True)
+class Allowed:
+    """What a rig may be asked to do, tightened by a protocol.
+
+    Attributes
+    ----------
+    identity, envelope
+        Of the rig.
+    axis : Limits
+        With which it starts and stops.
+    speed_m_s, acceleration_m_s2, force_n, pressure_pa : float
+        Upper limits.
+    """
+
+    identity: Identity
+    envelope: Envelope
+    axis: Limits
+    speed_m_s: float
+    acceleration_m_s2: float
+    force_n: float
+    pressure_pa: float
+
+    @classmethod
+    def of(cls, plan: Plan) -> Allowed:
+        """Take the tighter of what the rig says of itself and what the protocol asks for."""
+        rig, tight, identity = plan.envelope, plan.protocol.limits, plan.identity
+        ambient = identity.ambient_pressure_pa
+        pressure = math.inf if tight.pressure is None else tight.pressure.absolute_pa(ambient)
+        return cls(
+            identity,
+            rig,
+            Way.on(plan.protocol, rig).limits,
+            min(rig.speed_m_s, tight.speed_m_s or math.inf),
+            min(rig.acceleration_m_s2, tight.acceleration_m_s2 or math.inf),
+            min(rig.force_n, tight.force_n or math.inf),
+            min(rig.pressure_pa[1], pressure),
+        )
+
+    def peak_acceleration_m_s2(self, cycle: Cycle) -> float:
+        """Return the largest acceleration in a cycle."""
+        return max((_peak_acceleration(d, s.speed_m_s, self.axis) for d, s in _moves(cycle)), default=0.0)
+
+    def forces_n(self, cycle: Cycle) -> dict[str, float]:
+        """Return the contributions to the largest force that the sensor will see in a cycle, all not negative."""
+        hung = max((step.weight_n for step in cycle.steps if isinstance(step, Hold)), default=0.0)
+        if hung:  # on the sensor, the drive uncoupled
+            return {"known weight": hung}
+        return {
+            "friction": self.envelope.expected_friction_n,
+            "difference of the pressure forces": abs(self.pressure_force_n(cycle)),
+            "inertia": self.identity.mass_beyond_sensor_kg * self.peak_acceleration_m_s2(cycle),
+            "weight of the moving parts": abs(self.weight_n),
+        }
+
+    def pressure_force_n(self, cycle: Cycle) -> float:
+        """Return what the pressures push in +x."""
+        ambient = self.identity.ambient_pressure_pa
+        gauge_a, gauge_b = cycle.pressure_a_pa - ambient, cycle.pressure_b_pa - ambient
+        return gauge_a * self.identity.area_a_m2 - gauge_b * self.identity.area_b_m2
+
+    @property
+    def weight_n(self) -> float:
+        """Weight of the moving parts along -x."""
+        rig = self.identity
+        return rig.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * math.sin(rig.incline_rad)
+
+
 def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
     """Return for each limit (largest value of the plan, limit, unit); what is not asked for is left out."""
-    protocol, envelope, identity = plan.protocol, plan.envelope, plan.identity
-    limits = Way.on(protocol, envelope).limits
-    cycles = [alike[0] for alike in _alike(plan)]
-    moves = [move for cycle in cycles for move in set(_moves(cycle))]
-    bounds = _bounds(protocol, identity, envelope)
+    allowed, cycles = Allowed.of(plan), [alike[0] for alike in _alike(plan)]
+    speed = max(step.speed_m_s for cycle in cycles for _, step in _moves(cycle))
+    acceleration = max(allowed.peak_acceleration_m_s2(cycle) for cycle in cycles)
+    force = max(sum(allowed.forces_n(cycle).values()) for cycle in cycles)
+    pressure = max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in cycles)
     return {
-        "speed": (1e3 * max(step.speed_m_s for _, step in moves), 1e3 * bounds["speed"], "mm/s"),
-        "acceleration": (
-            max(_peak_acceleration(d, s.speed_m_s, limits) for d, s in moves),
-            bounds["acceleration"],
-            "m/s2",
-        ),
-        "force": (
-            max(sum(expected_force_n(cycle, identity, envelope, limits).values()) for cycle in cycles),
-            bounds["force"],
-            "N",
-        ),
-        "pressure": (
-            max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in cycles) / 1e5,
-            bounds["pressure"] / 1e5,
-            "bar abs",
-        ),
+        "speed": (1e3 * speed, 1e3 * allowed.speed_m_s, "mm/s"),
+        "acceleration": (acceleration, allowed.acceleration_m_s2, "m/s2"),
+        "force": (force, allowed.force_n, "N"),
+        "pressure": (pressure / 1e5, allowed.pressure_pa / 1e5, "bar abs"),
     }
 
 
@@ -132,130 +192,67 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
                 )
 
 
-def violations(cycle: Cycle, protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator[Violation]:
-    """Yield what is wrong with one cycle: of each limit the first violation."""
-    limits, bounds = Way.on(protocol, envelope).limits, _bounds(protocol, identity, envelope)
-    seen: set[str] = set()
-    for violation in (
-        *_motion(cycle, envelope, bounds, limits),
-        *_pressures(cycle, envelope, bounds),
-        *_force(cycle, identity, envelope, bounds, limits),
-    ):
-        if violation.item not in seen:
-            seen.add(violation.item)
-            yield violation
+def violations(cycle: Cycle, allowed: Allowed) -> list[Violation]:
+    """Give what is wrong with one cycle: of each limit the first violation."""
+    first: dict[str, Violation] = {}
+    for find in (_motion, _pressures, _force):
+        for item, value, limit, remedy in find(cycle, allowed):
+            first.setdefault(item, Violation(item, cycle.key, value, limit, remedy))
+    return list(first.values())
 
 
-def expected_force_n(cycle: Cycle, identity: Identity, envelope: Envelope, limits: Limits) -> dict[str, float]:
-    """Return the contributions to the largest force that the sensor will see in a cycle, N, all not negative."""
-    hung = max((step.weight_n for step in cycle.steps if isinstance(step, Hold)), default=0.0)
-    if hung:  # on the sensor, the drive uncoupled
-        return {"known weight": hung}
-    peak = max((_peak_acceleration(d, s.speed_m_s, limits) for d, s in _moves(cycle)), default=0.0)
-    return {
-        "friction": envelope.expected_friction_n,
-        "difference of the pressure forces": abs(_pressure_force_n(cycle, identity)),
-        "inertia": identity.mass_beyond_sensor_kg * peak,
-        "weight of the moving parts": abs(_weight_n(identity)),
-    }
+#: Item, value, limit and remedy of a violation.
+Found = Iterator[tuple[str, str, str, str]]
 
 
-def _pressure_force_n(cycle: Cycle, identity: Identity) -> float:
-    """Return what the pressures push in +x, N."""
-    gauge_a, gauge_b = (p - identity.ambient_pressure_pa for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
-    return gauge_a * identity.area_a_m2 - gauge_b * identity.area_b_m2
-
-
-def _weight_n(identity: Identity) -> float:
-    """Return the weight of the moving parts along -x, N."""
-    return identity.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * math.sin(identity.incline_rad)
-
-
-def _bounds(protocol: Protocol, identity: Identity, envelope: Envelope) -> dict[str, float]:
-    """Return the upper limits of the rig, tightened by the protocol."""
-    tight, pressure = protocol.limits, envelope.pressure_pa[1]
-    if tight.pressure is not None:
-        pressure = min(pressure, tight.pressure.absolute_pa(identity.ambient_pressure_pa))
-    return {
-        "speed": min(envelope.speed_m_s, tight.speed_m_s or math.inf),
-        "acceleration": min(envelope.acceleration_m_s2, tight.acceleration_m_s2 or math.inf),
-        "force": min(envelope.force_n, tight.force_n or math.inf),
-        "pressure": pressure,
-    }
-
-
-def _motion(cycle: Cycle, envelope: Envelope, bounds: dict[str, float], limits: Limits) -> Iterator[Violation]:
-    low, high = envelope.position_m
-    top, top_acceleration = bounds["speed"], bounds["acceleration"]
+def _motion(cycle: Cycle, allowed: Allowed) -> Found:
+    low, high = allowed.envelope.position_m
     for distance, step in _moves(cycle):
-        speed, key = step.speed_m_s, cycle.key
+        speed = step.speed_m_s
         if not low - ROUNDING <= step.to_m <= high + ROUNDING:
             remedy = "Change [stop] position, approach or recovery." if cycle.kind == "stop" else "Change [position]."
-            yield Violation("stroke", key, _mm(step.to_m), f"from {_mm(low)} to {_mm(high)}", remedy)
-        if speed > top * (1.0 + ROUNDING):
-            yield Violation("speed", key, _mm_s(speed), f"at most {_mm_s(top)}", "Lower the speed.")
-        peak = _peak_acceleration(distance, speed, limits)
-        if peak > top_acceleration * (1.0 + ROUNDING):
-            yield Violation(
-                "acceleration",
-                key,
-                f"{peak:.4g} m/s2",
-                f"at most {top_acceleration:.4g} m/s2",
-                "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change.",
-            )
+            yield "stroke", _mm(step.to_m), f"from {_mm(low)} to {_mm(high)}", remedy
+        if speed > allowed.speed_m_s * (1.0 + ROUNDING):
+            yield "speed", _mm_s(speed), f"at most {_mm_s(allowed.speed_m_s)}", "Lower the speed."
+        peak, top = _peak_acceleration(distance, speed, allowed.axis), allowed.acceleration_m_s2
+        if peak > top * (1.0 + ROUNDING):
+            remedy = "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change."
+            yield "acceleration", f"{peak:.4g} m/s2", f"at most {top:.4g} m/s2", remedy
     for distance, step in _measuring(cycle):
-        reached, ramps = limits.top_speed_m_s(distance), 2.0 * limits.ramp_distance_m(step.speed_m_s)
-        if step.speed_m_s > reached * (1.0 + ROUNDING):
-            yield Violation(
-                "ramp",
-                cycle.key,
-                f"{_mm_s(step.speed_m_s)} within {_mm(distance)}",
-                f"at most {_mm_s(reached)}, as starting and stopping take {_mm(ramps)}",
-                "Lower the speed, or use more of the stroke.",
-            )
+        speed, reached = step.speed_m_s, allowed.axis.top_speed_m_s(distance)
+        if speed > reached * (1.0 + ROUNDING):
+            ramps = _mm(2.0 * allowed.axis.ramp_distance_m(speed))
+            limit = f"at most {_mm_s(reached)}, as starting and stopping take {ramps}"
+            yield "ramp", f"{_mm_s(speed)} within {_mm(distance)}", limit, "Lower the speed, or use more of the stroke."
 
 
-def _pressures(cycle: Cycle, envelope: Envelope, bounds: dict[str, float]) -> Iterator[Violation]:
-    low, high = envelope.pressure_pa[0], bounds["pressure"]
-    for chamber, value in (("a", cycle.pressure_a_pa), ("b", cycle.pressure_b_pa)):
+def _pressures(cycle: Cycle, allowed: Allowed) -> Found:
+    low, high = allowed.envelope.pressure_pa[0], allowed.pressure_pa
+    a, b = cycle.pressure_a_pa, cycle.pressure_b_pa
+    for chamber, value in (("a", a), ("b", b)):
         if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
             limit = f"{_bar(low)} to {_bar(high)}" if low < high else f"the chambers are open to ambient, {_bar(low)}"
-            yield Violation("pressure", cycle.key, f"{_bar(value)} in chamber {chamber}", limit, "Change [pressure].")
-    difference = abs(cycle.pressure_a_pa - cycle.pressure_b_pa)
-    if not envelope.separate_pressures and difference > SAME_PRESSURE_PA:
-        yield Violation(
-            "manifold",
-            cycle.key,
-            f"{_bar(cycle.pressure_a_pa)} and {_bar(cycle.pressure_b_pa)}",
-            "the same pressure in both chambers, which hang on a common manifold",
-            "Give the pressures as [pressure] both, or take a rig with a regulator each.",
-        )
+            yield "pressure", f"{_bar(value)} in chamber {chamber}", limit, "Change [pressure]."
+    if not allowed.envelope.separate_pressures and abs(a - b) > SAME_PRESSURE_PA:
+        limit = "the same pressure in both chambers, which hang on a common manifold"
+        remedy = "Give the pressures as [pressure] both, or take a rig with a regulator each."
+        yield "manifold", f"{_bar(a)} and {_bar(b)}", limit, remedy
 
 
-def _force(
-    cycle: Cycle, identity: Identity, envelope: Envelope, bounds: dict[str, float], limits: Limits
-) -> Iterator[Violation]:
-    push = abs(_pressure_force_n(cycle, identity) - _weight_n(identity))
-    holds = envelope.expected_friction_n
+def _force(cycle: Cycle, allowed: Allowed) -> Found:
+    push = abs(allowed.pressure_force_n(cycle) - allowed.weight_n)
+    holds = allowed.envelope.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
-        yield Violation(
-            "release",
-            cycle.key,
-            f"pressure and weight push with {push:.3g} N",
-            f"a released axis is held by friction alone, at most {holds:.3g} N",
-            'Take equal pressures, or [stop] axis = "held"; leave out the tare of an inclined rig.',
-        )
-    parts = expected_force_n(cycle, identity, envelope, limits)
-    total, limit = sum(parts.values()), bounds["force"]
-    if total > limit * (1.0 + ROUNDING):
+        limit = f"a released axis is held by friction alone, at most {holds:.3g} N"
+        remedy = 'Take equal pressures, or [stop] axis = "held"; leave out the tare of an inclined rig.'
+        yield "release", f"pressure and weight push with {push:.3g} N", limit, remedy
+    parts = allowed.forces_n(cycle)
+    total = sum(parts.values())
+    if total > allowed.force_n * (1.0 + ROUNDING):
         largest = max(parts, key=lambda name: parts[name])
         shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)
-        remedy = {
-            "difference of the pressure forces": "Bring the pressures of the chambers closer together.",
-            "inertia": "Lower the speed.",
-            "known weight": "Take a smaller weight.",
-        }.get(largest, "Take a rig with a force sensor of greater range.")
-        yield Violation("force", cycle.key, f"{total:.4g} N ({shown})", f"at most {limit:.4g} N", remedy)
+        remedy = LESS_FORCE.get(largest, "Take a rig with a force sensor of greater range.")
+        yield "force", f"{total:.4g} N ({shown})", f"at most {allowed.force_n:.4g} N", remedy
 
 
 def _check_temperature(protocol: Protocol, envelope: Envelope) -> None:

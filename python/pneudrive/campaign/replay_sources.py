@@ -5,18 +5,20 @@ It stands above `pneudrive.rig`, whose registry names it, because it reads campa
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from pneudrive.campaign.folder import ABOUT, CYCLES, TRUTH, Campaign
-from pneudrive.campaign.replay import SAME_POSITION_M, ReplayRig, Take, Tolerance
+from pneudrive.campaign.replay import ReplayRig, ReplaySource, Tolerance
 from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.describe.base import Bounds, Quantity
 from pneudrive.describe.marks import Percent
 from pneudrive.errors import RecordingError, RigError
+from pneudrive.files.content import read_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Samples
 from pneudrive.rig.plain_data import envelope_of
 from pneudrive.rig.rig_file import RigFile
@@ -24,6 +26,7 @@ from pneudrive.rig.rig_file import RigFile
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pneudrive.campaign.folder import CycleFile
     from pneudrive.characterise.load import RecordingFile
     from pneudrive.characterise.motion import Stroke
     from pneudrive.characterise.recording import Recording
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
 ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
 ANY_TEMPERATURE_K = (0.0, 1000.0)
 NO_LIMIT_N = 1e9
+SAME_POSITION_M = 1e-3
 STROKE_SLACK = 0.05  # share of the travel by which a stroke may end elsewhere
 
 
@@ -46,6 +50,161 @@ class ReplayFile(RigFile):
     pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=Bounds(at_least=0.0))] = Field(
         default=Tolerance.pressure_pa, alias="pressure_tolerance"
     )
+
+
+@dataclass(frozen=True)
+class RecordedCycle(ReplaySource):
+    """A cycle of a campaign's folder; ``true`` is the file that says what was true."""
+
+    file: CycleFile
+    true: Path
+
+    @classmethod
+    def of(cls, file: CycleFile, campaign: Campaign) -> RecordedCycle:
+        """Take what its head says."""
+        cycle, true = file.head.cycle, campaign.path / TRUTH / f"{file.name}.json"
+        pressures = (cycle.pressure_a_pa, cycle.pressure_b_pa)
+        return cls(file.name, cycle.key, cycle.steps, *pressures, file.head.began_s, dict(cycle.levels), file, true)
+
+    def first_step(self, steps: Sequence[Step], tolerance: Tolerance) -> int | None:
+        """Take the whole cycle, or nothing of it."""
+        if not self.steps:
+            return 0 if self._was_for(steps, tolerance) else None
+        same = len(steps) == len(self.steps) and all(map(_like, steps, self.steps, [tolerance] * len(steps)))
+        return 0 if same else None
+
+    def _was_for(self, steps: Sequence[Step], tolerance: Tolerance) -> bool:
+        """Whether a cycle of which only the purpose is known is the asked one: longest stop, speed of what follows."""
+        cycle = self.file.head.cycle
+        holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
+        stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
+        moves = [step.speed_m_s for step in steps[at:] if isinstance(step, Move)]
+        if not moves or cycle.speed_m_s is None or not _as_fast(moves[0], cycle.speed_m_s, tolerance):
+            return False
+        return bool(cycle.stop_s) == bool(holds) and abs(stop - (cycle.stop_s or 0.0)) <= tolerance.speed * stop
+
+    def samples(self, first: int, steps: Sequence[Step]) -> Samples:
+        """Read all of them."""
+        return self.file.samples()
+
+    def range_m(self) -> tuple[float, float] | None:
+        """Give what the moves cover; where the head has none, what the samples cover."""
+        if self.steps:
+            return _range(self.steps)
+        position = self.file.samples().position_m
+        return float(np.nanmin(position)), float(np.nanmax(position))
+
+    @property
+    def speeds_m_s(self) -> list[float]:
+        """Speeds of the moves; where the head has none, the one that the cycle is for."""
+        speed = self.file.head.cycle.speed_m_s
+        return super().speeds_m_s or ([speed] if speed else [])
+
+    def truth(self) -> dict[str, Any]:
+        """Read what was true of it."""
+        return read_json(self.true, RigError) if self.true.is_file() else {}
+
+
+@dataclass(frozen=True)
+class ForeignRecording(ReplaySource):
+    """Strokes of a foreign file, played from the one whose direction is asked; they may end ``slack_m`` elsewhere."""
+
+    file: RecordingFile
+    slack_m: float
+
+    @classmethod
+    def of(cls, file: RecordingFile, recording: Recording, strokes: list[Stroke]) -> ForeignRecording:
+        """Take what its samples say."""
+        steps = tuple(Move(stroke.to_m, abs(stroke.speed_m_s)) for stroke in strokes)
+        pressures = (float(np.median(recording.pressure_a_pa)), float(np.median(recording.pressure_b_pa)))
+        slack = max(STROKE_SLACK * float(np.ptp(recording.position_m)), SAME_POSITION_M)
+        return cls(recording.name, "", steps, *pressures, 0.0, {}, file, slack)
+
+    def first_step(self, steps: Sequence[Step], tolerance: Tolerance) -> int | None:
+        """Find strokes that go where the moves go, as fast."""
+        moves = [step for step in steps if isinstance(step, Move)]
+        if not moves or _stops_on_the_way(steps):
+            return None
+        strokes = [step for step in self.steps if isinstance(step, Move)]
+        for first in range(min(2, len(strokes) - len(moves) + 1)):  # strokes alternate: the first or the second fits
+            if all(
+                abs(asked.to_m - stroke.to_m) <= self.slack_m and _as_fast(asked.speed_m_s, stroke.speed_m_s, tolerance)
+                for asked, stroke in zip(moves, strokes[first:], strict=False)
+            ):
+                return first
+        return None
+
+    def samples(self, first: int, steps: Sequence[Step]) -> Samples:
+        """Read as many strokes as there are moves."""
+        return _strokes_as(steps, first, *_strokes_of(self.file))
+
+    def range_m(self) -> tuple[float, float] | None:
+        """Give what the strokes cover."""
+        return _range(self.steps)
+
+
+def _strokes_of(file: RecordingFile) -> tuple[Recording, list[Stroke]]:
+    from pneudrive.characterise.motion import find_strokes
+    from pneudrive.characterise.samples import clean
+
+    recording = clean(file.read())
+    return recording, find_strokes(recording.name, recording.time_s, recording.position_m)
+
+
+def _range(steps: Sequence[Step]) -> tuple[float, float] | None:
+    ends = [step.to_m for step in steps if isinstance(step, Move)]
+    return (min(ends), max(ends)) if len(ends) > 1 else None
+
+
+def _strokes_as(steps: Sequence[Step], first: int, recording: Recording, strokes: list[Stroke]) -> Samples:
+    """Give the samples of as many strokes as there are moves, numbered as the steps that were asked for."""
+    moves = [index for index, step in enumerate(steps) if isinstance(step, Move)]
+    played = strokes[first : first + len(moves)]
+    rows = slice(played[0].start, played[-1].stop)
+    step = np.full(rows.stop - rows.start, moves[0], dtype=np.int64)
+    for index, stroke, before in zip(moves[1:], played[1:], played[:-1], strict=True):
+        if isinstance(steps[index - 1], Hold):
+            step[before.stop - rows.start :] = index - 1
+        step[stroke.start - rows.start :] = index
+    time = recording.time_s[rows]
+    return Samples(
+        time_s=time - time[0],
+        position_m=recording.position_m[rows],
+        force_n=recording.force_n[rows],
+        pressure_a_pa=recording.pressure_a_pa[rows],
+        pressure_b_pa=recording.pressure_b_pa[rows],
+        temperature_k=np.full(time.size, ANR_TEMPERATURE_K),  # not measured
+        step=step,
+    )
+
+
+def _like(asked: Step, recorded: Step, tolerance: Tolerance) -> bool:
+    """Whether a recorded step of a campaign is the asked one."""
+    if isinstance(asked, Move) and isinstance(recorded, Move):
+        near = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
+        return near and _as_fast(asked.speed_m_s, recorded.speed_m_s, tolerance)
+    if isinstance(asked, Hold) and isinstance(recorded, Hold):
+        same = (asked.released, asked.shut) == (recorded.released, recorded.shut)
+        return same and abs(asked.duration_s - recorded.duration_s) <= tolerance.speed * asked.duration_s
+    return False
+
+
+def _as_fast(asked_m_s: float, recorded_m_s: float, tolerance: Tolerance) -> bool:
+    return abs(asked_m_s - recorded_m_s) <= tolerance.speed * asked_m_s
+
+
+def _stops_on_the_way(steps: Sequence[Step]) -> bool:
+    """Whether a hold lies between moves of one direction, or begins or ends the cycle."""
+    for index, step in enumerate(steps):
+        if not isinstance(step, Hold):
+            continue
+        before = [s for s in steps[:index] if isinstance(s, Move)]
+        after = [s for s in steps[index:] if isinstance(s, Move)]
+        if len(before) < 2 or not after:
+            return len(before) != 1 or not after  # one move before it: its direction is not known, but it is a turn
+        if (before[-1].to_m > before[-2].to_m) == (after[0].to_m > before[-1].to_m):
+            return True
+    return False
 
 
 def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) -> ReplayRig:
@@ -95,32 +254,13 @@ def campaign_rig(
         It is not a campaign, or has no finished cycle.
     """
     campaign = Campaign.open(folder)
-    takes = []
-    for file in campaign.cycles():
-        cycle = file.head.cycle
-        if cycle.kind == "operator":
-            continue
-        takes.append(
-            Take(
-                name=file.name,
-                key=cycle.key,
-                steps=cycle.steps,
-                pressure_a_pa=cycle.pressure_a_pa,
-                pressure_b_pa=cycle.pressure_b_pa,
-                read=lambda _first, _steps, file=file: file.samples(),
-                began_s=file.head.began_s,
-                levels=dict(cycle.levels),
-                speed_m_s=cycle.speed_m_s,
-                stop_s=cycle.stop_s,
-                truth=campaign.path / TRUTH / f"{file.name}.json",
-            )
-        )
-    if not takes:
+    sources = [RecordedCycle.of(file, campaign) for file in campaign.cycles() if file.head.cycle.kind != "operator"]
+    if not sources:
         raise RigError("the campaign has no finished cycle to play", where=str(folder))
     identity = identity or campaign.identity
     told = campaign.about.get("envelope")
-    limits = limits or (envelope_of(told, str(folder / ABOUT)) if told else _envelope(takes, identity))
-    return ReplayRig(takes, identity, limits, pace, tolerance)
+    limits = limits or (envelope_of(told, str(folder / ABOUT)) if told else _envelope(sources, identity))
+    return ReplayRig(sources, identity, limits, pace, tolerance)
 
 
 def recordings_rig(
@@ -156,63 +296,17 @@ def recordings_rig(
     paths = sorted(p for p in folder.glob(pattern) if p.is_file() and p.suffix != ".toml")
     if not paths:
         raise RigError(f"there is no recording {pattern} in {folder}")
-    takes, first = [], None
+    sources, first = [], None
     for file in recording_files(paths, layout):
-        recording, strokes = _recording(file)
+        recording, strokes = _strokes_of(file)
         first = first or recording
         if (recording.area_a_m2, recording.area_b_m2) != (first.area_a_m2, first.area_b_m2):
             what = f"{recording.name} and {first.name} are of drives of different size"
             raise RigError(what, where=str(folder), remedy="choose those of one drive by `pattern` in a rig file")
-        takes.append(_take(file, recording, strokes))
+        sources.append(ForeignRecording.of(file, recording, strokes))
     assert first is not None, "there is a file"
     identity = identity or _identity(folder, first)
-    return ReplayRig(takes, identity, limits or _envelope(takes, identity), pace, tolerance)
-
-
-def _recording(file: RecordingFile) -> tuple[Recording, list[Stroke]]:
-    from pneudrive.characterise.motion import find_strokes
-    from pneudrive.characterise.samples import clean
-
-    recording = clean(file.read())
-    return recording, find_strokes(recording.name, recording.time_s, recording.position_m)
-
-
-def _take(file: RecordingFile, recording: Recording, strokes: list[Stroke]) -> Take:
-    def read(first: int, steps: Sequence[Step]) -> Samples:
-        return _strokes_as(steps, first, *_recording(file))
-
-    return Take(
-        name=recording.name,
-        key="",
-        steps=tuple(Move(stroke.to_m, abs(stroke.speed_m_s)) for stroke in strokes),
-        pressure_a_pa=float(np.median(recording.pressure_a_pa)),
-        pressure_b_pa=float(np.median(recording.pressure_b_pa)),
-        read=read,
-        foreign=True,
-        slack_m=max(STROKE_SLACK * float(np.ptp(recording.position_m)), SAME_POSITION_M),
-    )
-
-
-def _strokes_as(steps: Sequence[Step], first: int, recording: Recording, strokes: list[Stroke]) -> Samples:
-    """Give the samples of as many strokes as there are moves, numbered as the steps that were asked for."""
-    moves = [index for index, step in enumerate(steps) if isinstance(step, Move)]
-    played = strokes[first : first + len(moves)]
-    rows = slice(played[0].start, played[-1].stop)
-    step = np.full(rows.stop - rows.start, moves[0], dtype=np.int64)
-    for index, stroke, before in zip(moves[1:], played[1:], played[:-1], strict=True):
-        if isinstance(steps[index - 1], Hold):
-            step[before.stop - rows.start :] = index - 1
-        step[stroke.start - rows.start :] = index
-    time = recording.time_s[rows]
-    return Samples(
-        time_s=time - time[0],
-        position_m=recording.position_m[rows],
-        force_n=recording.force_n[rows],
-        pressure_a_pa=recording.pressure_a_pa[rows],
-        pressure_b_pa=recording.pressure_b_pa[rows],
-        temperature_k=np.full(time.size, ANR_TEMPERATURE_K),  # not measured
-        step=step,
-    )
+    return ReplayRig(sources, identity, limits or _envelope(sources, identity), pace, tolerance)
 
 
 def _identity(folder: Path, recording: Recording) -> Identity:
@@ -233,30 +327,23 @@ def _identity(folder: Path, recording: Recording) -> Identity:
     )
 
 
-def _envelope(takes: Sequence[Take], identity: Identity) -> Envelope:
+def _envelope(sources: Sequence[ReplaySource], identity: Identity) -> Envelope:
     """Limits of a rig of which only recordings are known: what all of them cover."""
-    spans, speeds = [], []
-    for take in takes:
-        moves = [step for step in take.steps if isinstance(step, Move)]
-        speeds += [move.speed_m_s for move in moves] or [take.speed_m_s or 0.0]
-        if len(moves) > 1:
-            spans.append((min(move.to_m for move in moves), max(move.to_m for move in moves)))
-        elif not take.steps:
-            position = take.read(0, ()).position_m
-            spans.append((float(np.nanmin(position)), float(np.nanmax(position))))
+    spans = [span for source in sources if (span := source.range_m()) is not None]
+    speeds = [speed for source in sources for speed in source.speeds_m_s]
     if not spans:
         raise RigError("no recording goes to and fro", rule="the range of the axis is not known then")
     # Files of a campaign share the axis; foreign ones each have strokes of their own, and a plan must fit into all.
-    foreign = any(take.foreign for take in takes)
+    foreign = isinstance(sources[0], ForeignRecording)
     low = (max if foreign else min)(span[0] for span in spans)
     high = (min if foreign else max)(span[1] for span in spans)
     if not low < high:
         raise RecordingError("the recordings do not share a range of positions", rule="the strokes overlap")
-    pressures = [pressure for take in takes for pressure in (take.pressure_a_pa, take.pressure_b_pa)]
+    pressures = [pressure for one in sources for pressure in (one.pressure_a_pa, one.pressure_b_pa)]
     force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
     return Envelope(
         position_m=(low, high),
-        speed_m_s=max(speeds) * (1.0 + Tolerance.speed),
+        speed_m_s=max(speeds, default=0.0) * (1.0 + Tolerance.speed),
         acceleration_m_s2=ASSUMED_ACCELERATION_M_S2,
         jerk_m_s3=ASSUMED_JERK_M_S3,
         force_n=min(map(abs, force)),
