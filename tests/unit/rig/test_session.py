@@ -303,7 +303,8 @@ def test_levels_vary_between_cycles_days_and_mountings_as_the_file_says():
 
 
 def test_calibration_errors_are_as_large_as_the_stated_accuracy():
-    rigs = [load_rig(seed=seed) for seed in range(300)]
+    rig = SimulatedRig.default()
+    rigs = [rig.session(seed) for seed in range(300)]
     d = rigs[0].rig.description
     sensors = [rig._instruments for rig in rigs]
     full = d.force_sensor.high
