@@ -161,7 +161,7 @@ REFUSED = [
     ("coulomb = {", "dwell = {", '"dwell" is a key of the friction table', ""),
     ("above = 0, meaning", "over = 0, meaning", "parameters.coulomb.over is not a known key", "above"),
     ("[output]", "", "force stands under [let]", "[output]"),
-    ("[output]", "[outputs]", "outputs is not a known key of a law", "'output'"),
+    ("[output]", "[outputs]", "outputs is not a known key of a friction law", "'output'"),
     ('force = "elastic', 'forces = "elastic', "output.forces is not a known key", "force"),
     (
         "[states]",

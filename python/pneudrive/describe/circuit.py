@@ -5,19 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pneudrive.describe import catalogue, end_stops, toml
+from pneudrive.describe import catalogue, end_stops, toml, written
 from pneudrive.describe.base import Described, escaped, inline, wrong
 from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
-from pneudrive.describe.formula import read_formula_file
-from pneudrive.describe.law import read_law_file
+from pneudrive.describe.formula import ComponentFormula, formula_of
+from pneudrive.describe.law import law_of
 from pneudrive.describe.parts import Ambient, Gas
 from pneudrive.describe.short import TABLES, Short, expanded
 from pneudrive.describe.starts import PRESSURE, Starts
@@ -153,20 +153,16 @@ class Circuit(Described):
         else:
             origin, folder = str(source), Path(source)
             tables, text = toml.read(source)
-        read_law_file(tables.get("friction"), "friction", folder, text)
-        components = tables.get("components")
-        if isinstance(components, dict):
-            for name, table in components.items():
-                friction = table.get("friction") if isinstance(table, dict) else None
-                read_law_file(friction, f"components.{name}.friction", folder, text)
-                kind = table.get("kind") if isinstance(table, dict) else None
-                entry = component_kinds().get(kind) if isinstance(kind, str) else None
-                if entry is not None:
-                    read_formula_file(table, f"components.{name}", entry, folder, text)
-        try:
+        with toml.locating(origin, text):
+            written.read_file(tables.get("friction"), "law", "friction", law_of, folder)
+            components = tables.get("components")
+            for name, table in components.items() if isinstance(components, dict) else ():
+                if isinstance(table, dict):
+                    key, entry = f"components.{name}", component_kinds().get(str(table.get("kind")))
+                    written.read_file(table.get("friction"), "law", f"{key}.friction", law_of, folder)
+                    if entry is not None and entry["formula"]:
+                        written.read_file(table, "formula", key, partial(_formula_of, entry), folder)
             return cls.model_validate(tables)
-        except DescriptionError as error:
-            raise toml.located(error, origin, text) from None
 
     def replace(self, changes: dict[str, Any]) -> Circuit:
         """Return a circuit with some values changed, checked anew.
@@ -407,6 +403,10 @@ def compiled(core_json: str) -> CoreCircuit:
         if named and named[1]:
             refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
         raise refusal from None
+
+
+def _formula_of(entry: Mapping[str, Any], given: str, folder: Path) -> ComponentFormula:
+    return formula_of(given, entry, folder)
 
 
 def _part(table: object, key: str, read: Component | None) -> Part:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
-from pneudrive.describe import catalogue, end_stops, provenance, toml
+from pneudrive.describe import catalogue, end_stops, provenance, toml, written
 from pneudrive.describe.base import Described, escaped, inline, wrong
 from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction, friction_laws
-from pneudrive.describe.law import law_of, read_law_file
+from pneudrive.describe.law import law_of
 from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
 from pneudrive.describe.short import TABLES, control_over
@@ -112,8 +112,8 @@ class Drive(Described):
         if str(source).startswith(catalogue.PREFIX):
             return cls._from_catalogue(str(source), {})
         tables, text = toml.read(source)
-        read_law_file(tables.get("friction"), "friction", Path(source), text)
-        try:
+        with toml.locating(source, text):
+            written.read_file(tables.get("friction"), "law", "friction", law_of, Path(source))
             base = tables.pop("drive", None)
             if base is None:
                 return cls.model_validate(tables)
@@ -124,8 +124,6 @@ class Drive(Described):
                     remedy=f'Write drive = "{catalogue.PREFIX}NAME".',
                 )
             return cls._from_catalogue(base, tables)
-        except DescriptionError as error:
-            raise toml.located(error, source, text) from None
 
     if not TYPE_CHECKING:
         load = _FileOrTable(load.__func__)

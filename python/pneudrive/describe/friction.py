@@ -24,8 +24,9 @@ from pneudrive.describe.dependences import (
     TemperatureDependence,
     Wear,
 )
-from pneudrive.describe.law import FILE_PREFIX, FrictionLaw, law_of
+from pneudrive.describe.law import FrictionLaw, law_of
 from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
+from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import DescriptionError, nearest, warn
 
 
