@@ -68,7 +68,7 @@ _TABLE: dict[str, tuple[str, float, float]] = {
 }
 
 # SI unit -> what a message calls it, with an example that a user can copy
-_KINDS: dict[str, tuple[str, str]] = {
+KINDS: dict[str, tuple[str, str]] = {
     "m": ("a length", "25 mm"),
     "m^2": ("an area", "4.9 cm2"),
     "m^3": ("a volume", "10 cm3"),
@@ -231,7 +231,7 @@ def _in_unit(si: float, si_unit: str, unit: str) -> float:
 
 def kind(si_unit: str) -> str:
     """Name what a unit measures, with an example: ``a length, e.g. "25 mm"``."""
-    name, example = _KINDS.get(si_unit, (f"a quantity in {si_unit}", f"1 {si_unit}"))
+    name, example = KINDS.get(si_unit, (f"a quantity in {si_unit}", f"1 {si_unit}"))
     return f'{name}, e.g. "{example}"'
 
 
@@ -244,6 +244,17 @@ def is_unit(text: str) -> bool:
     (True, False)
     """
     return text.removesuffix(" gauge").removesuffix(" abs") in _TABLE
+
+
+def suffix(si_unit: str) -> str:
+    """Return what the name of a number stored in an SI unit ends with; empty for a pure number.
+
+    Examples
+    --------
+    >>> suffix("m^3/(s Pa)")
+    'm3_s_pa'
+    """
+    return re.sub(r"[^a-z0-9]+", "_", si_unit.lower().replace("^", "")).strip("_")
 
 
 def needed(si_unit: str) -> str:
@@ -386,11 +397,11 @@ def converter(unit: str, si_unit: str) -> tuple[float, float]:
         Unknown unit, or one of another dimension.
     """
     known = _TABLE.get(_canonical(unit))
-    if known is None or (known[0] != si_unit and si_unit not in _KINDS):
+    if known is None or (known[0] != si_unit and si_unit not in KINDS):
         return _converter_pint(unit, si_unit)
     si, factor, offset = known
     if si != si_unit:
-        raise _wrong_dimension(unit, si_unit, _KINDS[si][0])
+        raise _wrong_dimension(unit, si_unit, KINDS[si][0])
     return factor, offset
 
 

@@ -49,10 +49,10 @@ class Speeds(Described):
 
     table_name: ClassVar[str] = "speed"
     list_m_s: Annotated[tuple[float, ...] | None, Levels(*SPEED, POSITIVE)] = Field(
-        default=None, alias="list", description="one speed or a list; instead of from, to and count"
+        default=None, description="one speed or a list; instead of from, to and count"
     )
-    from_m_s: MaybeSpeed = Field(default=None, alias="from", description="lowest speed")
-    to_m_s: MaybeSpeed = Field(default=None, alias="to", description="highest speed")
+    from_m_s: MaybeSpeed = Field(default=None, description="lowest speed")
+    to_m_s: MaybeSpeed = Field(default=None, description="highest speed")
     count: Annotated[int | None, Whole(at_least=2)] = Field(
         default=None, description="number of speeds, both ends included"
     )
@@ -64,12 +64,11 @@ class Speeds(Described):
     )
     settled_time_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
         default=1.0,
-        alias="settled_time",
         description="out and back again until constant speed has lasted this long in each direction; 0 s: once",
     )
     most_strokes: Count = Field(default=20, description="but not more often than this")
     return_speed_m_s: Speed = Field(
-        default=0.1, alias="return_speed", description="speed of the way back where only one direction is measured"
+        default=0.1, description="speed of the way back where only one direction is measured"
     )
 
     @model_validator(mode="after")
@@ -121,9 +120,7 @@ class Pressures(Described):
         default=None, description="`[{ a = ..., b = ... }, ...]`"
     )
     settling_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=5.0,
-        alias="settling",
-        description="waited after each change of pressure, beyond what the rig needs to set it",
+        default=5.0, description="waited after each change of pressure, beyond what the rig needs to set it"
     )
 
     @model_validator(mode="after")
@@ -155,7 +152,7 @@ class Preconditioning(Described):
 
     table_name: ClassVar[str] = "stop.preconditioning"
     strokes: CountOrNone = Field(default=3, description="full strokes out and back")
-    speed_m_s: Speed = Field(default=0.1, alias="speed", description="their speed, and that of every way back")
+    speed_m_s: Speed = Field(default=0.1, description="their speed, and that of every way back")
 
 
 class Stops(Described):
@@ -163,28 +160,24 @@ class Stops(Described):
 
     table_name: ClassVar[str] = "stop"
     durations_s: Annotated[tuple[float, ...], Levels(*TIME, MAY_LAST)] = Field(
-        alias="durations", description="one, a list or { from, to, count, spacing }; 0 s: not interrupted"
+        description="one, a list or { from, to, count, spacing }; 0 s: not interrupted"
     )
     axis: Literal["held", "released", "both"] = Field(
         default="held",
         description="held: the axis keeps its position; released: it gives way until no force is left; both: a factor",
     )
     restart_speed_m_s: Annotated[tuple[float, ...], Levels(*SPEED, POSITIVE)] = Field(
-        default=(0.01,), alias="restart_speed", description="speed after the stop; one or a list"
+        default=(0.01,), description="speed after the stop; one or a list"
     )
-    approach_speed_m_s: MaybeSpeed = Field(
-        default=None, alias="approach_speed", description="speed before the stop; absent: the restart speed"
-    )
+    approach_speed_m_s: MaybeSpeed = Field(default=None, description="speed before the stop; absent: the restart speed")
     position: Annotated[tuple[Place, ...], Places()] = Field(
         default=(Place(0.5, share=True),), description='where, one or a list: "50 %" of the range, or "120 mm"'
     )
     approach_m: MaybeDistance = Field(
-        default=None,
-        alias="approach",
-        description="length of the move before the stop; absent: from the end of the range",
+        default=None, description="length of the move before the stop; absent: from the end of the range"
     )
     recovery_m: MaybeDistance = Field(
-        default=None, alias="recovery", description="length of the move after the stop; absent: to the end of the range"
+        default=None, description="length of the move after the stop; absent: to the end of the range"
     )
     preconditioning: Preconditioning = Field(default=Preconditioning(), description="see below")
     reference_strokes: CountOrNone = Field(
@@ -202,9 +195,7 @@ class HardFactor(Described):
 
     levels: Annotated[list[str], Field(min_length=1)] = Field(description="names of the levels")
     ask: str = Field(default="", description="what the operator is asked to do; {level} stands for the level")
-    time_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(
-        default=1200.0, alias="time", description="what a change takes"
-    )
+    time_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(default=1200.0, description="what a change takes")
 
     @model_validator(mode="after")
     def _distinct(self) -> HardFactor:
@@ -257,7 +248,7 @@ class WarmUp(Described):
 
     table_name: ClassVar[str] = "warm_up"
     cycles: CountOrNone = Field(default=10, description="strokes out and back before each block")
-    speed_m_s: Speed = Field(default=0.1, alias="speed", description="their speed")
+    speed_m_s: Speed = Field(default=0.1, description="their speed")
     run_in_cycles: CountOrNone = Field(
         default=0, description="more of them where a seal or drive is new: first block, and after a change"
     )
@@ -271,16 +262,16 @@ class SamplingTable(Described):
         default=5000, description="even in time over each move; the paper has about 5000 a cycle [bracha]"
     )
     burst_rate_hz: Rate = Field(
-        default=5000.0, alias="burst_rate", description="least rate around each reversal and restart; 0 Hz: no bursts"
+        default=5000.0, description="least rate around each reversal and restart; 0 Hz: no bursts"
     )
     burst_before_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=0.05, alias="burst_before", description="how long before a move ends"
+        default=0.05, description="how long before a move ends"
     )
     burst_after_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=0.2, alias="burst_after", description="how long after a move begins"
+        default=0.2, description="how long after a move begins"
     )
     hold_rate_hz: Annotated[float, Quantity(*RATE, POSITIVE)] = Field(
-        default=20.0, alias="hold_rate", description="rate while the axis stands"
+        default=20.0, description="rate while the axis stands"
     )
 
 
@@ -288,12 +279,10 @@ class KnownWeight(Described):
     """A weight that the operator hangs on the force sensor, the drive uncoupled, to check the sensor's gain."""
 
     table_name: ClassVar[str] = "before_block.known_weight"
-    mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(
-        alias="mass", description="its mass; the force is m g"
-    )
-    time_s: Time = Field(default=10.0, alias="time", description="how long it is recorded")
+    mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(description="its mass; the force is m g")
+    time_s: Time = Field(default=10.0, description="how long it is recorded")
     change_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(
-        default=120.0, alias="change", description="what hanging it on takes, and taking it off"
+        default=120.0, description="what hanging it on takes, and taking it off"
     )
 
 
@@ -301,19 +290,13 @@ class BeforeBlock(Described):
     """Checks before the points of a block; what is absent is not done."""
 
     table_name: ClassVar[str] = "before_block"
-    tare_s: MaybeTime = Field(
-        default=None, alias="tare", description="zero of the force sensor: standing, force released, vented"
-    )
+    tare_s: MaybeTime = Field(default=None, description="zero of the force sensor: standing, force released, vented")
     known_weight: KnownWeight | None = Field(default=None, description="see below")
     leak_check_s: MaybeTime = Field(
-        default=None,
-        alias="leak_check",
-        description="standing under the highest pressures of the protocol, supply shut",
+        default=None, description="standing under the highest pressures of the protocol, supply shut"
     )
     blank_stroke_m_s: MaybeSpeed = Field(
-        default=None,
-        alias="blank_stroke",
-        description="speed of a stroke out and back, vented, before and after the block",
+        default=None, description="speed of a stroke out and back, vented, before and after the block"
     )
 
 
@@ -321,7 +304,7 @@ class Sentinel(Described):
     """A reference speed, repeated to see drift: at both ends of a block and between."""
 
     table_name: ClassVar[str] = "sentinel"
-    speed_m_s: Speed = Field(alias="speed", description="out and back at this speed")
+    speed_m_s: Speed = Field(description="out and back at this speed")
     every: Count = Field(default=10, description="points between two of them")
     pressure: MaybePressure = Field(default=None, description="in both chambers; absent: the protocol's first pair")
 
@@ -343,18 +326,14 @@ class Adaptive(Described):
 
     table_name: ClassVar[str] = "adaptive"
     settled_time_s: MaybeTime = Field(
-        default=None,
-        alias="settled_time",
-        description="a cycle is repeated whose settled part is shorter, in either direction",
+        default=None, description="a cycle is repeated whose settled part is shorter, in either direction"
     )
     noise_n: MaybeForce = Field(
-        default=None, alias="noise", description="a cycle is repeated whose mean force has a greater standard error"
+        default=None, description="a cycle is repeated whose mean force has a greater standard error"
     )
     repeats: CountOrNone = Field(default=2, description="at most so many further cycles at one point")
     interval_n: MaybeForce = Field(
-        default=None,
-        alias="interval",
-        description="no more repeats at a point whose 95 % interval is within plus and minus this",
+        default=None, description="no more repeats at a point whose 95 % interval is within plus and minus this"
     )
     least_repeats: Annotated[int, Whole(at_least=2)] = Field(default=3, description="but not before so many")
     added_speeds: CountOrNone = Field(
@@ -368,7 +347,7 @@ class Conditions(Described):
     table_name: ClassVar[str] = "conditions"
     supply_pressure: MaybePressure = Field(default=None, description="least supply pressure")
     temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = Field(
-        default=None, alias="temperature", description='range, "15 degC .. 30 degC"'
+        default=None, description='range, "15 degC .. 30 degC"'
     )
     force_share: Annotated[float, Percent(bounds=Bounds(above=0.0, at_most=100.0))] = Field(
         default=0.9, description="of the range of the force sensor"
@@ -379,15 +358,13 @@ class Tightened(Described):
     """Limits within those of the rig; the tighter one holds."""
 
     table_name: ClassVar[str] = "limits"
-    speed_m_s: MaybeSpeed = Field(default=None, alias="speed", description="highest speed")
+    speed_m_s: MaybeSpeed = Field(default=None, description="highest speed")
     acceleration_m_s2: Annotated[float | None, Quantity("m/s^2", "m/s2", POSITIVE)] = Field(
-        default=None, alias="acceleration", description="highest acceleration that a move may reach"
+        default=None, description="highest acceleration that a move may reach"
     )
-    force_n: MaybeForce = Field(default=None, alias="force", description="highest force, either sign")
+    force_n: MaybeForce = Field(default=None, description="highest force, either sign")
     pressure: MaybePressure = Field(default=None, description="highest pressure in either chamber")
-    time_s: Time = Field(
-        default=28800.0, alias="time", description="beyond this a fraction of the campaign is proposed"
-    )
+    time_s: Time = Field(default=28800.0, description="beyond this a fraction of the campaign is proposed")
 
 
 class Range(Described):
@@ -399,7 +376,7 @@ class Range(Described):
         description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: all of it but the margin',
     )
     margin_m: Annotated[float, Quantity(*LENGTH, NOT_NEGATIVE)] = Field(
-        default=1e-3, alias="margin", description="kept from the ends of the rig's range where `range` is absent"
+        default=1e-3, description="kept from the ends of the rig's range where `range` is absent"
     )
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import Field
 
 from pneudrive.campaign.folder import ABOUT, CYCLES, TRUTH, Campaign
 from pneudrive.campaign.replay import ReplayRig, ReplaySource, Tolerance
@@ -47,9 +46,7 @@ class ReplayFile(RigFile):
     layout: str | None = None
     pattern: str = "*"
     speed_tolerance: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = Tolerance.speed
-    pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=Bounds(at_least=0.0))] = Field(
-        default=Tolerance.pressure_pa, alias="pressure_tolerance"
-    )
+    pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=Bounds(at_least=0.0))] = Tolerance.pressure_pa
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ class ColumnTable(Described):
     column: Annotated[int | str, Reads(_place)]
     scale: Annotated[float, Reads(_scale)] = 1.0
     offset: Annotated[float, Quantity("")] = 0.0
-    delay_s: Annotated[float, Quantity("s", "s")] = Field(default=0.0, alias="delay")
+    delay_s: Annotated[float, Quantity("s", "s")] = 0.0
     accuracy: Any = None
     range: Any = None
     positive: Literal["+x", "-x"] = "+x"
@@ -180,16 +180,10 @@ class RigTable(Described):
     ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
         STANDARD_ATMOSPHERE_PA, gauge=False
     )
-    incline_rad: Angle = Field(default=0.0, alias="incline")
-    mass_beyond_sensor_kg: Annotated[float, Quantity("kg", bounds=Bounds(at_least=0.0))] = Field(
-        default=0.0, alias="mass_beyond_sensor"
-    )
-    stiffness_n_m: Annotated[float | None, Quantity("N/m", bounds=Bounds(above=0.0))] = Field(
-        default=None, alias="stiffness"
-    )
-    alignment_rad: Annotated[float | None, Reads(partial(uncertainty, si_unit="rad"))] = Field(
-        default=None, alias="alignment"
-    )
+    incline_rad: Angle = 0.0
+    mass_beyond_sensor_kg: Annotated[float, Quantity("kg", bounds=Bounds(at_least=0.0))] = 0.0
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", bounds=Bounds(above=0.0))] = None
+    alignment_rad: Annotated[float | None, Reads(partial(uncertainty, si_unit="rad"))] = None
 
 
 class WindowTable(Described):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
@@ -273,6 +274,21 @@ Stiffness = Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
 Fraction = Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))]
 
 
+_STORED_IN = sorted({units.suffix(unit) for unit in units.KINDS} - {"a", "v"} | {"hz", "m_s3"}, key=len, reverse=True)
+_SUFFIX = re.compile(rf"_(?:{'|'.join(_STORED_IN)})$")
+
+
+def key_of(name: str) -> str:
+    """Return the key of the file for the name of a field: that without the unit in which it is stored.
+
+    Examples
+    --------
+    >>> key_of("heat_transfer_w_m2_k"), key_of("pressure_a")
+    ('heat_transfer', 'pressure_a')
+    """
+    return _SUFFIX.sub("", name)
+
+
 #: pydantic's names of complaints about a type -> what is needed.
 _TYPES = {"string_type": "a text in quotes", "bool_type": "true or false", "int_type": "a whole number"}
 
@@ -284,14 +300,14 @@ class Described(Shown, BaseModel):
     same number as a quantity that shows its unit.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True, alias_generator=key_of)
     table_name: ClassVar[str] = ""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:  # noqa: ANN401 - pydantic's own
         """Give each field its key of the file as a name in Python."""
         for name, field in cls.model_fields.items():
-            if field.alias and not hasattr(cls, field.alias):
+            if field.alias and field.alias != name and not hasattr(cls, field.alias):
                 setattr(cls, field.alias, _by_key(name, mark_of(field)))
 
     @model_validator(mode="wrap")
@@ -427,15 +443,8 @@ class Described(Shown, BaseModel):
             value = getattr(self, name)
             if value is None or name not in self.model_fields_set:
                 continue
-            key = field.alias or name
-            if isinstance(value, Described):
-                out[key] = value.to_dict()
-                continue
-            if isinstance(value, dict):
-                out[key] = {name: one.to_dict() if isinstance(one, Described) else one for name, one in value.items()}
-                continue
             mark = mark_of(field)
-            out[key] = mark.show(value) if mark is not None else value
+            out[field.alias or name] = mark.show(value) if mark is not None else _as_tables(value)
         return out
 
     def _card(self) -> Card:
@@ -462,6 +471,19 @@ class Described(Shown, BaseModel):
 def mark_of(field: FieldInfo) -> Mark | None:
     """Return the annotation that says how a field is written."""
     return next((m for m in field.metadata if isinstance(m, Mark)), None)
+
+
+def _as_tables(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
+    """Write tables, also those in a list or by name, as plain values."""
+    if isinstance(value, Described):
+        return value.to_dict()
+    if isinstance(value, dict):
+        return {key: _as_tables(one) for key, one in value.items()}
+    return (
+        [one.to_dict() for one in value]
+        if isinstance(value, tuple) and value and isinstance(value[0], Described)
+        else value
+    )
 
 
 def _placed(error: DescriptionError, place: str) -> DescriptionError:

@@ -9,7 +9,7 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
 
-from pydantic import BeforeValidator, Field, create_model, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from pneudrive import units
 from pneudrive.describe import sourced, valve_flow
@@ -202,6 +202,7 @@ class Component(Described):
     read as a quantity under its key.
     """
 
+    model_config = ConfigDict(alias_generator=None)
     entry: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
     renamed: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key in files of before -> key
@@ -591,8 +592,7 @@ def _add(fields: dict[str, Any], names: dict[str, str], key: str, kind: Any, def
     """Add the field of a number, which is stored under a name with its unit."""
     mark = next(mark for mark in get_args(kind) if isinstance(mark, Quantity | StatedPressure))
     names[key] = _field_name(key, mark)
-    alias = None if names[key] == key else key
-    fields[names[key]] = (kind, Field(default=default, alias=alias, description=meaning))
+    fields[names[key]] = (kind, Field(default=default, alias=key, description=meaning))
 
 
 def _field_name(key: str, mark: Quantity | StatedPressure) -> str:
@@ -603,6 +603,5 @@ def _field_name(key: str, mark: Quantity | StatedPressure) -> str:
     >>> _field_name("leakage", Quantity("m^3/(s Pa)"))
     'leakage_m3_s_pa'
     """
-    si_unit = mark.si_unit if isinstance(mark, Quantity) else ""
-    unit = re.sub(r"[^a-z0-9]+", "_", si_unit.lower().replace("^", "")).strip("_")
+    unit = units.suffix(mark.si_unit) if isinstance(mark, Quantity) else ""
     return f"{key}_{unit}" if unit else key

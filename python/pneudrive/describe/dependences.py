@@ -29,32 +29,40 @@ MOST_HARMONICS = 4
 MOST_POINTS = 50
 
 
-class SealPressure(Described):
+class Acting(Described):
+    """A table of what acts on a law."""
+
+    def core(self) -> dict[str, Any]:
+        """Return the table as the core takes it: SI values, one for each chamber and each entry of a list."""
+        out: dict[str, Any] = {}
+        for name, field in type(self).model_fields.items():
+            value, key = getattr(self, name), field.alias or name
+            if isinstance(value, PerChamber):
+                out |= {f"{key}_{chamber}": one for chamber, one in value._asdict().items()}
+            elif isinstance(value, tuple):
+                out[key] = [one.core() for one in value]
+            else:
+                out[name] = value
+        return out
+
+
+class SealPressure(Acting):
     """Seal lips: friction added per gauge pressure in each chamber, with any law; stored in N/Pa."""
 
     table_name: ClassVar[str] = "friction.pressure"
-    coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = Field(
-        default=PerChamber(0.0, 0.0), alias="coulomb"
-    )
-    breakaway_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = Field(
-        default=PerChamber(0.0, 0.0), alias="breakaway"
-    )
-
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        pairs = {"coulomb": self.coulomb_n_pa, "breakaway": self.breakaway_n_pa}
-        return {f"{name}_{chamber}": getattr(pair, chamber) for name, pair in pairs.items() for chamber in "ab"}
+    coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
+    breakaway_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
 
 
-class Dwell(Described):
+class Dwell(Acting):
     """Friction that grows with the age of the contact, with any law: a stop ages it, sliding renews it."""
 
     table_name: ClassVar[str] = "friction.dwell"
     growth: Literal["saturating", "log", "hyperbolic"]
-    increment_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)] = Field(alias="increment")
-    time_s: Duration = Field(alias="time")
+    increment_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)]
+    time_s: Duration
     exponent: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=2.0))] = 0.4
-    distance_m: Length = Field(alias="distance")
+    distance_m: Length
     pressure_per_pa: Annotated[PerChamber, EachChamber("1/Pa", "%/bar")] = Field(
         default=PerChamber(0.0, 0.0), alias="pressure"
     )
@@ -66,58 +74,34 @@ class Dwell(Described):
             raise wrong("friction.dwell.exponent", what, remedy='It belongs to growth = "saturating".')
         return self
 
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        return {
-            "growth": self.growth,
-            "increment_n": self.increment_n,
-            "time_s": self.time_s,
-            "exponent": self.exponent,
-            "distance_m": self.distance_m,
-            "pressure_a": self.pressure_per_pa.a,
-            "pressure_b": self.pressure_per_pa.b,
-        }
 
-
-class Relaxation(Described):
+class Relaxation(Acting):
     """Elastic force of held bristles that relaxes, with laws of bristles; sliding renews the bristles."""
 
     table_name: ClassVar[str] = "friction.relaxation"
     share: Fraction
-    time_s: Duration = Field(alias="time")
-    distance_m: Length = Field(alias="distance")
-
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        return {"share": self.share, "time_s": self.time_s, "distance_m": self.distance_m}
+    time_s: Duration
+    distance_m: Length
 
 
-class Harmonic(Described):
+class Harmonic(Acting):
     """One period of friction along the stroke."""
 
     table_name: ClassVar[str] = "friction.position.harmonics"
-    period_m: Length = Field(alias="period")
+    period_m: Length
     amplitude: Annotated[float, Quantity("", bounds=Bounds(above=-1.0, below=1.0))]
-    phase_rad: Annotated[float, Quantity("rad", "deg")] = Field(default=0.0, alias="phase")
-
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        return {"period_m": self.period_m, "amplitude": self.amplitude, "phase_rad": self.phase_rad}
+    phase_rad: Annotated[float, Quantity("rad", "deg")] = 0.0
 
 
-class PositionPoint(Described):
+class PositionPoint(Acting):
     """A factor on friction at a position of the stroke, as it was measured."""
 
     table_name: ClassVar[str] = "friction.position.table"
-    position_m: Position = Field(alias="position")
+    position_m: Position
     factor: Annotated[float, Quantity("", bounds=_POSITIVE)]
 
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        return {"position_m": self.position_m, "factor": self.factor}
 
-
-class PositionDependence(Described):
+class PositionDependence(Acting):
     """Friction along the stroke, with any law: both levels times [1 + slope (x - reference) + harmonics] and a table.
 
     Between its points the table is a monotone cubic; beyond them the factor of the nearest one holds.
@@ -127,7 +111,7 @@ class PositionDependence(Described):
     points: tuple[PositionPoint, ...] = Field(default=(), alias="table")
     harmonics: tuple[Harmonic, ...] = ()
     slope_per_m: Annotated[float, Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
-    reference_m: Position = Field(default=0.0, alias="reference")
+    reference_m: Position = 0.0
 
     @model_validator(mode="after")
     def _few_and_small(self) -> PositionDependence:
@@ -154,17 +138,8 @@ class PositionDependence(Described):
 
     def core(self) -> dict[str, Any]:
         """Return the table as the core takes it."""
-        waves = [wave.core() for wave in self.harmonics]
-        points = {"table": [point.core() for point in self.points]} if self.points else {}
-        return {"harmonics": waves, "slope_per_m": self.slope_per_m, "reference_m": self.reference_m} | points
-
-    def to_dict(self) -> dict[str, Any]:
-        """Write the table as users would."""
-        lists = {"harmonics": self.harmonics, "table": self.points}
-        rest = self.model_copy(update={"harmonics": (), "points": ()})
-        rest.model_fields_set.difference_update({"harmonics", "points"})
-        written = {key: [entry.to_dict() for entry in entries] for key, entries in lists.items() if entries}
-        return written | super(PositionDependence, rest).to_dict()
+        out = super().core()
+        return out if self.points else {key: value for key, value in out.items() if key != "table"}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
@@ -177,68 +152,41 @@ class PositionDependence(Described):
         return out
 
 
-class DirectionDependence(Described):
+class DirectionDependence(Acting):
     """Friction that differs with the direction, with any law: factors on both levels for v > 0 and v < 0."""
 
     table_name: ClassVar[str] = "friction.direction"
     positive: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
     negative: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
 
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        return {"positive": self.positive, "negative": self.negative}
 
-
-class SideLoad(Described):
+class SideLoad(Acting):
     """A force across the axis, taken by a guide: coefficient |force| more friction, with any law."""
 
     table_name: ClassVar[str] = "friction.side_load"
-    force_n: Annotated[float, Quantity("N", "N")] = Field(alias="force")
+    force_n: Annotated[float, Quantity("N", "N")]
     coefficient: Annotated[float, Quantity("", bounds=_NOT_NEGATIVE)]
 
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        return {"force_n": self.force_n, "coefficient": self.coefficient}
 
-
-class TemperatureDependence(Described):
+class TemperatureDependence(Acting):
     """Friction that depends on the temperature of the contact, which its own heat warms, with any law."""
 
     table_name: ClassVar[str] = "friction.temperature"
-    reference_k: Temperature = Field(alias="reference")
+    reference_k: Temperature
     viscous_per_k: Annotated[float, Quantity("1/K", "%/K", _NOT_NEGATIVE)] = Field(default=0.0, alias="viscous")
     levels_per_k: Annotated[float, Quantity("1/K", "%/K")] = Field(default=0.0, alias="levels")
-    resistance_k_w: Annotated[float, Quantity("K/W", "K/W", _NOT_NEGATIVE)] = Field(default=0.0, alias="resistance")
-    time_s: Duration = Field(default=60.0, alias="time")
-
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        return {
-            "reference_k": self.reference_k,
-            "viscous_per_k": self.viscous_per_k,
-            "levels_per_k": self.levels_per_k,
-            "resistance_k_w": self.resistance_k_w,
-            "time_s": self.time_s,
-        }
+    resistance_k_w: Annotated[float, Quantity("K/W", "K/W", _NOT_NEGATIVE)] = 0.0
+    time_s: Duration = 60.0
 
 
-class Wear(Described):
+class Wear(Acting):
     """Friction that changes with the distance slid, with any law: 1 + run_in exp(-s/run_in_distance) + rate s."""
 
     table_name: ClassVar[str] = "friction.wear"
     run_in: Annotated[float, Quantity("", bounds=Bounds(above=-1.0))] = 0.0
-    run_in_distance_m: Length = Field(default=1000.0, alias="run_in_distance")
+    run_in_distance_m: Length = 1000.0
     rate_per_m: Annotated[float, Quantity("1/m", "%/km")] = Field(default=0.0, alias="rate")
-    slid_m: Annotated[float, Quantity("m", "m", _NOT_NEGATIVE)] = Field(default=0.0, alias="slid")
-
-    def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
-        return {
-            "run_in": self.run_in,
-            "run_in_distance_m": self.run_in_distance_m,
-            "rate_per_m": self.rate_per_m,
-            "slid_m": self.slid_m,
-        }
+    slid_m: Annotated[float, Quantity("m", "m", _NOT_NEGATIVE)] = 0.0
 
 
 #: What can act on a law, by the key in its table; relaxation needs a law of bristles.

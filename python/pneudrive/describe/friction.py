@@ -9,12 +9,13 @@ from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field, ModelWrapValidatorHandler, field_serializer, model_validator
+from pydantic import ModelWrapValidatorHandler, field_serializer, model_validator
 
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
 from pneudrive.describe.dependences import (
     DEPENDENCES,
+    Acting,
     DirectionDependence,
     Dwell,
     PositionDependence,
@@ -79,16 +80,12 @@ def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
     return ["law", *parameters, *(key for key in (*CHOICES, *DEPENDENCES) if has.get(key, True))]
 
 
-class SlipElement(Described):
+class SlipElement(Acting):
     """One spring with slider of law ``gms``: its stiffness, and its share of the friction level."""
 
     table_name: ClassVar[str] = "friction.elements"
-    stiffness_n_m: Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))] = Field(alias="stiffness")
+    stiffness_n_m: Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
     share: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=1.0))]
-
-    def core(self) -> dict[str, Any]:
-        """Return the element as the core takes it."""
-        return {"stiffness_n_m": self.stiffness_n_m, "share": self.share}
 
 
 #: The law of a friction table that names none: presliding, breakaway and stick-slip without drift.

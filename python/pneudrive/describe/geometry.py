@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Described, Quantity, wrong
 
@@ -60,10 +58,10 @@ class PistonTable(Described):
     """A table that gives the areas of a piston once: by its bore, or as they are where it is not round."""
 
     kind: Literal["rodless", "through-rod", "single-rod"] = "rodless"
-    bore_m: MaybeLength = Field(default=None, alias="bore")
-    rod_diameter_m: MaybeLength = Field(default=None, alias="rod_diameter")
-    area_a_m2: MaybeArea = Field(default=None, alias="area_a")
-    area_b_m2: MaybeArea = Field(default=None, alias="area_b")
+    bore_m: MaybeLength = None
+    rod_diameter_m: MaybeLength = None
+    area_a_m2: MaybeArea = None
+    area_b_m2: MaybeArea = None
 
     def areas(self) -> tuple[float, float]:
         """Return the areas in m2 on which the pressures in chambers a and b act.

@@ -73,11 +73,9 @@ class Gas(Described):
     table_name: ClassVar[str] = "gas"
     name: Literal["air", "nitrogen", "argon", "helium", "carbon-dioxide"] | None = None
     heat_capacity_ratio: Annotated[float, Quantity("", bounds=Bounds(above=1.0, below=2.0))] = AIR_HEAT_CAPACITY_RATIO
-    gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = Field(
-        default=AIR_GAS_CONSTANT_J_KG_K, alias="gas_constant"
-    )
+    gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = AIR_GAS_CONSTANT_J_KG_K
     model: Literal["ideal", "virial"] = "ideal"
-    dew_point_k: Annotated[float | None, Quantity("K", "degC", DEW_POINTS)] = Field(default=None, alias="dew_point")
+    dew_point_k: Annotated[float | None, Quantity("K", "degC", DEW_POINTS)] = None
     dew_point_pressure: Annotated[units.Pressure | None, StatedPressure()] = None
 
     @model_validator(mode="before")
@@ -148,7 +146,7 @@ class Ambient(Described):
     pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
         STANDARD_ATMOSPHERE_PA, gauge=False
     )
-    temperature_k: Temperature = Field(default=ANR_TEMPERATURE_K, alias="temperature")
+    temperature_k: Temperature = ANR_TEMPERATURE_K
 
     @property
     def pressure_pa(self) -> float:
@@ -161,9 +159,7 @@ class Supply(Described):
 
     table_name: ClassVar[str] = "supply"
     pressure: Annotated[units.Pressure, StatedPressure()]
-    temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
-        default=None, alias="temperature"
-    )
+    temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
 
 
 class EndStop(Described):
@@ -175,15 +171,9 @@ class EndStop(Described):
     """
 
     table_name: ClassVar[str] = "cylinder.end_stop"
-    stiffness_n_m: Annotated[float | None, Quantity("N/m", "N/m", Bounds(above=0.0))] = Field(
-        default=None, alias="stiffness"
-    )
-    damping_n_s_m: Annotated[float | None, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = Field(
-        default=None, alias="damping"
-    )
-    damping_depth_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = Field(
-        default=None, alias="damping_depth"
-    )
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", "N/m", Bounds(above=0.0))] = None
+    damping_n_s_m: Annotated[float | None, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = None
+    damping_depth_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
 
     @property
     def given(self) -> dict[str, float]:
@@ -200,23 +190,15 @@ class Cylinder(Described):
 
     table_name: ClassVar[str] = "cylinder"
     kind: Literal["rodless", "through-rod", "single-rod"]
-    bore_m: Length = Field(alias="bore")
-    rod_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = Field(
-        default=None, alias="rod_diameter"
-    )
-    stroke_m: Length = Field(alias="stroke")
-    dead_volume_m3: Annotated[PerChamber, EachChamber("m^3", "cm3", Bounds(above=0.0))] = Field(alias="dead_volume")
-    moving_mass_kg: Mass = Field(alias="moving_mass")
-    incline_rad: Angle = Field(default=0.0, alias="incline")
-    heat_transfer_w_m2_k: Annotated[float, Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = Field(
-        default=30.0, alias="heat_transfer"
-    )
-    wall_temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
-        default=None, alias="wall_temperature"
-    )
-    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = Field(
-        default=0.0, alias="leakage"
-    )
+    bore_m: Length
+    rod_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
+    stroke_m: Length
+    dead_volume_m3: Annotated[PerChamber, EachChamber("m^3", "cm3", Bounds(above=0.0))]
+    moving_mass_kg: Mass
+    incline_rad: Angle = 0.0
+    heat_transfer_w_m2_k: Annotated[float, Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = 30.0
+    wall_temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
+    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
     end_stop: EndStop = EndStop()
     chamber_law: Literal["energy-balance", "as-printed"] = "energy-balance"
 
@@ -287,9 +269,7 @@ class Valve(Described):
     conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
         default=None, alias="conductance"
     )
-    nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0))] = Field(
-        default=None, alias="nominal_flow"
-    )
+    nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0))] = None
     kv: Annotated[float | None, FlowCoefficient("", "Kv", Bounds(above=0.0))] = None
     cv: Annotated[float | None, FlowCoefficient("", "Cv", Bounds(above=0.0))] = None
     critical_pressure_ratio: Fraction
@@ -324,16 +304,16 @@ class Spring(Described):
     """A linear spring between load and ground; it pushes in +x below its rest position."""
 
     table_name: ClassVar[str] = "load.spring"
-    stiffness_n_m: Stiffness = Field(alias="stiffness")
-    rest_position_m: Position = Field(default=0.0, alias="rest_position")
+    stiffness_n_m: Stiffness
+    rest_position_m: Position = 0.0
 
 
 class Load(Described):
     """What the piston carries beside its own moving mass; `force` acts in +x."""
 
     table_name: ClassVar[str] = "load"
-    mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = Field(default=0.0, alias="mass")
-    force_n: Force = Field(default=0.0, alias="force")
+    mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0
+    force_n: Force = 0.0
     spring: Spring | None = None
 
     @model_validator(mode="before")
@@ -353,14 +333,10 @@ class Initial(Described):
     """
 
     table_name: ClassVar[str] = "initial"
-    position_m: Annotated[float | None, Quantity("m", "mm")] = Field(default=None, alias="position")
-    velocity_m_s: Velocity = Field(default=0.0, alias="velocity")
-    contact_age_s: Annotated[float, Quantity("s", "s", NOT_NEGATIVE)] = Field(default=0.0, alias="contact_age")
+    position_m: Annotated[float | None, Quantity("m", "mm")] = None
+    velocity_m_s: Velocity = 0.0
+    contact_age_s: Annotated[float, Quantity("s", "s", NOT_NEGATIVE)] = 0.0
     pressure_a: Annotated[units.Pressure | None, StatedPressure()] = None
     pressure_b: Annotated[units.Pressure | None, StatedPressure()] = None
-    temperature_a_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
-        default=None, alias="temperature_a"
-    )
-    temperature_b_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = Field(
-        default=None, alias="temperature_b"
-    )
+    temperature_a_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
+    temperature_b_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None

@@ -33,14 +33,10 @@ class FixedVolume(Described):
 
     table: ClassVar[str] = "volume"
     volume_m3: Annotated[float, Quantity("m^3", "dm3", Bounds(above=0.0))] = Field(alias="value")
-    heat_transfer_w_k: Annotated[float, Quantity("W/K", "W/K", NOT_NEGATIVE)] = Field(
-        default=0.5, alias="heat_transfer"
-    )
-    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = Field(
-        default=0.0, alias="leakage"
-    )
-    wall_temperature_k: Annotated[float | None, _TEMPERATURE] = Field(default=None, alias="wall_temperature")
-    start_temperature_k: Annotated[float | None, _TEMPERATURE] = Field(default=None, alias="start_temperature")
+    heat_transfer_w_k: Annotated[float, Quantity("W/K", "W/K", NOT_NEGATIVE)] = 0.5
+    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
+    wall_temperature_k: Annotated[float | None, _TEMPERATURE] = None
+    start_temperature_k: Annotated[float | None, _TEMPERATURE] = None
 
 
 class Line(Described):
@@ -50,14 +46,12 @@ class Line(Described):
     """
 
     table: ClassVar[str] = "line"
-    conductance_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
-        alias="conductance"
-    )
+    conductance_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))]
     critical_pressure_ratio: Fraction
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: Fraction = 0.999
     pressure: Annotated[units.Pressure | None, StatedPressure()] = None
-    temperature_k: Annotated[float | None, _TEMPERATURE] = Field(default=None, alias="temperature")
+    temperature_k: Annotated[float | None, _TEMPERATURE] = None
 
     @model_validator(mode="after")
     def _in_order(self) -> Line:

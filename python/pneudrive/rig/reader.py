@@ -61,7 +61,7 @@ def _rig_class() -> type[Described]:
 
 def _table_class(name: str, keys: dict[str, Key]) -> type[Described]:
     fields: dict[str, Any] = {
-        key: (Annotated[Any, one.mark], Field(default=one.default, description=one.meaning))
+        key: (Annotated[Any, one.mark], Field(default=one.default, alias=key, description=one.meaning))
         for key, one in keys.items()
     }
     return create_model(f"Rig{name.title()}", __base__=Described, **fields)

@@ -87,9 +87,9 @@ class IdentityTable(PistonTable):
     ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
         Identity.ambient_pressure_pa, gauge=False
     )
-    mass_beyond_sensor_kg: Mass = Field(default=0.0, alias="mass_beyond_sensor")
-    incline_rad: Angle = Field(default=0.0, alias="incline")
-    stiffness_n_m: MaybeStiffness = Field(default=None, alias="stiffness")
+    mass_beyond_sensor_kg: Mass = 0.0
+    incline_rad: Angle = 0.0
+    stiffness_n_m: MaybeStiffness = None
     chambers: Literal["open", "common", "separate", "held"] = "held"
     pressure_measured_at: Literal["chamber", "regulator"] = "chamber"
     accuracy: Annotated[dict[str, float], _channels(_amount, bore=("bore_m", _amount("m")))] = Field(
@@ -97,7 +97,7 @@ class IdentityTable(PistonTable):
     )
     limits: Annotated[dict[str, Any], _channels(_range)] = Field(default_factory=dict, alias="range")
     resolution: Annotated[dict[str, float], _channels(_amount)] = Field(default_factory=dict)
-    bandwidth_hz: Annotated[dict[str, float], _FREQUENCIES] = Field(default_factory=dict, alias="bandwidth")
+    bandwidth_hz: Annotated[dict[str, float], _FREQUENCIES] = Field(default_factory=dict)
     calibration: Annotated[dict[str, str], _channels(lambda _: Reads(str))] = Field(default_factory=dict)
     force_calibration: Annotated[ForceCalibration | None, Reads(of_quantities)] = None
     labels: dict[str, Annotated[str, Reads(str)]] = Field(default_factory=dict)
@@ -124,17 +124,17 @@ class LimitsTable(Described):
     """``[limits]``: what the rig may be asked to do."""
 
     table_name: ClassVar[str] = "limits"
-    position_m: Annotated[tuple[float, float], Between("m", "mm")] = Field(alias="position")
-    speed_m_s: Annotated[float, Quantity("m/s", bounds=POSITIVE)] = Field(alias="speed")
-    acceleration_m_s2: Annotated[float, Quantity("m/s^2", bounds=POSITIVE)] = Field(alias="acceleration")
-    jerk_m_s3: Annotated[float, Quantity("m/s^3", bounds=POSITIVE)] = Field(alias="jerk")
-    force_n: Annotated[float, Quantity("N", bounds=POSITIVE)] = Field(alias="force")
-    pressure_pa: Annotated[tuple[units.Pressure, units.Pressure], PressureBetween()] = Field(alias="pressure")
+    position_m: Annotated[tuple[float, float], Between("m", "mm")]
+    speed_m_s: Annotated[float, Quantity("m/s", bounds=POSITIVE)]
+    acceleration_m_s2: Annotated[float, Quantity("m/s^2", bounds=POSITIVE)]
+    jerk_m_s3: Annotated[float, Quantity("m/s^3", bounds=POSITIVE)]
+    force_n: Annotated[float, Quantity("N", bounds=POSITIVE)]
+    pressure_pa: Annotated[tuple[units.Pressure, units.Pressure], PressureBetween()]
     separate_pressures: StrictBool = False
-    temperature_k: Annotated[tuple[float, float], Between("K", "degC")] = Field(alias="temperature")
+    temperature_k: Annotated[tuple[float, float], Between("K", "degC")]
     supply_pressure: Annotated[units.Pressure | None, StatedPressure()] = None
-    expected_friction_n: Annotated[float, _amount("N")] = Field(default=0.0, alias="expected_friction")
-    home_m: Annotated[float | None, Quantity("m", "mm")] = Field(default=None, alias="home")
+    expected_friction_n: Annotated[float, _amount("N")] = 0.0
+    home_m: Annotated[float | None, Quantity("m", "mm")] = None
 
     @model_validator(mode="after")
     def _home_inside(self) -> Self:

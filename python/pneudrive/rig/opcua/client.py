@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
 import numpy as np
-from pydantic import Field
 
 from pneudrive.describe.base import Bounds, Quantity, WrongValueError
 from pneudrive.describe.marks import Reads
@@ -441,9 +440,7 @@ class OpcUaFile(AccessFile):
 
     url: Annotated[str, Reads(_address)]
     map: str | None = None
-    reconnect_s: Annotated[float, Quantity("s", bounds=Bounds(at_least=0.0))] = Field(
-        default=RECONNECT_S, alias="reconnect"
-    )
+    reconnect_s: Annotated[float, Quantity("s", bounds=Bounds(at_least=0.0))] = RECONNECT_S
 
 
 def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> OpcUaRig:

@@ -221,9 +221,9 @@ class Handshake(Described):
     """``[handshake]``: its times, the ring of slots, and how much goes at once."""
 
     table_name: ClassVar[str] = "handshake"
-    heartbeat_s: Duration = Field(default=1.0, alias="heartbeat")
-    poll_s: Duration = Field(default=0.02, alias="poll")
-    patience_s: Duration = Field(default=120.0, alias="patience")
+    heartbeat_s: Duration = 1.0
+    poll_s: Duration = 0.02
+    patience_s: Duration = 120.0
     slots: Annotated[int, Whole(at_least=2, bound=None)] = 8
     first_slot: Annotated[int, Whole(at_least=0, bound=None)] = 0
     chunk: Annotated[int, Whole(bound=None)] = 1000
