@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 
-class Kind(str, Enum):
+class SchemaKind(str, Enum):
     """Files that have a schema."""
 
     drive = "drive"
@@ -18,12 +18,14 @@ class Kind(str, Enum):
 
 
 def schema(
-    kind: Annotated[Kind, typer.Argument(help="Drive file, circuit file, or protocol of a campaign.")] = Kind.drive,
+    kind: Annotated[
+        SchemaKind, typer.Argument(help="Drive file, circuit file, or protocol of a campaign.")
+    ] = SchemaKind.drive,
 ) -> None:
     """Print the JSON schema of the drive file, of the circuit file, or of a campaign's protocol."""
-    if kind is Kind.drive:
+    if kind is SchemaKind.drive:
         from pneudrive.describe.schema import drive_schema as described
-    elif kind is Kind.circuit:
+    elif kind is SchemaKind.circuit:
         from pneudrive.describe.schema import circuit_schema as described
     else:
         from pneudrive.campaign.protocol import protocol_schema as described

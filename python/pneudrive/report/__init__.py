@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from pneudrive.lazy import lazy
+
 if TYPE_CHECKING:
     from pneudrive.report.campaign import write_campaign_report as write_campaign_report
     from pneudrive.report.circuit_drawing import draw_circuit as draw_circuit
@@ -13,35 +15,35 @@ if TYPE_CHECKING:
     from pneudrive.report.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
     from pneudrive.report.write import write_report as write_report
-    from pneudrive.studies.bracha.reproduction import Reproduction as Reproduction
-    from pneudrive.studies.bracha.reproduction import reproduce as reproduce
-
-_HOME = {
-    "plot": "trajectory",
-    "draw_circuit": "circuit_drawing",
-    "plot_lines": "lines_figure",
-    "plot_pressure": "pressure",
-    "write_report": "write",
-    "write_layout_figure": "layout_figure",
-    "write_campaign_report": "campaign",
+#: Module -> what it holds.
+_HOMES = {
+    "campaign": ["write_campaign_report"],
+    "circuit_drawing": ["draw_circuit"],
+    "layout_figure": ["write_layout_figure"],
+    "lines_figure": ["plot_lines"],
+    "pressure": ["plot_pressure"],
+    "trajectory": ["plot"],
+    "write": ["write_report"],
 }
+_STUDY = ("Reproduction", "reproduce")  # of the source paper, which stands above the report that it adds to
+
 __all__ = [
-    "Reproduction",
+    "Reproduction",  # pyright: ignore[reportUnsupportedDunderAll]
     "draw_circuit",
     "plot",
     "plot_lines",
     "plot_pressure",
-    "reproduce",
+    "reproduce",  # pyright: ignore[reportUnsupportedDunderAll]
     "write_campaign_report",
     "write_layout_figure",
     "write_report",
 ]
 
 
+_own = lazy(__name__, _HOMES)
+
+
 def __getattr__(name: str) -> object:
-    if name in ("Reproduction", "reproduce"):  # a study stands above the report that it adds to
+    if name in _STUDY:
         return getattr(import_module("pneudrive.studies.bracha.reproduction"), name)
-    if name in _HOME:
-        return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    msg = f"module 'pneudrive.report' has no attribute '{name}'"
-    raise AttributeError(msg)
+    return _own(name)

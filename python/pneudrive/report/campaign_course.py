@@ -11,7 +11,7 @@ from pneudrive.numbers import with_interval
 from pneudrive.report import axes as draw
 from pneudrive.report import style
 from pneudrive.report.campaign_curves import MM, condition_names
-from pneudrive.report.page import Text
+from pneudrive.report.page import Paragraph
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, spread_evenly
 
@@ -91,7 +91,7 @@ def drift(found: CampaignCharacteristics) -> Section | None:
         rows.append(("zero of the force sensor", with_interval(zero.per_hour, unit="N/h"), ""))
     drawn = told and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
     return topic.section(
-        Text(topic.say(told=told or topic.say("untold")) + (topic.say("model") if told else "")),
+        Paragraph(topic.say(told=told or topic.say("untold")) + (topic.say("model") if told else "")),
         topic.picture("campaign-drift", draw_drift(found)) if drawn else None,
         topic.table(rows),
     )

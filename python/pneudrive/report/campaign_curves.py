@@ -11,7 +11,7 @@ from pneudrive.characteristics.basics import PA_PER_BAR, Condition
 from pneudrive.numbers import with_interval, with_u
 from pneudrive.report import axes as draw
 from pneudrive.report import style
-from pneudrive.report.page import Text
+from pneudrive.report.page import Paragraph
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, spread_evenly
 
@@ -49,7 +49,7 @@ def curves(found: CampaignCharacteristics) -> Section | None:
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
     picture = topic.picture("campaign-curves", draw_curves(found, shown))
-    return topic.section(Text(text), picture, topic.table(_curve_rows(found, both)))
+    return topic.section(Paragraph(text), picture, topic.table(_curve_rows(found, both)))
 
 
 def _curve_rows(found: CampaignCharacteristics, both: Sequence[Curve]) -> Iterator[tuple]:

@@ -13,7 +13,7 @@ from pneudrive.campaign.cycle import KINDS
 from pneudrive.campaign.folder import Campaign
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import CampaignError
-from pneudrive.report.page import Text
+from pneudrive.report.page import Paragraph
 from pneudrive.report.provenance import PACKAGES, reference
 from pneudrive.report.rig_diagram import rig_diagram
 from pneudrive.report.topics import Topic
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.characteristics import CampaignCharacteristics
-    from pneudrive.report.page import Block, Section, Table
+    from pneudrive.report.page import Block, PageTable, Section
 
 MOST_LINES = 120  # of a protocol that is shown
 MOST_SKIPPED = 40
@@ -81,7 +81,7 @@ def _envelope(about: dict[str, Any]) -> Envelope | None:
         return None
 
 
-def _ranges(topic: Topic, found: CampaignCharacteristics) -> Table:
+def _ranges(topic: Topic, found: CampaignCharacteristics) -> PageTable:
     r = found.ranges
     rows = (
         ("speed, mm/s", [1e3 * v for v in r.speed_m_s], ".4g"),
@@ -93,7 +93,7 @@ def _ranges(topic: Topic, found: CampaignCharacteristics) -> Table:
     return topic.table(said, "ranges")
 
 
-def _sensors(topic: Topic, found: CampaignCharacteristics) -> Table:
+def _sensors(topic: Topic, found: CampaignCharacteristics) -> PageTable:
     rig = found.identity
     untold = "not told: assumed"
     rows = [
@@ -166,4 +166,4 @@ def _protocol(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
         lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         more = [topic.say("more", count=len(lines) - MOST_LINES)] if len(lines) > MOST_LINES else []
         yield topic.text("protocol")
-        yield Text("\n".join([*lines[:MOST_LINES], *more]), "code")
+        yield Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")

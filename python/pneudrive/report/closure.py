@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.report import style
-from pneudrive.report.page import Text
+from pneudrive.report.page import Paragraph
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import MOST_SHOWN, sentence, spread_evenly
 
@@ -35,7 +35,7 @@ def section(found: Characterisation) -> Section | None:
         topic.text(),
         topic.picture("closure", draw(shown), said=told),
         topic.table(_rows(found.closures)),
-        *(Text(sentence(fit.statement)) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0),
+        *(Paragraph(sentence(fit.statement)) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0),
     )
 
 

@@ -24,7 +24,7 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri
 
 
 @dataclass(frozen=True)
-class Text:
+class Paragraph:
     """A paragraph; `kind` is "plain", "note" (what a reader must know), "code" or "holds" / "fails" of a check."""
 
     text: str
@@ -39,7 +39,7 @@ class Items:
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A table; columns from `numbers_from` on hold numbers and are set to the right."""
 
     head: tuple[str, ...]
@@ -58,7 +58,7 @@ class Picture:
     synthetic: bool | None = None
 
 
-Block: TypeAlias = Text | Items | Table | Picture
+Block: TypeAlias = Paragraph | Items | PageTable | Picture
 
 
 @dataclass(frozen=True)

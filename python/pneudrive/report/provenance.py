@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pneudrive import __version__
 from pneudrive.describe.friction import friction_laws
 from pneudrive.references import entries
-from pneudrive.report.page import Items, Section, Text
+from pneudrive.report.page import Items, Paragraph, Section
 from pneudrive.report.topics import Topic
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation
     from pneudrive.report.page import Block
-    from pneudrive.report.write import Addition
+    from pneudrive.report.study import Addition
 
 SOURCE_NOTE = "SOURCE.md"
 METHODS = ("gum2008", "paule1982", "huber2009", "bates1988", "smyth2004", "armstrong1994")
@@ -51,7 +51,7 @@ def section(found: Characterisation | None, study: Addition | None) -> Section:
 def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
     for note in source_notes(found):
         yield topic.text("note", note=f"{note.parent.name}/{note.name}")
-        yield Text(_head(note), "code")
+        yield Paragraph(_head(note), "code")
 
 
 def source_notes(found: Characterisation) -> list[Path]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.motion import local_slope
 from pneudrive.report import style
-from pneudrive.report.page import Text
+from pneudrive.report.page import Paragraph
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural
 
@@ -47,7 +47,7 @@ def section(found: Characterisation) -> Section | None:
     topic = Topic("recordings", "stick-slip")
     strokes = plural(len(every), "stroke")
     if not slipping:
-        return topic.section(Text(_nothing(topic, strokes, [s for _, _, s in every])))
+        return topic.section(Paragraph(_nothing(topic, strokes, [s for _, _, s in every])))
     shown = [_of_stroke(*item) for item in slipping[:MOST_COLUMNS]]
     return topic.section(
         topic.text(some=len(slipping), strokes=strokes),

@@ -6,6 +6,8 @@ No figure tells curves apart by colour alone: line style or marker differ too, a
 from __future__ import annotations
 
 from contextlib import contextmanager
+from functools import lru_cache
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -98,11 +100,26 @@ def applied() -> Iterator[None]:
         yield
 
 
+@lru_cache(maxsize=1)
+def _figure_class() -> type[Figure]:
+    """Make the class of figures that a notebook shows where their bare name stands, without pyplot."""
+    from matplotlib.figure import Figure
+
+    class Drawn(Figure):
+        """A figure of the report's look."""
+
+        def _repr_png_(self) -> bytes:
+            """Draw it for a notebook."""
+            with applied(), BytesIO() as memory:
+                self.savefig(memory, format="png", dpi=PNG_DPI)
+                return memory.getvalue()
+
+    return Drawn
+
+
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     """Return an empty figure of the report's width, which shows itself in a notebook."""
-    from pneudrive.report.drawn import Drawn
-
-    return Drawn(figsize=(width_in, height_in), layout="constrained")
+    return _figure_class()(figsize=(width_in, height_in), layout="constrained")
 
 
 def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes]:  # noqa: ANN401 - of matplotlib

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import units
 from pneudrive.numbers import with_interval
-from pneudrive.report.page import Table
+from pneudrive.report.page import PageTable
 from pneudrive.report.words import chance
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ _FORMS: Mapping[str, Callable[[Any], str]] = {
 }
 
 
-class Column(NamedTuple):
+class PageColumn(NamedTuple):
     """A column of a table.
 
     Attributes
@@ -51,18 +51,18 @@ class Column(NamedTuple):
     form: str = ""
 
     @classmethod
-    def read(cls, text: str) -> Column:
+    def read(cls, text: str) -> PageColumn:
         """Read ``head | field | form``.
 
         Examples
         --------
-        >>> Column.read("speed | speed_m_s | .3g"), Column.read("p || chance")
-        (Column(head='speed', field='speed_m_s', form='.3g'), Column(head='p', field='', form='chance'))
+        >>> PageColumn.read("speed | speed_m_s | .3g"), PageColumn.read("p || chance")
+        (PageColumn(head='speed', field='speed_m_s', form='.3g'), PageColumn(head='p', field='', form='chance'))
         """
         return cls(*(part.strip() for part in text.split("|")))
 
 
-def table(caption: str, records: Iterable[Any], columns: Sequence[Column], numbers_from: int = 1) -> Table:
+def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn], numbers_from: int = 1) -> PageTable:
     """Make a table with a row for each record.
 
     Parameters
@@ -70,14 +70,14 @@ def table(caption: str, records: Iterable[Any], columns: Sequence[Column], numbe
     caption : str
     records : iterable
         Results, or tuples of as many values as there are columns.
-    columns : sequence of Column
+    columns : sequence of PageColumn
     numbers_from : int
         First column that is set to the right.
 
     Examples
     --------
     >>> from types import SimpleNamespace
-    >>> made = table("", [SimpleNamespace(speed_m_s=0.0204)], [Column("speed", "speed_m_s", ".3g")])
+    >>> made = table("", [SimpleNamespace(speed_m_s=0.0204)], [PageColumn("speed", "speed_m_s", ".3g")])
     >>> made.head, made.rows
     (('speed, mm/s',), (('20.4',),))
     """
@@ -88,7 +88,7 @@ def table(caption: str, records: Iterable[Any], columns: Sequence[Column], numbe
         values = [attrgetter(c.field)(record) if c.field else record[i] for i, c in enumerate(columns)]
         in_unit = [v if size == 1.0 else v / size for v, (size, _) in zip(values, sizes, strict=True)]
         rows.append(tuple(cell(value, column.form) for value, column in zip(in_unit, columns, strict=True)))
-    return Table(head, tuple(rows), caption, numbers_from)
+    return PageTable(head, tuple(rows), caption, numbers_from)
 
 
 def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results hold

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.toml import tomllib
-from pneudrive.report.page import Block, Items, Picture, Section, Table, Text
-from pneudrive.report.tables import Column, table
+from pneudrive.report.page import Block, Items, PageTable, Paragraph, Picture, Section
+from pneudrive.report.tables import PageColumn, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -43,9 +43,9 @@ class Topic:
         """Return a text, its places filled."""
         return self.texts[name].format(**values)
 
-    def text(self, name: str = "text", kind: str = "plain", /, **values: object) -> Text:
+    def text(self, name: str = "text", kind: str = "plain", /, **values: object) -> Paragraph:
         """Return a paragraph."""
-        return Text(self.say(name, **values), kind)
+        return Paragraph(self.say(name, **values), kind)
 
     def listed(self, items: Iterable[str], name: str = "", kind: str = "plain") -> tuple[Block, ...]:
         """Return a list of sentences behind a paragraph that leads to it; nothing where there is none."""
@@ -57,10 +57,10 @@ class Topic:
         """Return a picture with its caption."""
         return Picture(name, self.texts["pictures"][name].format(**values), figure, synthetic)
 
-    def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> Table:
+    def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> PageTable:
         """Return a table of records."""
         said = self.texts[name]
-        read = [Column.read(text) for text in said["columns"]]
+        read = [PageColumn.read(text) for text in said["columns"]]
         columns = [column._replace(head=column.head.format(**values)) for column in read]
         return table(said.get("caption", "").format(**values), records, columns, said.get("numbers_from", 1))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import re
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
@@ -10,24 +10,17 @@ from pneudrive.report.written import PICTURES, write_picture
 from pneudrive.trajectory import check_target, whole
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import xarray as xr
     from matplotlib.figure import Figure
 
+#: Names of rows in the table of provenance -> attribute that lists them.
+LISTS = {"warning": "warnings", "assumed": "assumed"}
 MOST_IN_A_ROW = 4  # entries of a legend
 ENDINGS = (*PICTURES, ".html")
-# Panel -> (label, factor from SI, variables with line style and words)
+#: Panels: label, factor from SI, name of the variable or last part of it, its unit.
 PANELS = (
-    ("position / mm", 1e3, (("position", "-", ""),)),
-    ("velocity / (m/s)", 1.0, (("velocity", "-", ""),)),
-    ("pressure / bar abs", 1e-5, (("pressure_a", "-", "chamber a"), ("pressure_b", "--", "chamber b"))),
-    ("gas temperature / K", 1.0, (("temperature_a", "-", "chamber a"), ("temperature_b", "--", "chamber b"))),
-    ("friction force / N", 1.0, (("friction_force", "-", ""),)),
-    ("end stop force / N", 1.0, (("end_stop_force", "-", ""),)),
-    ("command", 1.0, (("command", "-", ""),)),
-)
-LINES = {"-": style.BLACK, "--": style.ORANGE}
-# Panels of a circuit: label, factor from SI, last part of the names of its variables, their unit.
-CIRCUIT_PANELS = (
     ("position / mm", 1e3, "position", "m"),
     ("velocity / (m/s)", 1.0, "velocity", "m/s"),
     ("pressure / bar abs", 1e-5, "pressure", "Pa"),
@@ -37,6 +30,8 @@ CIRCUIT_PANELS = (
     ("valve position", 1.0, "position", "1"),
     ("command", 1.0, "command", "1"),
 )
+#: Of a drive with its two chambers.
+CHAMBERS = ((style.BLACK, "-"), (style.ORANGE, "--"))
 
 
 def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
@@ -70,8 +65,10 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
     target = None if path is None else check_target(path, ENDINGS)
     with style.applied():
         figure = draw(run)
-        if target is not None:
-            _write(figure, run, target)
+        if target is not None and target.suffix.lower() == ".html":
+            _write_page(figure, run, target)
+        elif target is not None:
+            write_picture(figure, target)
     return figure
 
 
@@ -102,18 +99,26 @@ def draw(run: xr.Dataset) -> Figure:
 
 def _panels(run: xr.Dataset) -> list[tuple[str, float, list[tuple[str, dict[str, Any], str]]]]:
     """Return label, factor and variables (name, look, words) of each panel that has something to show."""
-    panels = [
-        (label, factor, [(name, {"linestyle": line, "color": LINES[line]}, words) for name, line, words in variables])
-        for label, factor, variables in PANELS
-    ]
-    for label, factor, last, unit in CIRCUIT_PANELS:
+    panels = []
+    for label, factor, last, unit in PANELS:
+        wanted = re.compile(rf"{last}(_[ab])?|.+\.{last}")
         of_kind = (str(name) for name, one in run.data_vars.items() if one.attrs.get("units") == unit)
-        named = [name for name in of_kind if name.endswith(f".{last}")][: len(style.LOOKS)]
-        looks = [{"linestyle": style.look(i).linestyle, "color": style.look(i).color} for i in range(len(named))]
-        words = [name.removesuffix(f".{last}") for name in named]
-        panels.append((label, factor, list(zip(named, looks, words, strict=True))))
-    shown = [(label, factor, [one for one in drawn if one[0] in run]) for label, factor, drawn in panels]
-    return [panel for panel in shown if any(_has_something(run, name) for name, *_ in panel[2])]
+        names = [name for name in of_kind if wanted.fullmatch(name)][: len(style.LOOKS)]
+        is_drive = not any("." in name for name in names)
+        looks = CHAMBERS if is_drive else [style.look(i)[:2] for i in range(len(names))]
+        drawn = [
+            (name, {"color": color, "linestyle": line}, _words(name, last))
+            for name, (color, line) in zip(names, looks, strict=False)
+        ]
+        if any(_has_something(run, name) for name in names):
+            panels.append((label, factor, drawn))
+    return panels
+
+
+def _words(name: str, last: str) -> str:
+    """Name a curve: the component, or the chamber."""
+    component, _, variable = name.rpartition(".")
+    return component or variable.removeprefix(last).replace("_", "chamber ")
 
 
 def _has_something(run: xr.Dataset, name: str) -> bool:
@@ -121,28 +126,16 @@ def _has_something(run: xr.Dataset, name: str) -> bool:
     return not name.endswith("end_stop_force") or bool((run[name] != 0.0).any())
 
 
-def _write(figure: Figure, run: xr.Dataset, target: Path) -> None:
-    if target.suffix.lower() == ".html":
-        _write_page(figure, run, target)
-        return
-    write_picture(figure, target)
-
-
 def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
     """Write a page of its own that loads nothing: the picture, then what made it."""
-    from pneudrive.report.page import Picture, Report, Section, Table, inline, svg_text
+    from pneudrive.report.page import PageTable, Picture, Report, Section, inline, svg_text
 
-    rows = [
-        (k, str(run.attrs[k]))
-        for k in ("version", "solver", "rtol", "description_hash", "statistics")
-        if k in run.attrs
-    ]
-    rows += [("warning", w) for w in run.attrs.get("warnings", [])] + [
-        ("assumed", a) for a in run.attrs.get("assumed", [])
-    ]
+    told = ("version", "solver", "rtol", "description_hash", "statistics")
+    rows = [(name, str(run.attrs[name])) for name in told if name in run.attrs]
+    rows += [(name, one) for name in ("warning", "assumed") for one in run.attrs.get(LISTS[name], [])]
     title = str(run.attrs.get("title") or "Trajectory")
-    picture = Picture("trajectory", f"{title}, simulated.", figure, synthetic=True)
-    table = Table(("", ""), tuple(rows), "Provenance", numbers_from=9)
+    picture = Picture("trajectory", f"{title}, simulated.", figure)
+    table = PageTable(("", ""), tuple(rows), "Provenance", numbers_from=9)
     position = run["position"].to_numpy() * 1e3 if "position" in run else None
     lines = [f"{run.sizes['time']} samples to {float(run.time[-1]):g} s."]
     if position is not None:
@@ -150,7 +143,7 @@ def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
             f"Position {position[0]:.3f} mm to {position[-1]:.3f} mm, between {position.min():.3f} and "
             f"{position.max():.3f} mm."
         )
-    report = Report(title, lines, [Section("trajectory", "Trajectory", (picture, table), synthetic=True)])
+    report = Report(title, lines, [Section("trajectory", "Trajectory", (picture, table))], synthetic=True)
     report.pictures[picture.name] = inline(svg_text(figure), picture.name, picture.caption)
     with whole(target) as temporary:
         temporary.write_text(report.html(linked=False), encoding="utf-8")

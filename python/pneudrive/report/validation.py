@@ -9,7 +9,7 @@ from pneudrive.describe.base import Quantity
 from pneudrive.describe.provenance import values
 from pneudrive.report import style
 from pneudrive.report import validation_figures as figures
-from pneudrive.report.page import Picture, Report, Text
+from pneudrive.report.page import Paragraph, Picture, Report
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, sentence, spread_evenly
 from pneudrive.validate.validation import CHANNELS
@@ -92,7 +92,7 @@ def _why(found: Validation) -> Section:
         alone = ((key, amount, 100 * share) for key, amount, share in diagnosis.alone[:SHOWN_ALONE])
         told: list[Block] = [topic.table(causes, "causes"), topic.table(alone, "alone")]
     else:
-        told = [Text(sentence(str(diagnosis)), "holds" if diagnosis.is_clean else "fails")]
+        told = [Paragraph(sentence(str(diagnosis)), "holds" if diagnosis.is_clean else "fails")]
     return topic.section(topic.text(), sizes, *told, *pictures)
 
 
@@ -157,6 +157,6 @@ def _provenance(found: Validation) -> Section:
         topic.text("synthetic" if found.synthetic else "measured"),
         topic.table(rows),
         topic.table(identified, "identified") if identified else None,
-        Text(found.drive.to_toml().strip(), "code"),
+        Paragraph(found.drive.to_toml().strip(), "code"),
         synthetic=False,
     )

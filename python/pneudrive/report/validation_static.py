@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive.report import style
 from pneudrive.report.axes import grid
-from pneudrive.report.page import Report, Text
+from pneudrive.report.page import Paragraph, Report
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import MOST_SHOWN, sentence
 
@@ -37,7 +37,7 @@ def write_friction_report(found: FrictionValidation, folder: str | Path) -> Path
     parts = (
         law.section(law.text(), law.picture("friction", draw(list(found.curves)[:MOST_SHOWN]))),
         table.section(table.table(_rows(found))),
-        model.section(Text(found.drive.to_toml().strip(), "code")),
+        model.section(Paragraph(found.drive.to_toml().strip(), "code")),
     )
     return Report(f"Friction of {found.drive.name} against {found.source.name}", lines, parts).write(folder)
 

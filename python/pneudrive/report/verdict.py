@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pneudrive.characterise import Characterisation
     from pneudrive.characterise.closure import Estimate
     from pneudrive.identify import FrictionFit
-    from pneudrive.report.write import Study
+    from pneudrive.report.study import Study
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 

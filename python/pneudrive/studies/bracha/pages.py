@@ -6,74 +6,53 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.report import style
-from pneudrive.report.page import Picture, Text
+from pneudrive.report.page import Paragraph, Picture
 from pneudrive.report.recovered import recovered
-from pneudrive.report.recovered import section as recovered_section
 from pneudrive.report.stick_slip import DrawnMotion, in_time, phase_plane
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, sentence
-from pneudrive.report.write import Addition
 from pneudrive.studies.bracha.chamber_laws import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE
 from pneudrive.studies.bracha.drawings import DRAWINGS
 from pneudrive.studies.bracha.figure import TEXTS, readable
 from pneudrive.studies.bracha.stick_slip import SLOW_DRIVE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from matplotlib.figure import Figure
 
     from pneudrive.characterise import Characterisation
     from pneudrive.report.page import Block, Section
+    from pneudrive.rig.description import RigDescription
     from pneudrive.studies.bracha.chamber_laws import ChamberComparison
     from pneudrive.studies.bracha.figure import Claim, PaperFigure
-    from pneudrive.studies.bracha.reproduction import Reproduction
 
 PAGE = Path(__file__).with_name("page.toml")
 STICK_SLIP = (1, 2, 3)
-LAWS = ("lugre", "stribeck")
 LINES = {ENERGY_BALANCE: ("-", style.BLACK, "energy balance"), AS_PRINTED: ("--", style.ORANGE, "as printed")}
 
 
-def addition(made: Reproduction, found: Characterisation | None) -> Addition:
-    """Return what the study adds to the report of recordings, or the whole of one."""
-    topic, solver = Topic(PAGE, "provenance"), made.chambers.runs[ENERGY_BALANCE].attrs
-    own = found is not None and found.synthetic  # such recordings have their own comparison with the truth
-    parts = (
-        None if own else recovered_section(made.found, made.fits),
-        paper(made.figures, made.claims),
-        stick_slip([made.figures[n] for n in STICK_SLIP if n in made.figures]),
-        chambers(made.chambers),
-    )
-    return Addition(
-        title="The source paper's figures from a simulated rig",
-        verdict=tuple(verdict(made, alone=found is None)),
-        sections=tuple(part for part in parts if part is not None),
-        validity=topic.say("validity"),
-        settings=(
-            ("solver of the simulations", str(solver["solver"])),
-            ("seed of the simulated sensors", str(made.seed)),
-        ),
-        sources=tuple(_values(topic, made)),
-        cited=("bracha", *(key for run in made.chambers.runs.values() for key in run.attrs["citations"])),
-        laws=LAWS,
-    )
-
-
-def verdict(made: Reproduction, *, alone: bool) -> Iterator[str]:
+def verdict(
+    found: Characterisation,
+    claims: Sequence[Claim],
+    figures: Mapping[int, PaperFigure],
+    chambers: ChamberComparison,
+    *,
+    alone: bool,
+) -> Iterator[str]:
     """Say the results in a few lines, or in one."""
-    topic, pairs = Topic(PAGE, "verdict"), recovered(made.found)
-    first = topic.say("paper", count=count_verdicts(made.claims))
+    topic, pairs = Topic(PAGE, "verdict"), recovered(found)
+    first = topic.say("paper", count=count_verdicts(claims))
     truth = topic.say("recovered", inside=pairs.inside, all=pairs.true_n.size) if pairs else ""
     if not alone:
         yield f"{first}; {truth}."
         return
     yield f"{first}."
     yield f"{truth[:1].upper()}{truth[1:]}, U with k = 2."
-    slip = made.figures.get(2) or made.figures.get(1)
+    slip = figures.get(2) or figures.get(1)
     if slip is not None:
         yield topic.say("slip", **readable(slip.quantities))
-    c = made.chambers
+    c = chambers
     yield topic.say(
         "chambers",
         stroke_percent=100 * (c.stroke_time_s[AS_PRINTED] / c.stroke_time_s[ENERGY_BALANCE] - 1),
@@ -104,7 +83,7 @@ def paper(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Sectio
     failed = any(c.verdict == "does not hold" for c in claims)
     return topic.section(
         topic.text(),
-        Text(sentence(count_verdicts(claims)), "fails" if failed else "holds"),
+        Paragraph(sentence(count_verdicts(claims)), "fails" if failed else "holds"),
         topic.table((c.place, f"“{c.said}”", sentence(c.found), c.verdict) for c in claims),
         *topic.listed((f"“{said}”: {why}." for said, why in unchecked.items()), "unchecked"),
         *topic.listed((f"Figure {f.number}: {f.assumed}." for f in figures.values() if f.assumed), "assumed"),
@@ -190,15 +169,14 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
     return figure
 
 
-def _values(topic: Topic, made: Reproduction) -> Iterator[Block]:
+def values(rig: RigDescription, rigs: Iterable[RigDescription]) -> Iterator[Block]:
     """Values of the default rig, then those that the other rigs have beside them or instead; the drives."""
-    base = made.rig.description.sources
-    rigs = {made.rig.description.name: base, **{d.name: d.sources for d in made.rigs.values()}}
-    for name, sources in rigs.items():
+    topic, base = Topic(PAGE, "provenance"), rig.sources
+    for name, sources in {rig.name: base, **{one.name: one.sources for one in rigs}}.items():
         own = sources if sources is base else {k: s for k, s in sources.items() if s != base.get(k)}
         only = "" if sources is base else topic.say("only")
         yield topic.text("values", rig=f"{name[0].lower()}{name[1:]}", only=only)
         yield topic.table((key, s.value, s.source, s.reason) for key, s in own.items())
     yield topic.text("drives")
     for path in (SLOW_DRIVE, FULL_STROKE):
-        yield Text(path.read_text(encoding="utf-8").strip(), "code")
+        yield Paragraph(path.read_text(encoding="utf-8").strip(), "code")

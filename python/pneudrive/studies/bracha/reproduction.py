@@ -9,8 +9,12 @@ import numpy as np
 
 from pneudrive.characterise import characterise_recordings
 from pneudrive.identify.seals import fit_characterisation
+from pneudrive.report import recovered
+from pneudrive.report.study import Addition
+from pneudrive.report.topics import Topic
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
-from pneudrive.studies.bracha.chamber_laws import compare_chamber_laws
+from pneudrive.studies.bracha import pages
+from pneudrive.studies.bracha.chamber_laws import ENERGY_BALANCE, compare_chamber_laws
 from pneudrive.studies.bracha.experiments import run_experiments
 from pneudrive.studies.bracha.figures import paper_figures
 from pneudrive.studies.bracha.general import general_claims
@@ -21,7 +25,6 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise import Characterisation
     from pneudrive.identify import FrictionFit
-    from pneudrive.report.write import Addition
     from pneudrive.rig.description import RigDescription
     from pneudrive.studies.bracha.chamber_laws import ChamberComparison
     from pneudrive.studies.bracha.figure import Claim, PaperFigure
@@ -66,10 +69,26 @@ class Reproduction:
     seed: int
 
     def addition(self, found: Characterisation | None) -> Addition:
-        """Return what the study adds to the report of these recordings."""
-        from pneudrive.studies.bracha.pages import addition
-
-        return addition(self, found)
+        """Return what the study adds to the report of these recordings, or the whole of one."""
+        own = found is not None and found.synthetic  # such recordings have their own comparison with the truth
+        parts = (
+            None if own else recovered.section(self.found, self.fits),
+            pages.paper(self.figures, self.claims),
+            pages.stick_slip([self.figures[n] for n in pages.STICK_SLIP if n in self.figures]),
+            pages.chambers(self.chambers),
+        )
+        lines = pages.verdict(self.found, self.claims, self.figures, self.chambers, alone=found is None)
+        solver = str(self.chambers.runs[ENERGY_BALANCE].attrs["solver"])
+        return Addition(
+            title="The source paper's figures from a simulated rig",
+            verdict=tuple(lines),
+            sections=tuple(part for part in parts if part is not None),
+            validity=Topic(pages.PAGE, "provenance").say("validity"),
+            settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(self.seed))),
+            sources=tuple(pages.values(self.rig.description, self.rigs.values())),
+            cited=("bracha", *(key for run in self.chambers.runs.values() for key in run.attrs["citations"])),
+            laws=("lugre", "stribeck"),
+        )
 
 
 def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | None = None) -> Reproduction:
