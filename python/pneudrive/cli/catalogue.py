@@ -32,8 +32,8 @@ def catalogue(
 
 
 def _write(name: str | None, out: Path) -> None:
-    from pneudrive.describe import Drive
     from pneudrive.describe.catalogue import PREFIX, entries
+    from pneudrive.describe.drive import Drive
     from pneudrive.trajectory import check_target
 
     if name is None or (name in entries() and not entries()[name].is_drive):

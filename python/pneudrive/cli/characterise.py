@@ -17,10 +17,10 @@ from pneudrive.cli.progress import on_terminal
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.settling import SampleChoice
-    from pneudrive.characteristics import CampaignCharacteristics
-    from pneudrive.identify import FrictionFit
+    from pneudrive.characteristics.result import CampaignCharacteristics
+    from pneudrive.identify.result import FrictionFit
 
 Fits = dict[str, dict[str, "FrictionFit"]]
 
@@ -44,7 +44,8 @@ def characterise(
 
     Of a campaign also curves.parquet and effects.toml, and what its data carry and what not.
     """
-    from pneudrive.characterise import characterise_recordings, write_map
+    from pneudrive.characterise.characterisation import characterise_recordings
+    from pneudrive.characterise.friction_map import write_map
     from pneudrive.characterise.pressure_line import ALL_RECORDINGS
     from pneudrive.characterise.settling import SAMPLE_CHOICES
     from pneudrive.identify.fit import LAWS
@@ -70,8 +71,9 @@ def characterise(
 
 def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: SampleChoice, law: str) -> None:
     """Characterise one campaign folder."""
-    from pneudrive.characteristics import characteristics, fit_campaign, write_characteristics
-    from pneudrive.characteristics.fits import ALL
+    from pneudrive.characteristics.campaign import characteristics
+    from pneudrive.characteristics.files import write_characteristics
+    from pneudrive.characteristics.fits import ALL, fit_campaign
     from pneudrive.errors import CommandError
     from pneudrive.report.campaign import write_campaign_report
 

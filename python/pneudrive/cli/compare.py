@@ -23,7 +23,7 @@ def compare(
 ) -> None:
     """Test two campaigns against each other (new and worn, one seal and another): report.html, comparison.toml."""
     from pneudrive.characterise.settling import SAMPLE_CHOICES
-    from pneudrive.characteristics import characteristics
+    from pneudrive.characteristics.campaign import characteristics
     from pneudrive.characteristics.compare.comparison import compare as compared
     from pneudrive.characteristics.files import write_comparison
     from pneudrive.errors import CommandError

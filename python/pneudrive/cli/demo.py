@@ -15,14 +15,16 @@ def demo(
     measurements: Annotated[Path, typer.Option(help="Folder with the recordings.")] = MEASUREMENTS,
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
-    from pneudrive.characterise import characterise_recordings, write_map
+    from pneudrive.characterise.characterisation import characterise_recordings
+    from pneudrive.characterise.friction_map import write_map
     from pneudrive.characterise.pressure_line import ALL_RECORDINGS
     from pneudrive.cli.output import writable_folder
     from pneudrive.errors import CommandError
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
     from pneudrive.report.verdict import verdict
-    from pneudrive.studies.bracha import FOLDER, reproduce
+    from pneudrive.studies.bracha import FOLDER
+    from pneudrive.studies.bracha.reproduction import reproduce
 
     folder = writable_folder(out)
     files = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])

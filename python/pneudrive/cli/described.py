@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
 
 
 def load(source: str) -> Drive | Circuit:
@@ -16,10 +17,11 @@ def load(source: str) -> Drive | Circuit:
     DescriptionError
         Something is wrong with it.
     """
-    from pneudrive.describe import Drive, toml
+    from pneudrive.describe import toml
+    from pneudrive.describe.drive import Drive
 
     if toml.has(source, "components") or toml.has(source, "connections"):
-        from pneudrive.describe import Circuit
+        from pneudrive.describe.circuit import Circuit
 
         return Circuit.load(source)
     return Drive.load(source)

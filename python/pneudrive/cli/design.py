@@ -11,8 +11,8 @@ import typer
 from pneudrive.cli.options import option, quantity
 
 if TYPE_CHECKING:
-    from pneudrive.identify import FrictionFit
     from pneudrive.identify.design import Design, Limits
+    from pneudrive.identify.result import FrictionFit
     from pneudrive.rig.interface import Envelope, Identity
 
 #: Lowest speed that is proposed where nothing is said, m/s.
@@ -45,9 +45,9 @@ def design(
     from pneudrive.campaign.plan import lay_out
     from pneudrive.campaign.protocol import parse_protocol
     from pneudrive.errors import CommandError
-    from pneudrive.identify import FrictionFit
     from pneudrive.identify.design import design as designed
-    from pneudrive.rig import load_rig
+    from pneudrive.identify.result import FrictionFit
+    from pneudrive.rig.loading import load_rig
 
     if out is not None and (out.exists() or out.suffix != ".toml" or not out.parent.is_dir()):
         raise CommandError(

@@ -15,8 +15,8 @@ from pneudrive.cli.progress import on_terminal
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.identify import FrictionFit
     from pneudrive.identify.laws import LawComparison
+    from pneudrive.identify.result import FrictionFit
 
 MOST_NAMED = 6  # values of a label in a message
 MAP_SUFFIXES = (".parquet", ".csv")
@@ -87,8 +87,9 @@ def fit(
 
 def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     """Read a map, or make one."""
-    from pneudrive.characterise import characterise_recordings, read_map
-    from pneudrive.characteristics import characteristics
+    from pneudrive.characterise.characterisation import characterise_recordings
+    from pneudrive.characterise.friction_map import read_map
+    from pneudrive.characteristics.campaign import characteristics
     from pneudrive.errors import CommandError, PneudriveError
 
     missing = next((path for path in source if not path.exists()), None)

@@ -11,7 +11,7 @@ import typer
 from pneudrive.cli.options import CatalogueFolders, names_in, sensor_option
 
 if TYPE_CHECKING:
-    from pneudrive.identify.dynamic import Progress
+    from pneudrive.identify.dynamic.search import Progress
 
 
 def identify(
@@ -52,9 +52,9 @@ def identify(
     Ctrl-C ends the search with the best values so far. A file with a table [volume] describes a tank: a fixed volume
     whose line, heat transfer and leak are identified from its pressure.
     """
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.describe.tank import Tank
-    from pneudrive.identify.dynamic import identify as identified
+    from pneudrive.identify.dynamic.fit import identify as identified
     from pneudrive.trajectory import check_target
 
     if out is not None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
 
 TABLES = (".csv", ".parquet")
 SAID = (

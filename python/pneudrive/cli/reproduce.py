@@ -16,8 +16,8 @@ def reproduce(
     from pneudrive.cli.output import writable_folder
     from pneudrive.report import write_report
     from pneudrive.studies.bracha import FOLDER
-    from pneudrive.studies.bracha import reproduce as run
     from pneudrive.studies.bracha.pages import count_verdicts
+    from pneudrive.studies.bracha.reproduction import reproduce as run
 
     folder = writable_folder(out)
     made = run(folder / FOLDER, seed)

@@ -49,7 +49,7 @@ def serve(
 ) -> None:
     """Serve a rig over OPC UA, behind the nodes of a map, until Ctrl-C."""
     from pneudrive.errors import CommandError
-    from pneudrive.rig import load_rig
+    from pneudrive.rig.loading import load_rig
     from pneudrive.rig.opcua.access import Protection
     from pneudrive.rig.opcua.nodes import load_map
     from pneudrive.rig.opcua.server import RigServer

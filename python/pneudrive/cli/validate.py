@@ -12,9 +12,9 @@ from pneudrive.cli.output import MOST_ROWS, show_lines, show_table, tell, writab
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.result import DriveFit
-    from pneudrive.validate import Validation
+    from pneudrive.validate.validation import Validation
 
 
 def validate(
@@ -49,11 +49,11 @@ def validate(
 
     A friction map (map.parquet, map.csv) or the folder of a campaign is compared with the drive's friction law.
     """
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError
     from pneudrive.report.validation import write_validation_report
-    from pneudrive.validate import validate as validated
     from pneudrive.validate.static import is_friction
+    from pneudrive.validate.validation import validate as validated
 
     seconds, fit = quantity("--window", window, "s"), _fit(drive)
     described = Drive.load(drive) if fit is None else fit.apply()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pneudrive.characteristics import CampaignCharacteristics
+    from pneudrive.characteristics.result import CampaignCharacteristics
     from pneudrive.characteristics.stops.dwell_law import DwellSeries
 
 #: The sections in their order; each gives None where there are no data for it.

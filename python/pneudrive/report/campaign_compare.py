@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.characteristics.compare.comparison import Comparison
     from pneudrive.characteristics.compare.curves import CurveComparison
+    from pneudrive.characteristics.result import CampaignCharacteristics
     from pneudrive.characteristics.stops.dwell_law import DwellSeries
     from pneudrive.report.page import Section
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characteristics import CampaignCharacteristics, Curve
     from pneudrive.characteristics.effects import AirShare, PressureEffects
+    from pneudrive.characteristics.result import CampaignCharacteristics, Curve
     from pneudrive.report.page import Section
 
 MOST_CURVES = 8  # that can be told apart in one picture

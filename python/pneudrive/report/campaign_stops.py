@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characteristics import CampaignCharacteristics, Estimate
+    from pneudrive.characteristics.result import CampaignCharacteristics
     from pneudrive.characteristics.stops.dwell_forms import DwellLawFit
     from pneudrive.characteristics.stops.dwell_law import DwellSeries
     from pneudrive.characteristics.stops.stop import Stop, Trace
+    from pneudrive.estimate.estimates import Estimate
     from pneudrive.report.page import Block, Section
 
 MOST_TRACES = 3

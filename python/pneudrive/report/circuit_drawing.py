@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
     from pneudrive.report.circuit_blocks import Block
     from pneudrive.report.circuit_layout import Net
 

@@ -12,7 +12,7 @@ from pneudrive.report.circuit_blocks import Block, blocks
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.describe import Circuit
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.connections import Joint, Port, Wiring
     from pneudrive.report.circuit_blocks import Place
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.closure import ClosureFit, Estimate
     from pneudrive.report.page import Section
 

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise import Characterisation, Recording
+    from pneudrive.characterise.characterisation import Characterisation
+    from pneudrive.characterise.recording import Recording
     from pneudrive.report.page import Section
 
 # Channel -> (words, factor from SI, unit)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.pressure_line import FrictionPoint, PressureLine
     from pneudrive.report.page import Section
 

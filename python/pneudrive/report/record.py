@@ -15,7 +15,7 @@ from pneudrive.report.words import by_seal, gauge_bar
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.extract import RecordingResult
     from pneudrive.report.page import Section
 

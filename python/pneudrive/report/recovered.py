@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise import Characterisation
-    from pneudrive.identify import FrictionFit
+    from pneudrive.characterise.characterisation import Characterisation
+    from pneudrive.identify.result import FrictionFit
     from pneudrive.report.page import Section
 
 SAME_PRESSURE_PA = 100.0

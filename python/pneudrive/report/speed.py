@@ -14,8 +14,8 @@ from pneudrive.report.words import plural, sentence
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pneudrive.characterise import Characterisation
-    from pneudrive.identify import FrictionFit
+    from pneudrive.characterise.characterisation import Characterisation
+    from pneudrive.identify.result import FrictionFit
     from pneudrive.report.page import Block, Section
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.pressure_line import FrictionPoint
-    from pneudrive.identify import FrictionFit
+    from pneudrive.identify.result import FrictionFit
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]
 

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise import Characterisation, StickSlip
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.extract import Level, RecordingResult
+    from pneudrive.characterise.stick_slip import StickSlip
     from pneudrive.report.page import Section
 
 SHOWN_S = 10.0

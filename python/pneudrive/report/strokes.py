@@ -16,7 +16,7 @@ from pneudrive.report.words import by_seal, gauge_bar, plural, spread_evenly
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.extract import Level, RecordingResult
     from pneudrive.characterise.reversal import ReversalPeak
     from pneudrive.report.page import Section

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.extract import Level
     from pneudrive.report.page import Section
 

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pneudrive.describe import Drive
+    from pneudrive.describe.drive import Drive
     from pneudrive.report.page import Block, Section
-    from pneudrive.validate import RecordResult, Validation
+    from pneudrive.validate.validation import RecordResult, Validation
 
 MOST_RECORDS, MOST_FAILURES, MOST_STOPS = 6, 4, 60
 MARKS = {True: "Met.", False: "Missed.", None: ""}

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.describe import Drive
-    from pneudrive.validate import RecordResult
+    from pneudrive.describe.drive import Drive
     from pneudrive.validate.residuals import Residuals
     from pneudrive.validate.signals import Signals
+    from pneudrive.validate.validation import RecordResult
 
 
 def scale(column: str) -> tuple[float, str]:

@@ -15,9 +15,9 @@ from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.closure import Estimate
-    from pneudrive.identify import FrictionFit
+    from pneudrive.identify.result import FrictionFit
     from pneudrive.report.study import Study
 
     Fits = Mapping[str, Mapping[str, FrictionFit]]

@@ -11,8 +11,9 @@ from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.characterise import Characterisation, Recording
+    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.extract import Level, RecordingResult
+    from pneudrive.characterise.recording import Recording
 
 MOST_SHOWN = 24  # panels of one kind in a report; a campaign has more recordings than anyone looks at
 

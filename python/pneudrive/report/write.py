@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from pneudrive.characterise import Characterisation
-    from pneudrive.identify import FrictionFit
+    from pneudrive.characterise.characterisation import Characterisation
+    from pneudrive.identify.result import FrictionFit
     from pneudrive.report.page import Section
     from pneudrive.report.study import Addition, Study
 
