@@ -182,7 +182,7 @@ class FrictionModel(StaticLaw):
         """Whether the law has a Stribeck part."""
         return self.law == "stribeck"
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Free parameters in natural units, in the order of every vector and matrix of the fit."""
         names = ["coulomb"]
@@ -339,13 +339,15 @@ class FrictionModel(StaticLaw):
         negative; the best few local minima of the grid are kept.
         """
         if not self.stribeck:
-            return [self._linear_start(data, 0.0, None)[1]]
+            return [self._linear_start(data, self.linear_columns(data, np.zeros(1), None)[0], 0.0, None)[1]]
         lower, upper = self.bounds(data)
         count = max(3, round((upper[2] - lower[2]) / np.log(10.0) * STARTS_PER_DECADE))
         exponents = [None] if self.exponent is not None else [float(np.log(n)) for n in EXPONENT_STARTS]
         kept: list[tuple[float, Array]] = []
         for log_n in exponents:
-            scored = [self._linear_start(data, lv, log_n) for lv in np.linspace(lower[2] + 0.1, upper[2] - 0.1, count)]
+            grid = np.linspace(lower[2] + 0.1, upper[2] - 0.1, count)
+            columns = self.linear_columns(data, grid, log_n)
+            scored = [self._linear_start(data, own, lv, log_n) for own, lv in zip(columns, grid, strict=True)]
             costs = np.array([s[0] for s in scored])
             padded = np.r_[np.inf, costs, np.inf]
             minima = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]))
@@ -353,11 +355,12 @@ class FrictionModel(StaticLaw):
         kept.sort(key=lambda s: s[0])
         return [np.clip(q, lower + 1e-12, upper) for _, q in kept[:KEPT_STARTS]]
 
-    def _linear_start(self, data: Observations, log_velocity: float, log_exponent: float | None) -> tuple[float, Array]:
+    def _linear_start(
+        self, data: Observations, columns: Array, log_velocity: float, log_exponent: float | None
+    ) -> tuple[float, Array]:
         """Sum of absolute residuals and coordinates of the best forces at a Stribeck velocity and exponent."""
         from scipy.optimize import nnls
 
-        columns = self.linear_columns(data, np.array([log_velocity]), log_exponent)[0]
         names = [n for n in self.names if not n.startswith("stribeck_")]
         if self.stribeck:  # from (Fc, Fs) to (Fc, Fs - Fc), both not negative
             columns[:, 0] += columns[:, 1]

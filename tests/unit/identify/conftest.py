@@ -30,7 +30,7 @@ def truth():
     return dict(TRUTH)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_map():
     """Map with both rows of each pair; arrays of one value per pair."""
 
@@ -63,6 +63,6 @@ def make_map():
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def friction_of():
     return steady

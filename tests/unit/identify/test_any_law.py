@@ -62,7 +62,7 @@ def test_the_usual_law_gives_the_usual_fit(make_map, friction_of):
     assert fit.statistics["aicc"] == pytest.approx(usual.statistics["aicc"], abs=0.05)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def pressed(make_map):
     """Fit of a law of formulas to a map without noise, all of whose rows share an error of 1 N."""
     text = {"coulomb": "12 N", "breakaway": "18 N", "pressed": 0.7, "pressure_scale": "1.6 bar"}
