@@ -91,7 +91,7 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
     # Where pressures act together, that is no scatter and no drift: slopes are taken beside it, at the mean pressures.
     together = _together(design, x) if design.kind == "both" else np.zeros((x.shape[0], 0))
     x = np.hstack([together, x])
-    fit = _fit(reading, fits, members, x) if x.shape[0] > x.shape[1] + 1 else None
+    fit = _fit(fits, members, x, design.order) if x.shape[0] > x.shape[1] + 1 else None
     if fit is None:
         return None
     u, hidden = accuracy_n(fits, members), _hidden(fits, fit.model, design)
@@ -110,7 +110,7 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
         interaction, joint = fit.f_test(rows), fit.contrast(rows[0]).scaled(PA_PER_BAR**-2, "N/Pa2")
     if hidden is None:
         squares = [design.centred(p) ** 2 * design.compared for p in slopes]
-        curvature = _curvature(reading, fits, members, x, design, squares)
+        curvature = _curvature(fits, members, x, design, squares)
     named: dict[str, Any] = {f"slope_{name}": slope for name, slope in zip(names, each, strict=True)}
     named |= {f"mean_{name}": mean for name, mean in zip(names, means, strict=True)}
     return PressureEffects(
@@ -128,37 +128,28 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
 
 def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
     """Keep the speeds that were measured at all pressure pairs, and say what the pairs can tell."""
-    points, ambient = fits.points, reading.identity.ambient_pressure_pa
-    pairs_of = {
-        i: tuple(round((p - ambient) / PA_PER_BAR, 3) + 0.0 for p in (c.pressure_a_pa, c.pressure_b_pa))
-        for i, c in enumerate(points.conditions)
-    }
-    present = sorted({int(i) for i in points.condition[members]})
-    pairs = sorted({pairs_of[i] for i in present})
-    if len(pairs) < 2:
+    points = fits.points
+    absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
+    gauge = np.round((absolute - reading.identity.ambient_pressure_pa) / PA_PER_BAR, 3) + 0.0
+    of_cycle = gauge[points.condition]
+    pairs = np.unique(of_cycle[members], axis=0)
+    at = {int(k): np.unique(of_cycle[members & (points.level == k)], axis=0) for k in set(points.level[members])}
+    kept = sorted(k for k, found in at.items() if len(found) == len(pairs))
+    if len(pairs) < 2 or not kept:
         return None, members
-    of_cycle = np.array([pairs.index(pairs_of[i]) if i in present else -1 for i in points.condition.tolist()])
-    levels = [
-        k
-        for k in sorted(set(points.level[members].tolist()))
-        if set(of_cycle[members & (points.level == k)].tolist()) == set(range(len(pairs)))
-    ]
-    if not levels:
-        return None, members
-    compared = members & np.isin(points.level, levels)
+    compared = members & np.isin(points.level, kept)
     # Equal cycles at other speeds, in one set each; a single one would say nothing.
     cell = points.cell
     sets, counts = np.unique(cell[members & ~compared], return_counts=True)
     beside = members & ~compared & np.isin(cell, sets[counts > 1])
     used = compared | beside
-    table = np.array(pairs)
     here = compared[used]
     design = _Design(
-        kind=kind_of(table),
-        speeds=points.level_speeds_m_s[levels],
-        level=np.where(here, np.searchsorted(levels, points.level[used]), -1),
-        a=np.where(here, table[of_cycle[used], 0], 0.0),
-        b=np.where(here, table[of_cycle[used], 1], 0.0),
+        kind=kind_of(pairs),
+        speeds=points.level_speeds_m_s[kept],
+        level=np.where(here, np.searchsorted(kept, points.level[used]), -1),
+        a=np.where(here, of_cycle[used, 0], 0.0),
+        b=np.where(here, of_cycle[used, 1], 0.0),
         place=np.log(points.reduced.speed_m_s[used]),
         beside=(cell[used][:, None] == sets[counts > 1]) & beside[used][:, None],
         order=np.array([reading.order(d.head) for d in points.cycles(used)]),
@@ -181,7 +172,7 @@ def kind_of(pairs: Array) -> str:
     return "sum" if np.abs(pairs[:, 0] - pairs[:, 1]).max() < SAME_SLOPE * scale else "line"
 
 
-def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> MixedFit | None:
+def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> MixedFit | None:
     """Fit fixed effects with the sources of chance that the curves' model has."""
     points, reduced = fits.points, fits.points.reduced
     if independent(x).size < x.shape[1]:
@@ -197,7 +188,6 @@ def _fit(reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array) -> 
     own = relative * level**2 + 1.0 - relative
     components = [RandomEffect("cycle", own / points.count[members], usual)]
     if fits.drift_share < CARRIED:
-        order = np.array([reading.order(d.head) for d in points.cycles(members)])
         components.append(RandomEffect("drift", outer * centred_walk(order), usual))
     if fits.blocks is not None:
         blocks = fits.blocks[members[points.use]]
@@ -260,9 +250,7 @@ def _together(design: _Design, x: Array) -> Array:
     return np.column_stack([columns[k] for k in kept])
 
 
-def _curvature(
-    reading: Reading, fits: Fits, members: NDArray[np.bool_], x: Array, design: _Design, squares: list[Array]
-) -> FTest | None:
+def _curvature(fits: Fits, members: NDArray[np.bool_], x: Array, design: _Design, squares: list[Array]) -> FTest | None:
     """Test squares of pressures, their mean over speeds and their change with its logarithm."""
     columns = [p for p in squares if np.ptp(p) > 0.0]
     wide = np.column_stack([x, *_over_speed(design, columns)])
@@ -273,7 +261,7 @@ def _curvature(
     wide = wide[:, kept]
     if wide.shape[0] <= wide.shape[1] + 1:
         return None
-    fit = _fit(reading, fits, members, wide)
+    fit = _fit(fits, members, wide, design.order)
     return None if fit is None else fit.f_test(np.eye(wide.shape[1])[x.shape[1] :])
 
 
