@@ -1,10 +1,18 @@
-"""Words of every result: the condition of a curve, a sentence on the data, a cycle that was not counted."""
+"""Words of every result: the condition of a curve, what pressures tell, a sentence, a cycle that was not counted."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 PA_PER_BAR = 1e5
+TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # the chambers whose pressure has an effect that can be told
+SAME_SLOPE = 1e-3  # of the largest pressure: pairs that lie on one line closer than this do not tell both pressures
 BOTH = 0  # direction of a curve that is half the difference of both directions
 
 
@@ -85,3 +93,17 @@ class Skipped:
     key: str
     file: str
     reason: str
+
+
+def classify_pressures(pairs: NDArray[np.float64]) -> str:
+    """Say what pressure pairs can tell: both slopes, one, their sum (equal pressures), or one along another line."""
+    away = pairs - pairs.mean(axis=0)
+    scale = max(float(np.abs(pairs).max()), 1e-12)
+    spans = np.ptp(pairs, axis=0)
+    if spans[1] < SAME_SLOPE * scale:
+        return "a"
+    if spans[0] < SAME_SLOPE * scale:
+        return "b"
+    if np.linalg.svd(away, compute_uv=False)[1] > SAME_SLOPE * scale:
+        return "both"
+    return "sum" if np.abs(pairs[:, 0] - pairs[:, 1]).max() < SAME_SLOPE * scale else "line"

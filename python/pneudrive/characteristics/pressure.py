@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.characteristics.basics import PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.characteristics.effects import PressureEffects
 from pneudrive.characteristics.sentences import say
 from pneudrive.characteristics.smooth import CARRIED, CYCLE_SCALE
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SAME_SLOPE = 1e-3  # of the largest pressure: pairs that lie on one line closer than this do not tell both pressures
-TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # the chambers whose pressure has an effect that can be told
 #: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure where the order of the
 #: cycles follows pressure and nothing tells the two apart: a seal that runs in or wears (assumed standard uncertainty).
 HIDDEN_CHANGE = 0.1
@@ -145,7 +143,7 @@ def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_
     used = compared | beside
     here = compared[used]
     design = _Design(
-        kind=kind_of(pairs),
+        kind=classify_pressures(pairs),
         speeds=points.level_speeds_m_s[kept],
         level=np.where(here, np.searchsorted(kept, points.level[used]), -1),
         a=np.where(here, of_cycle[used, 0], 0.0),
@@ -156,20 +154,6 @@ def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_
         pairs=tuple((float(a), float(b)) for a, b in pairs),
     )
     return design, used
-
-
-def kind_of(pairs: Array) -> str:
-    """Say what pressure pairs can tell: both slopes, one, their sum (equal pressures), or one along another line."""
-    away = pairs - pairs.mean(axis=0)
-    scale = max(float(np.abs(pairs).max()), 1e-12)
-    spans = np.ptp(pairs, axis=0)
-    if spans[1] < SAME_SLOPE * scale:
-        return "a"
-    if spans[0] < SAME_SLOPE * scale:
-        return "b"
-    if np.linalg.svd(away, compute_uv=False)[1] > SAME_SLOPE * scale:
-        return "both"
-    return "sum" if np.abs(pairs[:, 0] - pairs[:, 1]).max() < SAME_SLOPE * scale else "line"
 
 
 def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> MixedFit | None:

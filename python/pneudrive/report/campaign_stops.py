@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pneudrive.characteristics.result import CampaignCharacteristics
     from pneudrive.characteristics.stops.dwell_forms import DwellLawFit
     from pneudrive.characteristics.stops.dwell_law import DwellSeries
-    from pneudrive.characteristics.stops.stop import Stop, Trace
+    from pneudrive.characteristics.stops.stop import Stop, StopTrace
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.report.page import Block, Section
 
@@ -96,7 +96,7 @@ def _restart(axis: Axes, stop: Stop) -> None:
     axis.set_xlim(1e3 * begin, 1e3 * end)
 
 
-def _limits(axis: Axes, trace: Trace, begin_s: float, end_s: float) -> None:
+def _limits(axis: Axes, trace: StopTrace, begin_s: float, end_s: float) -> None:
     """Show a span of time, and the forces in it."""
     inside = trace.friction_n[(trace.time_s >= begin_s) & (trace.time_s <= end_s)]
     axis.set_xlim(begin_s, end_s)

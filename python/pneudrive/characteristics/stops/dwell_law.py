@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characteristics.basics import PA_PER_BAR
-from pneudrive.characteristics.pressure import TOLD, kind_of
+from pneudrive.characteristics.basics import PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.characteristics.sentences import say
 from pneudrive.characteristics.stops.dwell_curve import CONFOUNDED, SAME_DURATION, DwellCurve, DwellData, fit_curve
 from pneudrive.characteristics.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, DwellLawFit, fit_forms
@@ -273,7 +272,7 @@ def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | N
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
     if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None
-    kind = kind_of(gauge / PA_PER_BAR)
+    kind = classify_pressures(gauge / PA_PER_BAR)
     names = () if kind == "line" else TOLD.get(kind, ("sum",))
     found: dict[str, Estimate] = {}
     if names:

@@ -62,7 +62,7 @@ SPOILING = frozenset(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trace(Shown):
+class StopTrace(Shown):
     """Friction around one stop, thinned; shape (m,) each. Time counts from the begin of the rest."""
 
     time_s: Array
@@ -107,7 +107,7 @@ class Stop(Shown):
         None where the axis gave way, or too few samples were taken.
     recovery : Recovery or None
         None where the peak cannot be told from running friction.
-    trace : Trace
+    trace : StopTrace
     flags : tuple of str
         Those of `SPOILING`, and inertia, slow_samples, long_loading, duration, reversed, by_motion.
     """
@@ -137,7 +137,7 @@ class Stop(Shown):
     inertia_n: float
     relaxation: ForceRelaxation | None
     recovery: Recovery | None
-    trace: Trace
+    trace: StopTrace
     flags: tuple[str, ...] = ()
 
     @property
@@ -294,7 +294,7 @@ def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None)
     return speed * float(np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg))
 
 
-def _trace(recording: Recording, friction: Array, phases: Phases) -> Trace:
+def _trace(recording: Recording, friction: Array, phases: Phases) -> StopTrace:
     chosen = []
     for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
         size = part.stop - part.start
@@ -302,7 +302,7 @@ def _trace(recording: Recording, friction: Array, phases: Phases) -> Trace:
         ranks = np.geomspace(1, size, most) - 1 if part is phases.restart else np.linspace(0, size - 1, most)
         chosen.append(part.start + np.unique(ranks.astype(int)) if size > 0 else np.zeros(0, dtype=int))
     index = np.concatenate(chosen)
-    return Trace(recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
+    return StopTrace(recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
 
 
 def find_stops(
