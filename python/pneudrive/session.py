@@ -332,25 +332,33 @@ def start(
 ) -> Session:
     """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
     check_tolerance(rtol)
+    core, state = ready(described, initial)
+    session = core.start(state, rtol)
+    is_short = not is_circuit(described) and described.has_lines
+    return Session(cast("CoreSession", _Short(session)) if is_short else session)
+
+
+def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreDrive | CoreCircuit, dict[str, float]]:  # noqa: ANN401
+    """Return the core's form of a drive or a circuit, and the start state in SI; a drive with lines is its circuit.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        The start state is not valid, or does not fit.
+    """
+    from pneudrive.describe.circuit import compiled as compiled_circuit
+
     if is_circuit(described):
-        core, state = circuit_ready(described, initial)
-        return Session(core.start(state, rtol))
+        return compiled_circuit(described.core_json()), described.core_initial(commands.start_values(initial))
+    given = commands.initial(initial)
     if described.has_lines:
-        core, state = lines_ready(described, commands.initial(initial))
-        return Session(cast("CoreSession", _Short(core.start(state, rtol))))
-    return Session(compiled(described.core_json()).start(described.core_initial(commands.initial(initial)), rtol))
+        return compiled_circuit(described.circuit.core_json()), described.circuit_initial(given)
+    return compiled(described.core_json()), described.core_initial(given)
 
 
 def is_circuit(described: Drive | Circuit) -> TypeIs[Circuit]:
     """Whether what is described is a circuit; its class is not imported for that."""
     return hasattr(described, "wiring")
-
-
-def lines_ready(drive: Drive, initial: Initial | None) -> tuple[CoreCircuit, dict[str, float]]:
-    """Return the core's form of a drive with tubes or flow controls, and the start state in SI."""
-    from pneudrive.describe.circuit import compiled as compiled_circuit
-
-    return compiled_circuit(drive.circuit.core_json()), drive.circuit_initial(initial)
 
 
 def short_name(name: str, piston: str = "cylinder") -> str:
@@ -407,19 +415,6 @@ class _Short:
 
     def linearise(self, names: Sequence[str]) -> Any:  # noqa: ANN401 - as the core gives it
         return self._core.linearise([self._full(name) for name in names])
-
-
-def circuit_ready(circuit: Circuit, initial: object) -> tuple[CoreCircuit, dict[str, float]]:
-    """Return the core's form of a circuit, and the start state in SI.
-
-    Raises
-    ------
-    CommandError, DescriptionError
-        The start state is not valid, or does not fit.
-    """
-    from pneudrive.describe.circuit import compiled as compiled_circuit
-
-    return compiled_circuit(circuit.core_json()), circuit.core_initial(commands.start_values(initial))
 
 
 def check_tolerance(rtol: float) -> None:

@@ -12,7 +12,7 @@ from pneudrive import __version__, humidity, units
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.references import bibtex
-from pneudrive.session import check_tolerance, circuit_ready, is_circuit, lines_ready, short_name
+from pneudrive.session import check_tolerance, is_circuit, ready, short_name
 from pneudrive.session import compiled as compiled
 from pneudrive.show import Shown
 from pneudrive.trajectory import MEANING, meaning
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive, Initial
     from pneudrive.describe.circuit import Circuit
     from pneudrive.watch import Flag
-
-    #: Runs the core: seconds, rate, rtol, budget, look; gives a `SimulationResult`.
-    _Solve = Callable[[float, float, float, int | None, Callable[[float], object]], Any]
 
 MOST_SAMPLES = 50_000_000  # a trajectory of that many rows takes about 6 GB
 MOST_BUDGET = 10**15
@@ -176,56 +173,41 @@ def run(
     check_tolerance(rtol)
     if budget is not None and (isinstance(budget, bool) or not 1 <= budget <= MOST_BUDGET):
         raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempts at a step")
-    solve = (_circuit if is_circuit(drive) else _drive)(drive, command, asked, initial, ledger)  # type: ignore[arg-type]
+    plan = _plan(drive, command, asked)
+    core: Any
+    core, start = ready(drive, initial)
     watch.look()
     try:
-        result = solve(seconds, rate, rtol, budget, lambda t: watch.tell(t, seconds, "seconds simulated"))
+        result: SimulationResult = core.simulate(
+            *plan, seconds, rate, start, rtol, ledger, budget, lambda t: watch.tell(t, seconds, "seconds simulated")
+        )
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None
+    meanings = drive.meanings if is_circuit(drive) else drive.circuit.meanings if drive.has_lines else {}
+    if meanings and not is_circuit(drive):
+        _in_short(result)
     result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.told(drive, result["columns"])
     for message in result["warnings"]:
         warn(message)
-    provenance = _provenance(drive, result, rtol)
+    return Run(result["columns"], _provenance(drive, result, rtol), meanings)
+
+
+def _plan(drive: Drive | Circuit, command: Any, asked: list[float] | None) -> tuple[Any, ...]:  # noqa: ANN401
+    """Read the command, as the core takes it: steps of a drive, or plans by the names of a circuit's inputs."""
     if is_circuit(drive):
-        return Run(result["columns"], provenance, drive.meanings)
-    return Run(result["columns"], provenance, drive.circuit.meanings if drive.has_lines else {})
-
-
-def _drive(drive: Drive, command: Any, asked: list[float] | None, initial: Any, ledger: bool) -> _Solve:  # noqa: ANN401
+        named = commands.plans(command, drive.commandable, asked)
+        return ([(f"{name}.command", list(times), list(values)) for name, (times, values) in named],)
     steps = commands.steps(command, asked, drive.valve.command)
-    if drive.has_lines:
-        return _drive_with_lines(drive, steps, initial, ledger)
-    start = drive.core_initial(commands.initial(initial))
-    core = compiled(drive.core_json())
-    return lambda seconds, rate, rtol, budget, look: core.simulate(
-        *steps, seconds, rate, start, rtol, ledger, budget, look
-    )
+    return ([("valve.command", *map(list, steps))],) if drive.has_lines else steps
 
 
-def _drive_with_lines(drive: Drive, steps: commands.Steps, initial: Any, ledger: bool) -> _Solve:  # noqa: ANN401
-    """Run the drive's circuit; columns have the names of a drive, those that a drive has first."""
-    core, start = lines_ready(drive, commands.initial(initial))
-    plan = [("valve.command", list(steps[0]), list(steps[1]))]
-
-    def solve(seconds: float, rate: float, rtol: float, budget: int | None, look: Callable[[float], object]) -> Any:  # noqa: ANN401
-        result = core.simulate(plan, seconds, rate, start, rtol, ledger, budget, look)
-        columns = {short_name(name): values for name, values in result["columns"].items()}
-        order = [name for name in MEANING if name in columns] + [name for name in columns if name not in MEANING]
-        result["columns"] = {name: columns[name] for name in order}
-        for impact in result["impacts"]:
-            impact.pop("cylinder", None)
-        return result
-
-    return solve
-
-
-def _circuit(circuit: Circuit, command: Any, asked: list[float] | None, initial: Any, ledger: bool) -> _Solve:  # noqa: ANN401
-    named = commands.plans(command, circuit.commandable, asked)
-    plans = [(f"{name}.command", list(times), list(values)) for name, (times, values) in named]
-    core, start = circuit_ready(circuit, initial)
-    return lambda seconds, rate, rtol, budget, look: core.simulate(
-        plans, seconds, rate, start, rtol, ledger, budget, look
-    )
+def _in_short(result: SimulationResult) -> None:
+    """Give columns of a drive's circuit the names of a drive, those that a drive has first."""
+    columns = {short_name(name): values for name, values in result["columns"].items()}
+    order = [name for name in MEANING if name in columns] + [name for name in columns if name not in MEANING]
+    result["columns"] = {name: columns[name] for name in order}
+    for impact in result["impacts"]:
+        impact.pop("cylinder", None)
 
 
 def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:

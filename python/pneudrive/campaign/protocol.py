@@ -32,7 +32,7 @@ from pneudrive.campaign.protocol_tables import (
 from pneudrive.describe import toml
 from pneudrive.describe.base import Described, wrong
 from pneudrive.describe.marks import Whole
-from pneudrive.errors import DescriptionError, ProtocolError, nearest
+from pneudrive.errors import ProtocolError, nearest
 from pneudrive.rig.interface import Sampling
 
 if TYPE_CHECKING:
@@ -186,10 +186,8 @@ def protocol_schema() -> dict[str, Any]:
 
 
 def _from_tables(tables: Mapping[str, Any], text: str, origin: str) -> Protocol:
-    try:
+    with toml.locating(origin, text, ProtocolError):
         protocol = Protocol.model_validate(tables)
-    except DescriptionError as error:
-        raise toml.located(error, origin, text).turned(ProtocolError) from None
     protocol._text, protocol._origin = text, origin
     return protocol
 

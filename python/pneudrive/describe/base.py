@@ -444,7 +444,7 @@ class Described(Shown, BaseModel):
             if value is None or name not in self.model_fields_set:
                 continue
             mark = mark_of(field)
-            out[field.alias or name] = mark.show(value) if mark is not None else _as_tables(value)
+            out[field.alias or name] = mark.show(value) if mark is not None else as_tables(value)
         return out
 
     def _card(self) -> Card:
@@ -473,12 +473,12 @@ def mark_of(field: FieldInfo) -> Mark | None:
     return next((m for m in field.metadata if isinstance(m, Mark)), None)
 
 
-def _as_tables(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
+def as_tables(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
     """Write tables, also those in a list or by name, as plain values."""
     if isinstance(value, Described):
         return value.to_dict()
     if isinstance(value, dict):
-        return {key: _as_tables(one) for key, one in value.items()}
+        return {key: as_tables(one) for key, one in value.items()}
     return (
         [one.to_dict() for one in value]
         if isinstance(value, tuple) and value and isinstance(value[0], Described)

@@ -162,7 +162,7 @@ def drive_tables(reference: str) -> dict[str, Any]:
     if name not in drives:
         raise wrong("drive", f"the catalogue has no drive '{name}'", remedy=nearest(name, drives))
     found = entry(name)
-    return {"schema": 1, "name": found.title} | _nested((v.key, v.value) for v in all_values(found))
+    return {"schema": 1, "name": found.title} | toml.nested((v.key, v.value) for v in all_values(found))
 
 
 def part_table(reference: object) -> dict[str, Any]:
@@ -181,7 +181,7 @@ def part_table(reference: object) -> dict[str, Any]:
         raise wrong("use", f"the catalogue has no part '{name}'", remedy=nearest(name, parts))
     check(parts[name])
     given = [(v.key, {"value": v.value} | v.origin) for v in parts[name].values if v.key != "kind"]
-    return {"kind": parts[name].kind} | _nested(given)
+    return {"kind": parts[name].kind} | toml.nested(given)
 
 
 def check(part: Entry) -> None:
@@ -201,7 +201,7 @@ def check(part: Entry) -> None:
     else:
         try:
             component_class(part.kind).model_validate(
-                {"kind": part.kind} | _nested((v.key, v.value) for v in part.values if v.key != "kind")
+                {"kind": part.kind} | toml.nested((v.key, v.value) for v in part.values if v.key != "kind")
             )
         except DescriptionError as error:
             for one in error.each():
@@ -225,17 +225,6 @@ def _located(errors: list[Any], part: Entry) -> DescriptionError:
     return toml.located(together(errors), part.path, text)
 
 
-def _nested(values: Any) -> dict[str, Any]:  # noqa: ANN401 - pairs of any kind of value
-    tables: dict[str, Any] = {}
-    for dotted, value in values:
-        *path, last = dotted.split(".")
-        at = tables
-        for table in path:
-            at = at.setdefault(table, {})
-        at[last] = value
-    return tables
-
-
 def _read(path: Path) -> list[Entry]:
     """Read a file of the catalogue."""
     return list(_read_at(path, path.stat().st_mtime_ns))
@@ -255,10 +244,8 @@ def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
         found = []
     else:
         found = [problems.take(_entry, one, f"part.{number}.", sources, path) for number, one in enumerate(parts)]
-    try:
+    with toml.locating(path, text):
         problems.tell()
-    except DescriptionError as error:
-        raise toml.located(error, path, text) from None
     return tuple(found)
 
 

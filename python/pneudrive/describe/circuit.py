@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from pneudrive.describe import catalogue, end_stops, toml, written
-from pneudrive.describe.base import Described, escaped, inline, wrong
+from pneudrive.describe.base import Described, as_tables, escaped, inline, wrong
 from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
 from pneudrive.describe.formula import ComponentFormula, formula_of
@@ -176,15 +176,12 @@ class Circuit(Described):
         tables = self.to_dict()
         for key, value in changes.items():
             *path, last = key.split(".")
-            at = tables
-            for table in path:
-                at = at.setdefault(table, {})
             one = self.components.get(path[1]) if len(path) == 2 and path[0] == "components" else None
             if one is not None:
                 last = one.renamed.get(last, last)
                 for other in one.same_size(last):
-                    at.pop(other, None)
-            at[last] = value.to_dict() if isinstance(value, Described) else value
+                    tables["components"][path[1]].pop(other, None)
+            toml.put(tables, ".".join([*path, last]), as_tables(value))
         return type(self).model_validate(tables)
 
     @cached_property

@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, model_validator
 
 from pneudrive.describe import catalogue, end_stops, provenance, toml, written
-from pneudrive.describe.base import Described, escaped, inline, wrong
+from pneudrive.describe.base import Described, as_tables, escaped, inline, wrong
 from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import law_of
 from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
-from pneudrive.describe.short import TABLES, control_over
-from pneudrive.describe.sourced import Value
+from pneudrive.describe.short import TABLES, beside_control
+from pneudrive.describe.sourced import Value, has_origin
+from pneudrive.describe.valve_flow import FLOW_KEYS
 from pneudrive.errors import DescriptionError
 from pneudrive.references import entries as references
 from pneudrive.show import Card
@@ -148,16 +149,8 @@ class Drive(Described):
         >>> Drive.load("catalogue:reference").replace({"supply.pressure": "5 bar gauge"}).supply_pressure_pa
         601300.0
         """
-        nested: dict[str, Any] = {}
-        origins = changes.get("provenance", {})
-        for key, value in changes.items():
-            if key == "provenance":
-                continue
-            *tables, last = key.split(".")
-            at = nested
-            for table in tables:
-                at = at.setdefault(table, {})
-            at[last] = value.to_dict() if isinstance(value, Described) else value
+        values = ((key, as_tables(value)) for key, value in changes.items() if key != "provenance")
+        nested, origins = toml.nested(values), changes.get("provenance", {})
         tables = merge(self.to_dict(), nested)
         tables.pop("provenance", None)
         after = type(self).model_validate(tables)
@@ -418,35 +411,29 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
     What excludes another key removes it: another size of the valve, another friction law with parameters of its own.
     """
-    out = dict(base)
-    sizes = ("conductance", "nominal_flow", "kv", "cv")
-    for key, value in changes.items():
-        old = out.get(key)
-        if not (isinstance(value, dict) and isinstance(old, dict)):
-            out[key] = value
-            continue
-        if key == "valve" and any(size in value for size in sizes):
-            old = {k: v for k, v in old.items() if k not in sizes}
-        if key == "friction" and value.get("law", old.get("law")) != old.get("law"):
-            old = {k: v for k, v in old.items() if k in DEPENDENCES}
-            own = law_of(value["law"])
-            entry = friction_laws().get(value["law"]) if own is None else own.entry
-            if entry is not None and not entry["bristles"]:
-                old.pop("relaxation", None)
-        if key == "law":
-            out[key] = value
-            continue
-        if key == "flow_control":
-            tables = ((chamber, old.get(chamber), own) for chamber, own in value.items())
-            both = {
-                c: control_over(one, own) for c, one, own in tables if isinstance(one, dict) and isinstance(own, dict)
-            }
-            out[key] = old | value | both
-            continue
-        if key == "cylinder" and value.get("kind") == "rodless":
-            old = {k: v for k, v in old.items() if k != "rod_diameter"}
-        out[key] = merge(old, value)
-    return out
+    tables = {
+        key: value for key, value in changes.items() if isinstance(value, dict) and isinstance(base.get(key), dict)
+    }
+    kept = {key: _kept(key, base[key], own) for key, own in tables.items()}
+    return toml.merge(base | kept, changes, lambda one: isinstance(one, dict) and not has_origin(one))
+
+
+def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """Return what a table keeps beside what a user gives of it."""
+    gone: set[str] = set()
+    if table == "valve" and set(FLOW_KEYS) & set(own):
+        gone = set(FLOW_KEYS)
+    elif table == "cylinder" and own.get("kind") == "rodless":
+        gone = {"rod_diameter"}
+    elif table == "friction" and own.get("law", old.get("law")) != old.get("law"):
+        law = law_of(own["law"])
+        entry = friction_laws().get(own["law"]) if law is None else law.entry
+        relaxes = entry is None or entry["bristles"]
+        gone = set(old) - (DEPENDENCES.keys() - ({} if relaxes else {"relaxation"}))
+    elif table == "flow_control":
+        both = {chamber for chamber in own if isinstance(old.get(chamber), dict) and isinstance(own[chamber], dict)}
+        return old | {chamber: beside_control(old[chamber], own[chamber]) for chamber in both}
+    return {key: value for key, value in old.items() if key not in gone}
 
 
 def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Value, ...]:
@@ -460,13 +447,13 @@ def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Val
             at = at[name]
         return True
 
-    sizes = {"conductance", "nominal_flow", "kv", "cv"} & set(changes.get("valve", {}))
+    sizes = set(FLOW_KEYS) & set(changes.get("valve", {}))
     other_law = isinstance(changes.get("friction"), dict) and "law" in changes["friction"]
     return tuple(
         value
         for value in values
         if not is_touched(value.key)
-        and not (sizes and value.key in ("valve.conductance", "valve.nominal_flow", "valve.kv", "valve.cv"))
+        and not (sizes and value.key in {f"valve.{size}" for size in FLOW_KEYS})
         and not (other_law and value.key.startswith("friction."))
     )
 

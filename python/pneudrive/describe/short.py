@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.describe.base import wrong
 from pneudrive.describe.components import component_kinds
 from pneudrive.describe.connections import ARROW
+from pneudrive.describe.valve_flow import FLOW_KEYS
 from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_con
 CHAMBERS = {"a": "4", "b": "2"}
 #: Before the size of a flow control's needle and of its check valve; in the short form a size without is the needle's.
 _NEEDLE, _CHECK = "needle_", "check_"
-_SIZES = ("conductance", "nominal_flow", "kv", "cv")
 _SAME = "the check valve is taken as large as the needle"
 
 
@@ -112,7 +112,7 @@ def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
     if not isinstance(table, dict):
         raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
     if key == "flow_control":
-        for size in (size for size in _SIZES if size in table and f"{_NEEDLE}{size}" in table):
+        for size in (size for size in FLOW_KEYS if size in table and f"{_NEEDLE}{size}" in table):
             what = f"{where}.{size} and {where}.{_NEEDLE}{size} are one number"
             raise wrong(f"{where}.{size}", what, remedy=f"Keep {_NEEDLE}{size}.")
     name = f"{part}_{chamber}"
@@ -121,7 +121,7 @@ def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
     except DescriptionError as error:
         raise wrong(f"{where}.{error.key}", f"{where}: {error.what}", remedy=error.remedy) from None
     _add(short, name, where, {"kind": kind} | own)
-    for size in set(_SIZES) & set(table) if key == "flow_control" else ():
+    for size in set(FLOW_KEYS) & set(table) if key == "flow_control" else ():
         short.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
 
 
@@ -139,24 +139,24 @@ def _of_kind(table: Mapping[str, Any], family: str) -> dict[str, Any]:
 
 def _flow_control(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return the table of a flow control: its check valve is as large as its needle where nothing is said."""
-    out = {f"{_NEEDLE}{key}" if key in _SIZES else key: given for key, given in table.items()}
-    needle = {size: out[f"{_NEEDLE}{size}"] for size in _SIZES if f"{_NEEDLE}{size}" in out}
-    if not any(f"{_CHECK}{size}" in out for size in _SIZES):
+    out = {f"{_NEEDLE}{key}" if key in FLOW_KEYS else key: given for key, given in table.items()}
+    needle = {size: out[f"{_NEEDLE}{size}"] for size in FLOW_KEYS if f"{_NEEDLE}{size}" in out}
+    if not any(f"{_CHECK}{size}" in out for size in FLOW_KEYS):
         plain = {size: given for size, given in needle.items() if not isinstance(given, dict)}
         out |= {f"{_CHECK}{size}": {"value": given, "assumed": _SAME} for size, given in plain.items()}
     return out
 
 
-def control_over(old: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Put keys of a flow control over those of another: another size of its needle, or of its check valve, for that."""
+def beside_control(old: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a flow control keeps beside keys of a user: another size of a way through it takes its place."""
     given = {_path(key) for key in own} - {""}
-    return {key: value for key, value in old.items() if _path(key) not in given} | dict(own)
+    return {key: value for key, value in old.items() if _path(key) not in given}
 
 
 def _path(key: str) -> str:
     """Return which way through a flow control a key is the size of; nothing where it is none."""
     size = key.removeprefix(_NEEDLE).removeprefix(_CHECK)
-    return "" if size not in _SIZES else _CHECK if key.startswith(_CHECK) else _NEEDLE
+    return "" if size not in FLOW_KEYS else _CHECK if key.startswith(_CHECK) else _NEEDLE
 
 
 def _tube(table: Mapping[str, Any]) -> dict[str, Any]:

@@ -109,10 +109,8 @@ class Tank(Described):
             Something is wrong; the message names file, line, value, rule and remedy.
         """
         tables, text = toml.read(source)
-        try:
+        with toml.locating(source, text):
             return cls.model_validate(tables)
-        except DescriptionError as error:
-            raise toml.located(error, source, text) from None
 
     @classmethod
     def is_file(cls, source: str | Path) -> bool:
@@ -123,11 +121,7 @@ class Tank(Described):
         """Return a tank with some values changed, checked anew: ``{"line.conductance": "2 dm3/(s bar)"}``."""
         tables = self.to_dict()
         for key, value in changes.items():
-            *path, last = key.split(".")
-            at = tables
-            for table in path:
-                at = at.setdefault(table, {})
-            at[last] = value
+            toml.put(tables, key, value)
         return type(self).model_validate(tables)
 
     @property

@@ -18,7 +18,7 @@ else:
     import tomli as tomllib
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from pneudrive.errors import PneudriveError
 
@@ -107,6 +107,28 @@ def merge(
         old: Any = out.get(key)
         out[key] = merge(old, value, is_inner) if is_inner(old) and is_inner(value) else value
     return out
+
+
+def put(tables: dict[str, Any], key: str, value: object) -> None:
+    """Put a value at a dotted key into tables, which are made where they are missing."""
+    *path, last = key.split(".")
+    for table in path:
+        tables = tables.setdefault(table, {})
+    tables[last] = value
+
+
+def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the tables of values by dotted keys.
+
+    Examples
+    --------
+    >>> nested([("valve.kv", 1.0), ("name", "x")])
+    {'valve': {'kv': 1.0}, 'name': 'x'}
+    """
+    tables: dict[str, Any] = {}
+    for key, value in values:
+        put(tables, key, value)
+    return tables
 
 
 def has(source: str | Path, key: str) -> bool:
