@@ -7,7 +7,7 @@ card says how much was left out; texts are escaped in one place.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from html import escape
 from itertools import islice, zip_longest
@@ -100,9 +100,27 @@ def text_of(card: Card) -> str:
     """Return a card as lines of text, columns aligned."""
     card = _short(card)
     table = [row for row in (card.head, *card.rows) if row]
-    widths = [max(map(len, column)) for column in zip_longest(*table, fillvalue="")]
-    lines = ["  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)) for row in table]
-    return "\n".join([card.title, *(line.rstrip() for line in lines), *(f"  {note}" for note in card.notes)])
+    lines = [aligned(table)] if table else []
+    return "\n".join([card.title, *lines, *(f"  {note}" for note in card.notes)])
+
+
+def aligned(rows: Iterable[Sequence[str]], right_from: int | None = None, indent: str = "  ") -> str:
+    """Return rows as lines, each column as wide as its widest entry, those from `right_from` on set to the right.
+
+    Examples
+    --------
+    >>> print(aligned([("bore", "m/s"), ("4 mm", "0.812")], right_from=1, indent=""))
+    bore    m/s
+    4 mm  0.812
+    """
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
+    sides = ["<" if right_from is None or index < right_from else ">" for index in range(len(widths))]
+    lines = (
+        "  ".join(f"{text:{side}{width}}" for text, side, width in zip(row, sides, widths, strict=False))
+        for row in rows
+    )
+    return "\n".join((indent + line).rstrip() for line in lines)
 
 
 def html_of(card: Card) -> str:

@@ -6,8 +6,8 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.live import duration
-from pneudrive.cli.output import aligned
 from pneudrive.errors import CommandError
+from pneudrive.show import aligned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

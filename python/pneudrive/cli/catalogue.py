@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.options import CatalogueFolders
-from pneudrive.cli.output import aligned, write_text
+from pneudrive.cli.output import write_text
 from pneudrive.errors import CommandError
+from pneudrive.show import aligned
 
 if TYPE_CHECKING:
     from pneudrive.describe.catalogue import Entry

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneudrive.cli.output import aligned
+from pneudrive.show import aligned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

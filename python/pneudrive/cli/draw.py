@@ -20,7 +20,8 @@ def draw(
     from pneudrive.describe import toml
     from pneudrive.errors import DescriptionError
     from pneudrive.files.content import read_text
-    from pneudrive.report.circuit_drawing import PICTURES, draw_circuit
+    from pneudrive.report.circuit_drawing import draw_circuit
+    from pneudrive.report.written import PICTURES
     from pneudrive.trajectory import check_target
 
     check_target(out, PICTURES)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, names_in
-from pneudrive.cli.output import aligned, tell
+from pneudrive.cli.output import tell
+from pneudrive.show import aligned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

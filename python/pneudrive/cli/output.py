@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import typer
@@ -79,25 +78,6 @@ def show_lines(lines: Iterable[str]) -> None:
 def show_statements(statements: Iterable[Statement]) -> None:
     """Print what data carry, and what not."""
     show_lines(f"{'-' if statement.carried else '!'} {statement}" for statement in statements)
-
-
-def aligned(rows: Iterable[Sequence[str]], right_from: int | None = None, indent: str = "  ") -> str:
-    """Return rows as lines, each column as wide as its widest entry, those from `right_from` on set to the right.
-
-    Examples
-    --------
-    >>> print(aligned([("bore", "m/s"), ("4 mm", "0.812")], right_from=1, indent=""))
-    bore    m/s
-    4 mm  0.812
-    """
-    rows = list(rows)
-    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
-    sides = ["<" if right_from is None or index < right_from else ">" for index in range(len(widths))]
-    lines = (
-        "  ".join(f"{text:{side}{width}}" for text, side, width in zip(row, sides, widths, strict=False))
-        for row in rows
-    )
-    return "\n".join((indent + line).rstrip() for line in lines)
 
 
 def tell(paths: Iterable[Path | None]) -> None:

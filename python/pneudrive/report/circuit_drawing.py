@@ -8,8 +8,7 @@ from pneudrive.report import style
 from pneudrive.report.circuit_blocks import DIRECTIONS, LINE, MODULE_IN, TEXT_PT, size, text_width
 from pneudrive.report.circuit_layout import place
 from pneudrive.report.circuit_routes import NoWayError, Routes
-from pneudrive.report.written import PICTURES, write_picture
-from pneudrive.trajectory import check_target
+from pneudrive.report.written import drawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -58,14 +57,8 @@ def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> Fi
     >>> import pneudrive as pn
     >>> figure = pn.report.draw_circuit(pn.Drive.load("catalogue:reference"))
     """
-    target = None if path is None else check_target(path, PICTURES)
-    drawn: Circuit = circuit if hasattr(circuit, "wiring") else circuit.circuit  # type: ignore[union-attr,assignment]
-    with style.applied():
-        placed, nets, routes = arranged(drawn)
-        figure = _figure(drawn, placed, nets, routes)
-        if target is not None:
-            write_picture(figure, target)
-    return figure
+    shown: Circuit = circuit if hasattr(circuit, "wiring") else circuit.circuit  # type: ignore[union-attr,assignment]
+    return drawn(lambda: _figure(shown, *arranged(shown)), path)
 
 
 def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Net], Routes]:
@@ -112,12 +105,8 @@ def _extent(placed: dict[str, Block], routes: Routes) -> tuple[float, float, flo
     boxes = [block.rectangle() for block in placed.values()]
     boxes += [(x, y, x, y) for block in placed.values() for x, y in block.cells()]
     boxes += [(*low, *high) for line in routes.lines for low, high in line]
-    return (
-        min(box[0] for box in boxes),
-        min(box[1] for box in boxes),
-        max(box[2] for box in boxes),
-        max(box[3] for box in boxes),
-    )
+    low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
+    return min(low_x), min(low_y), max(high_x), max(high_y)
 
 
 def _notes(circuit: Circuit) -> str:

@@ -12,8 +12,7 @@ from pneudrive.report.axes import bars, grid, tinted
 from pneudrive.report.page import Items
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import sentence, spread_evenly
-from pneudrive.report.written import PICTURES, write_picture
-from pneudrive.trajectory import check_target
+from pneudrive.report.written import drawn
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -96,11 +95,7 @@ def plot_pressure(found: Characterisation, path: str | Path) -> Figure:
     CommandError
         Unknown suffix, or the file cannot be written.
     """
-    target = check_target(path, PICTURES)
-    with style.applied():
-        figure = draw(found)
-        write_picture(figure, target)
-    return figure
+    return drawn(lambda: draw(found), path)
 
 
 def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | None) -> dict[str, Any]:

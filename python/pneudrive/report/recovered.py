@@ -13,13 +13,11 @@ from pneudrive.report.speed import SHOWN_UNITS
 from pneudrive.report.topics import Topic
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from matplotlib.figure import Figure
 
     from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.identify.result import FrictionFit
     from pneudrive.report.page import Section
+    from pneudrive.report.study import Fits
 
 SAME_PRESSURE_PA = 100.0
 SHOWN_ERRORS = 4.0  # standard errors to either side
@@ -62,7 +60,7 @@ def recovered(found: Characterisation) -> Recovered | None:
     return Recovered(*np.array(rows, dtype=float).T) if rows else None
 
 
-def section(found: Characterisation, fits: Mapping[str, Mapping[str, FrictionFit]]) -> Section | None:
+def section(found: Characterisation, fits: Fits) -> Section | None:
     """Friction and fitted parameters against the truth; None without simulated recordings."""
     pairs = recovered(found)
     if pairs is None:
@@ -79,9 +77,7 @@ def section(found: Characterisation, fits: Mapping[str, Mapping[str, FrictionFit
     )
 
 
-def parameter_rows(
-    found: Characterisation, fits: Mapping[str, Mapping[str, FrictionFit]]
-) -> list[tuple[str, str, str, str, str]]:
+def parameter_rows(found: Characterisation, fits: Fits) -> list[tuple[str, str, str, str, str]]:
     """List true and recovered value of each parameter of the fit that covers all recordings."""
     fit = next(iter(fits.values()), {}).get("stribeck") if fits else None
     truth = next((r.truth for r in found.recordings if r.truth), None)

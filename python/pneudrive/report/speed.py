@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.identify.result import FrictionFit
     from pneudrive.report.page import Block, Section
-
-    Fits = Mapping[str, Mapping[str, FrictionFit]]
+    from pneudrive.report.study import Fits
 
 #: Parameter -> factor from SI and unit in which people read it.
 SHOWN_UNITS = {

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.pressure_line import FrictionPoint
     from pneudrive.identify.result import FrictionFit
-
-    Fits = Mapping[str, Mapping[str, FrictionFit]]
+    from pneudrive.report.study import Fits
 
 MOST_LABELS = 40  # points that carry their pressure as a number
 MOST_CURVES = 8

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pneudrive.characterise.characterisation import Characterisation
+    from pneudrive.identify.result import FrictionFit
     from pneudrive.report.page import Block, Section
+
+    #: Group of recordings -> friction law -> its fit.
+    Fits: TypeAlias = Mapping[str, Mapping[str, FrictionFit]]
 
 
 @dataclass(frozen=True)

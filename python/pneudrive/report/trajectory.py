@@ -6,8 +6,8 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
-from pneudrive.report.written import PICTURES, write_picture
-from pneudrive.trajectory import check_target, whole
+from pneudrive.report.written import PICTURES, drawn, write_picture
+from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -62,14 +62,14 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
     >>> len(pn.report.plot(run).axes)
     6
     """
-    target = None if path is None else check_target(path, ENDINGS)
-    with style.applied():
-        figure = draw(run)
-        if target is not None and target.suffix.lower() == ".html":
+
+    def write(figure: Figure, target: Path) -> None:
+        if target.suffix.lower() == ".html":
             _write_page(figure, run, target)
-        elif target is not None:
+        else:
             write_picture(figure, target)
-    return figure
+
+    return drawn(lambda: draw(run), path, ENDINGS, write)
 
 
 def draw(run: xr.Dataset) -> Figure:
@@ -82,8 +82,8 @@ def draw(run: xr.Dataset) -> Figure:
     for axis, (label, factor, variables) in zip(axes, shown, strict=False):
         for name, look, words in variables:
             values = factor * run[name].to_numpy()[part]
-            drawn = "steps-post" if label == "command" else "default"
-            axis.plot(time, values, **look, lw=1.0, drawstyle=drawn, label=words or None)
+            steps = "steps-post" if label == "command" else "default"
+            axis.plot(time, values, **look, lw=1.0, drawstyle=steps, label=words or None)
         if len(variables) > 1:
             columns = min(len(variables), MOST_IN_A_ROW)
             axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=columns, borderaxespad=0.0)

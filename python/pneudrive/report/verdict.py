@@ -13,14 +13,11 @@ from pneudrive.report.topics import Topic
 from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.characterise.closure import Estimate
-    from pneudrive.identify.result import FrictionFit
-    from pneudrive.report.study import Study
-
-    Fits = Mapping[str, Mapping[str, FrictionFit]]
+    from pneudrive.report.study import Fits, Study
 
 LINES = 5
 WIDEST_AREA = 0.3  # of the nominal area, from end to end of the interval

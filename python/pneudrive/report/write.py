@@ -23,15 +23,11 @@ from pneudrive.report.page import Report
 from pneudrive.report.verdict import lines_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.identify.result import FrictionFit
     from pneudrive.report.page import Section
-    from pneudrive.report.study import Addition, Study
-
-    Fits = Mapping[str, Mapping[str, FrictionFit]]
+    from pneudrive.report.study import Addition, Fits, Study
 
 
 @style.applied()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
-from pneudrive.trajectory import whole
+from pneudrive.trajectory import check_target, whole
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Callable
 
     from matplotlib.figure import Figure
 
@@ -28,3 +29,24 @@ def write_picture(figure: Figure, target: Path) -> None:
     options: dict[str, Any] = {"metadata": {"Date": None}} if form == "svg" else {}
     with whole(target) as temporary:
         figure.savefig(temporary, format=form, dpi=style.PNG_DPI, **options)
+
+
+def drawn(
+    draw: Callable[[], Figure],
+    path: str | Path | None = None,
+    suffixes: tuple[str, ...] = PICTURES,
+    write: Callable[[Figure, Path], None] = write_picture,
+) -> Figure:
+    """Draw a figure, and write it where a path is given.
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or the file cannot be written.
+    """
+    target = None if path is None else check_target(path, suffixes)
+    with style.applied():
+        figure = draw()
+        if target is not None:
+            write(figure, target)
+    return figure

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.characterise import Characterisation
-    from pneudrive.identify import FrictionFit
+    from pneudrive.report.study import Fits
     from pneudrive.rig.description import RigDescription
     from pneudrive.studies.bracha.chamber_laws import ChamberComparison
     from pneudrive.studies.bracha.figure import Claim, PaperFigure
@@ -63,7 +63,7 @@ class Reproduction:
     figures: Mapping[int, PaperFigure]
     rigs: Mapping[str, RigDescription]
     found: Characterisation
-    fits: Mapping[str, Mapping[str, FrictionFit]]
+    fits: Fits
     chambers: ChamberComparison
     claims: tuple[Claim, ...]
     seed: int
