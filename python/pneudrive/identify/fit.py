@@ -94,14 +94,26 @@ def fit_friction(
     rows share, is carried to each parameter separately (`FrictionFit.systematic`). Methods: [huber2009],
     [bates1988], [smyth2004], [paule1982].
     """
-    exponent, lorentzian = _shape(law, stribeck_shape, stribeck_exponent)
-    _check(law, exponent, direction, pressure, loss)
+    known = ((law, LAWS, "sliding law"), (pressure, PRESSURE_FORMS, "dependence on pressure"), (loss, LOSSES, "loss"))
+    for given, names, what in (*known, (stribeck_shape or "free", STRIBECK_SHAPES, "Stribeck shape")):
+        if given not in names:
+            raise FitError(f"there is no {what} {given!r}", remedy=nearest(str(given), names))
+    if stribeck_exponent is not None and not 0.0 < stribeck_exponent < np.inf:
+        raise FitError("the Stribeck exponent must be positive", value=f"stribeck_exponent = {stribeck_exponent}")
+    if direction not in (None, 1, -1):
+        raise FitError("direction must be None, +1 or -1", value=f"direction = {direction!r}")
+    if law == "coulomb" and stribeck_shape is not None:
+        raise FitError(
+            "law 'coulomb' has no Stribeck curve", value=f"stribeck_shape = {stribeck_shape!r}", remedy="law='stribeck'"
+        )
+    fixed = {None: stribeck_exponent, "gaussian": 2.0, "exponential": 1.0, "free": None, "lorentzian": 2.0}
     ambient = ambient_of(friction_map, ambient_pressure_pa, pressure_dependence)
     data, notes = observations(
         friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
     )
     form = pressure if pressure_dependence else None
-    wanted = FrictionModel(law, exponent, viscous=viscous, lorentzian=lorentzian)
+    lorentzian = stribeck_shape == "lorentzian"
+    wanted = FrictionModel(law, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
     options = {
         "direction": "both" if direction is None else f"{direction:+d}",
         "robust": robust,
@@ -200,41 +212,6 @@ def fingerprint(data: Observations) -> str:
 
     columns = (data.speed_m_s, data.friction_n, data.stderr_n, data.gauge_a_pa, data.gauge_b_pa)
     return hashlib.sha256(np.ascontiguousarray(np.stack(columns), dtype="<f8").tobytes()).hexdigest()
-
-
-def _shape(law: str, shape: str | None, exponent: float | None) -> tuple[float | None, bool]:
-    """Give the exponent (None: free) and whether the curve is Lorentzian."""
-    if shape is None:
-        return exponent, False
-    if shape not in STRIBECK_SHAPES:
-        raise FitError(f"there is no Stribeck shape {shape!r}", remedy=nearest(shape, STRIBECK_SHAPES))
-    if law == "coulomb":
-        raise FitError(
-            "law 'coulomb' has no Stribeck curve", value=f"stribeck_shape = {shape!r}", remedy="law='stribeck'"
-        )
-    return {"gaussian": 2.0, "exponential": 1.0, "free": None}.get(shape, 2.0), shape == "lorentzian"
-
-
-def _check(law: str, exponent: float | None, direction: int | None, pressure: str, loss: str) -> None:
-    if law not in LAWS:
-        import difflib
-
-        near = difflib.get_close_matches(str(law), LAWS, 1)
-        raise FitError(
-            f"there is no sliding law {law!r} to fit",
-            rule="laws that can be fitted to a friction map: " + ", ".join(LAWS),
-            remedy=f"did you mean {near[0]!r}?" if near else "bristle parameters need presliding recordings",
-        )
-    if exponent is not None and not 0.0 < exponent < np.inf:
-        raise FitError("the Stribeck exponent must be positive", value=f"stribeck_exponent = {exponent}")
-    if pressure not in PRESSURE_FORMS:
-        raise FitError(
-            f"there is no dependence on pressure called {pressure!r}", remedy=nearest(pressure, PRESSURE_FORMS)
-        )
-    if loss not in LOSSES:
-        raise FitError(f"there is no robust loss called {loss!r}", remedy=nearest(loss, LOSSES))
-    if direction not in (None, 1, -1):
-        raise FitError("direction must be None, +1 or -1", value=f"direction = {direction!r}")
 
 
 def ambient_of(friction_map: xr.Dataset, given: float | None, needed: bool) -> float:

@@ -71,12 +71,15 @@ class Identified:
     def origins(self, marks: Mapping[str, Quantity | StatedPressure | None]) -> dict[str, dict[str, object]]:
         """Tables of provenance, with the units that `marks` give."""
         out = {}
-        for name, (low, high) in self.intervals.items():
+        for name, interval in self.intervals.items():
             if name not in self.values:
                 continue
             mark = marks.get(name)
-            ends = [_written(_outward(low, up=False), mark), _written(_outward(high, up=True), mark)]
-            origin = {"interval": ends, "confidence": self.confidence, "source": _joined(self.sources.get(name, ()))}
+            origin = {
+                "interval": _ends(interval, mark),
+                "confidence": self.confidence,
+                "source": _joined(self.sources.get(name, ())),
+            }
             if name in self.model_errors:
                 origin["model_error"] = _rounded(self.model_errors[name], None, _size(mark), MODEL_DIGITS)
             out[name] = origin | ({"fit": self.fit} if self.fit else {})
@@ -163,8 +166,7 @@ def _said(found: Identified, name: str, mark: Quantity) -> dict[str, str]:
     source = {"source": _joined(found.sources.get(name, ())) or "a recording"}
     if name not in found.intervals:
         return source
-    low, high = found.intervals[name]
-    low, high = _written(_outward(low, up=False), mark), _written(_outward(high, up=True), mark)
+    low, high = _ends(found.intervals[name], mark)
     return source | {"note": f"identified, {100.0 * found.confidence:g} % interval {low} to {high}"}
 
 
@@ -220,11 +222,17 @@ def _both(drive: Drive, table: str) -> dict[str, str]:
     return out
 
 
-def _size(mark: Quantity | StatedPressure | None) -> Quantity | None:
-    """How a difference of such values is written: a pressure has no zero, a temperature is in K."""
+def _way(mark: Quantity | StatedPressure | None) -> tuple[Quantity, str]:
+    """How a value is written, and what stands behind it: pressures inside are absolute."""
     if isinstance(mark, StatedPressure):
-        return Quantity("Pa", "bar")
-    return Quantity("K", "K") if isinstance(mark, Quantity) and mark.si_unit == "K" else mark
+        return Quantity("Pa", "bar"), " abs"
+    return mark or Quantity(""), ""
+
+
+def _size(mark: Quantity | StatedPressure | None) -> Quantity:
+    """How a difference of such values is written: a pressure has no zero, a temperature is in K."""
+    quantity, _ = _way(mark)
+    return Quantity("K", "K") if quantity.si_unit == "K" else quantity
 
 
 def _rounded(
@@ -236,8 +244,8 @@ def _rounded(
     """Write a value with as many digits as its interval carries, in the unit in which people read it."""
     if not math.isfinite(value) or value == 0.0:
         return _written(value, mark)
-    unit = "bar" if isinstance(mark, StatedPressure) else mark.written if isinstance(mark, Quantity) else None
-    si_unit = "Pa" if isinstance(mark, StatedPressure) else mark.si_unit if isinstance(mark, Quantity) else ""
+    quantity, behind = _way(mark)
+    unit, si_unit = quantity.written, quantity.si_unit
     factor, offset = units.converter(unit, si_unit) if unit else (1.0, 0.0)
     shown = (value - offset) / factor
     places = digits - 1 - math.floor(math.log10(abs(shown))) if shown else 0
@@ -250,18 +258,19 @@ def _rounded(
     if not si_unit:
         return float(number)
     plain = number.rstrip("0").rstrip(".") if "." in number else number
-    text = f"{plain} {unit or si_unit.replace('^', '')}"
-    return f"{text} abs" if isinstance(mark, StatedPressure) else text
+    return f"{plain} {unit or si_unit.replace('^', '')}{behind}"
 
 
 def _written(value: float, mark: Quantity | StatedPressure | None) -> str | float:
     if not math.isfinite(value):
         return "inf" if value > 0.0 else "-inf"
-    if isinstance(mark, StatedPressure):
-        return f"{units.write(value, 'Pa', 'bar')} abs"
-    if isinstance(mark, Quantity) and mark.si_unit:
-        return units.write(value, mark.si_unit, mark.written)
-    return value
+    quantity, behind = _way(mark)
+    return units.write(value, quantity.si_unit, quantity.written) + behind if quantity.si_unit else value
+
+
+def _ends(interval: tuple[float, float], mark: Quantity | StatedPressure | None) -> list[str | float]:
+    """Write both ends of an interval, rounded away from what it encloses."""
+    return [_written(_outward(end, up=up), mark) for end, up in zip(interval, (False, True), strict=True)]
 
 
 def _outward(value: float, *, up: bool) -> float:

@@ -131,8 +131,8 @@ def test_starts_that_agree_are_counted(make_map, friction_of):
     [
         ({"stribeck_shape": "gauss"}, "no Stribeck shape 'gauss'.*Did you mean 'gaussian'"),
         ({"law": "coulomb", "stribeck_shape": "gaussian"}, "has no Stribeck curve"),
-        ({"pressure": "cubic"}, "no dependence on pressure called 'cubic'.*Known: interaction, linear"),
-        ({"loss": "l2"}, "no robust loss called 'l2'.*Known: huber"),
+        ({"pressure": "cubic"}, "no dependence on pressure 'cubic'.*Known: interaction, linear"),
+        ({"loss": "l2"}, "no loss 'l2'.*Known: huber"),
     ],
 )
 def test_unknown_choices_are_named(make_map, friction_of, options, said):

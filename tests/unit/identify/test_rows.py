@@ -116,7 +116,7 @@ def test_maps_that_cannot_be_fitted(data, change, message):
 
 
 def test_unknown_law_names_the_nearest(data):
-    with pytest.raises(FitError, match=r"(?s)no sliding law 'stribek'.*did you mean 'stribeck'"):
+    with pytest.raises(FitError, match=r"(?s)no sliding law 'stribek'.*Did you mean 'stribeck'"):
         fit_friction(data, law="stribek")
 
 
