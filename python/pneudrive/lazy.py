@@ -19,13 +19,15 @@ def lazy(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], ob
     package : str
         Its ``__name__``.
     homes : mapping
-        Module within the package -> public names that it holds. Other modules of the package are found by their name.
+        Module within the package, or its full name -> public names that it holds. Other modules of the package are
+        found by their name.
     """
     home = {name: module for module, names in homes.items() for name in names}
 
     def get(name: str) -> object:
         if name in home:
-            value = getattr(import_module(f"{package}.{home[name]}"), name)
+            module = home[name] if "." in home[name] else f"{package}.{home[name]}"
+            value = getattr(import_module(module), name)
             setattr(sys.modules[package], name, value)
             return value
         if not name.startswith("_") and find_spec(f"{package}.{name}") is not None:

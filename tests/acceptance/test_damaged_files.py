@@ -25,7 +25,6 @@ import pneudrive as pn
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Campaign, Head, create, write_cycle
 from pneudrive.campaign.protocol import read_protocol, ready_protocols
-from pneudrive.characterise.friction_map import COLUMNS, read_map
 from pneudrive.characterise.layout import Layout
 from pneudrive.characterise.load import load_recording
 from pneudrive.characterise.propose import propose_layout
@@ -34,6 +33,7 @@ from pneudrive.cli.main import run
 from pneudrive.command import steps
 from pneudrive.errors import PneudriveError
 from pneudrive.files.seal import sealed_parquet
+from pneudrive.friction.friction_map import COLUMNS, read_map
 from pneudrive.rig.description import DEFAULT
 from pneudrive.rig.interface import Hold, Identity, Samples
 from pneudrive.rig.loading import load_rig
@@ -179,7 +179,7 @@ def own(path: Path) -> list[np.ndarray]:
 
 def map_of(path: Path) -> list[np.ndarray]:
     found = read_map(path)
-    return [found[name].to_numpy() for name in COLUMNS]
+    return [found[name].to_numpy() for name in COLUMNS if name in found]
 
 
 def campaign_of(path: Path) -> list[np.ndarray]:

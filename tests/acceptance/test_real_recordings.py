@@ -54,8 +54,8 @@ def test_friction_agrees_with_the_work_around_the_record(found, path):
 
 def test_ten_strokes_each_way_at_the_stated_speeds(found):
     for level in found.levels:
-        assert [row.strokes for row in level.rows] == [10, 10], level.recording
-        out, back = (row.velocity_m_s for row in level.rows)
+        assert [row["strokes"] for row in level.rows] == [10, 10], level.recording
+        out, back = (row["velocity_m_s"] for row in level.rows)
         assert 5e-3 < out < 14.5e-3, level.recording
         assert 11e-3 < -back < 15.5e-3, level.recording
 
@@ -88,7 +88,7 @@ def test_u_is_not_the_naive_error_of_samples(found):
     for level in found.levels:
         profile = level.profile
         scatter = np.nanstd(profile.up_strokes_n[:, profile.in_window] - profile.up_n[profile.in_window])
-        naive = scatter / np.sqrt(level.rows[0].samples)
+        naive = scatter / np.sqrt(level.rows[0]["samples"])
         assert level.stderr_n > naive, level.recording
         assert 0.05 < level.expanded_n < 2.0, level.recording
 

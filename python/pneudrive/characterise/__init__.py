@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.characterise.characterisation import Characterisation, characterise_recordings
-    from pneudrive.characterise.friction_map import read_map, write_map
     from pneudrive.characterise.layout import Layout
     from pneudrive.characterise.load import load_recordings
     from pneudrive.characterise.recording import Recording
     from pneudrive.characterise.settling import SampleChoice, Settled, SourcePaper
     from pneudrive.characterise.stick_slip import StickSlip, find_stick_slip
     from pneudrive.characterise.trajectories import from_run
+    from pneudrive.friction.friction_map import read_map, write_map
 
 __all__ = [
     "Characterisation",
@@ -44,7 +44,7 @@ __getattr__ = lazy(
     __name__,
     {
         "characterisation": ["Characterisation", "characterise_recordings"],
-        "friction_map": ["read_map", "write_map"],
+        "pneudrive.friction.friction_map": ["read_map", "write_map"],
         "layout": ["Layout"],
         "load": ["load_recordings"],
         "recording": ["Recording"],

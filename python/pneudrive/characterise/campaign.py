@@ -12,7 +12,8 @@ Worker processes read their own part of the file, so neither the samples nor the
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +23,7 @@ from pneudrive.characterise.extract import RecordingResult, extract, friction_po
 from pneudrive.characterise.formats import as_numbers
 from pneudrive.characterise.layout import Layout, stem
 from pneudrive.characterise.load import RecordingFile, to_recording
-from pneudrive.characterise.pool import in_processes
+from pneudrive.characterise.pool import share_out
 from pneudrive.characterise.pool import workers as usual_workers
 from pneudrive.characterise.text_table import column_number
 from pneudrive.errors import RecordingError
@@ -34,10 +35,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.closure import ClosurePoint
-    from pneudrive.characterise.friction_map import MapRow
     from pneudrive.characterise.pressure_line import FrictionPoint
     from pneudrive.characterise.recording import Recording
     from pneudrive.characterise.settling import SampleChoice
+    from pneudrive.friction.friction_map import Row
 
 CAMPAIGN_LAYOUT = """\
 format = "parquet"
@@ -75,6 +76,11 @@ class Cycles:
         """Cycles from ``start`` to ``stop`` (exclusive)."""
         return replace(self, bounds=self.bounds[start : stop + 1], numbers=self.numbers[start:stop])
 
+    def parts(self, count: int) -> list[Cycles]:
+        """Divide the cycles into so many parts of about equal numbers, in order."""
+        ends = [len(self) * i // count for i in range(count + 1)]
+        return [self.part(start, stop) for start, stop in pairwise(ends) if stop > start]
+
 
 Source = Cycles | RecordingFile
 
@@ -88,7 +94,8 @@ class Summary:
 
     name: str
     digest: int
-    rows: tuple[MapRow, ...] = ()
+    rows: tuple[Row, ...] = ()
+    labels: dict[str, str] = field(default_factory=dict)
     closure_points: tuple[ClosurePoint, ...] = ()
     friction_points: tuple[FrictionPoint, ...] = ()
     reason: str = ""
@@ -97,7 +104,14 @@ class Summary:
 def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
     """Keep of a recording's result what map, closure and pressure lines need."""
     rows = tuple(row for level in result.levels for row in level.rows)
-    return Summary(result.recording.name, digest, rows, result.closure_points, tuple(friction_points(result)))
+    return Summary(
+        result.recording.name,
+        digest,
+        rows,
+        result.recording.labels,
+        result.closure_points,
+        tuple(friction_points(result)),
+    )
 
 
 def find_cycles(path: Path, layout: Layout) -> Cycles:
@@ -177,55 +191,29 @@ def summarise(sources: list[Source], choice: SampleChoice, workers: int | None =
         In the order of the sources. A cycle or file that cannot be used has a ``reason``: of 7500 cycles one may fail.
     """
     number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
-    workers = workers or usual_workers()
-    if number < WORTH_WORKERS or workers < 2:
-        return work(sources, choice)
-    return in_processes(work, [(part, choice) for part in _divide(sources, workers)])
+    workers = (workers or usual_workers()) if number >= WORTH_WORKERS else 1
+    parts = [part for source in sources for part in (source.parts(workers) if isinstance(source, Cycles) else [source])]
+    return [one for found in share_out(work, parts, choice, least=2, processes=workers) for one in found]
 
 
-def work(sources: list[Source], choice: SampleChoice) -> list[Summary]:
-    """Characterise sources one after the other in this process."""
-    summaries = []
-    for name, read in _recordings(sources):
-        try:
-            recording = read()
-            digest = zlib.crc32(recording.position_m.tobytes()) << 32 | zlib.crc32(recording.force_n.tobytes())
-            result = extract(recording, choice)
-        except RecordingError as error:
-            summaries.append(Summary(name, 0, reason=error.what))
-            continue
-        summaries.append(summary_of(result, digest))
-    return summaries
+def work(sources: list[Source], choice: SampleChoice) -> list[list[Summary]]:
+    """Characterise the recordings of each source one after the other in this process."""
+    return [[_summary(name, read, choice) for name, read in _recordings(source)] for source in sources]
 
 
-def _recordings(sources: list[Source]) -> Iterator[tuple[str, Callable[[], Recording]]]:
+def _summary(name: str, read: Callable[[], Recording], choice: SampleChoice) -> Summary:
+    try:
+        recording = read()
+        digest = zlib.crc32(recording.position_m.tobytes()) << 32 | zlib.crc32(recording.force_n.tobytes())
+        return summary_of(extract(recording, choice), digest)
+    except RecordingError as error:
+        return Summary(name, 0, reason=error.what)
+
+
+def _recordings(source: Source) -> Iterator[tuple[str, Callable[[], Recording]]]:
     """Yield the name of each recording and a function that gives it."""
-    for source in sources:
-        if isinstance(source, Cycles):
-            for recording in read_cycles(source):
-                yield recording.name, lambda recording=recording: recording
-        else:
-            yield source.name, source.read
-
-
-def _divide(sources: list[Source], workers: int) -> list[list[Source]]:
-    """Divide work into one list for each worker, in order, with about equal numbers of cycles and files."""
-    total = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
-    parts: list[list[Source]] = [[]]
-    room = wanted = -(-total // workers)
-    for source in sources:
-        left: Source | None = source
-        while left is not None:
-            if room == 0:
-                parts.append([])
-                room = wanted
-            if isinstance(left, Cycles):
-                taken = min(room, len(left))
-                parts[-1].append(left.part(0, taken))
-                left = left.part(taken, len(left)) if taken < len(left) else None
-            else:
-                taken = 1
-                parts[-1].append(left)
-                left = None
-            room -= taken
-    return parts
+    if isinstance(source, Cycles):
+        for recording in read_cycles(source):
+            yield recording.name, lambda recording=recording: recording
+    else:
+        yield source.name, source.read

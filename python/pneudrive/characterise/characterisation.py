@@ -13,7 +13,6 @@ import numpy as np
 from pneudrive.characterise.campaign import Cycles, Source, Summary, find_cycles, read_cycles, summarise, summary_of
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA, ClosureFit, fit_closures
 from pneudrive.characterise.extract import Level, RecordingResult, extract
-from pneudrive.characterise.friction_map import MapRow, to_dataset
 from pneudrive.characterise.layout import Layout
 from pneudrive.characterise.load import RecordingFile, recording_files
 from pneudrive.characterise.long_recording import extract_long, is_long
@@ -30,6 +29,8 @@ from pneudrive.characterise.settling import SampleChoice, Settled
 from pneudrive.characterise.spread import changed
 from pneudrive.characterise.trajectories import from_run, is_run
 from pneudrive.errors import RecordingError
+from pneudrive.friction.friction_map import Row, rows_to_dataset
+from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown
 from pneudrive.watch import UNWATCHED, Watch
 
@@ -155,12 +156,12 @@ def characterise_recordings(
         unique, skipped, notes = _count_once(loaded)
         results = tuple(extract(recording, choice) for recording in watch.each(unique, "recordings characterised"))
         results += tuple(extract_long(file, choice, watch) for file in long)
-        notes += [f"{file.name} was read part by part; its curves over time are those of one part." for file in long]
+        notes += [sentence("note.part_by_part", name=file.name) for file in long]
         return _assemble(results, [summary_of(result) for result in results], skipped, notes, choice)
     summaries = [summary_of(extract(recording, choice)) for recording in loaded] + summarise(sources, choice)
     kept, skipped, notes = _summaries_once(summaries)
     results = tuple(extract(recording, choice) for recording in _sample(loaded, sources, {s.name for s in kept}))
-    notes.insert(0, f"{len(kept)} recordings; the curves of {len(results)} of them are shown, the map holds all.")
+    notes.insert(0, sentence("note.sampled", count=len(kept), shown=len(results)))
     return _assemble(results, kept, skipped, notes, choice)
 
 
@@ -223,7 +224,7 @@ def _assemble(
     closures = fit_closures([point for summary in summaries for point in summary.closure_points])
     lines = fit_pressure_lines(list(points))
     rows = [row for summary in summaries for row in summary.rows]
-    friction_map = to_dataset(rows)
+    friction_map = rows_to_dataset(rows, [summary.labels for summary in summaries for _ in summary.rows])
     friction_map.attrs["protocol"] = choice.name
     if results:
         ambient = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
@@ -235,7 +236,7 @@ def _assemble(
         pressure_lines=tuple(lines),
         points=points,
         run_spread=run_spread(list(points)),
-        notes=(*notes, *_notes(results, points, lines, rows), *_no_closure(closures)),
+        notes=(*notes, *_notes(results, points, lines, rows, closures)),
         skipped=tuple(skipped),
         protocol=choice.name,
     )
@@ -250,7 +251,7 @@ def _count_once(recordings: list[Recording]) -> tuple[list[Recording], list[tupl
         key = hashlib.sha256(b"".join(getattr(recording, c).tobytes() for c in channels)).digest()
         if key in seen:
             skipped.append((recording.name, f"identical to {seen[key]}"))
-            notes.append(f"{recording.name} holds the same samples as {seen[key]}: counted once.")
+            notes.append(sentence("note.same_samples", name=recording.name, other=seen[key]))
         else:
             seen[key] = recording.name
             unique.append(recording)
@@ -269,19 +270,19 @@ def _summaries_once(summaries: list[Summary]) -> tuple[list[Summary], list[tuple
             kept.append(summary)
     if not kept:
         raise RecordingError("no recording could be used", value="; ".join(f"{n}: {why}" for n, why in skipped[:3]))
-    notes = [f"{len(skipped)} recordings were not counted: {skipped[0][0]}: {skipped[0][1]}, ..."] if skipped else []
+    notes = [sentence("note.not_counted", count=len(skipped), first=skipped[0])] if skipped else []
     return kept, skipped, notes
 
 
-def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[MapRow]) -> float:
+def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:
     """Correlation of speed and pressure within seals, in the direction in which it is the stronger one."""
     of_recording = {point.recording: point for point in points}
     strongest = 0.0
     for direction in (1, -1):
-        mine = [row for row in rows if row.direction == direction]
-        seals = [of_recording[row.recording].seal for row in mine]
-        scatter = [of_recording[row.recording].speed_stderr_m_s for row in mine]
-        values = np.array([[abs(row.velocity_m_s), of_recording[row.recording].pressure_pa] for row in mine])
+        mine = [row for row in rows if row["direction"] == direction]
+        seals = [of_recording[row["recording"]].seal for row in mine]
+        scatter = [of_recording[row["recording"]].speed_stderr_m_s for row in mine]
+        values = np.array([[abs(row["velocity_m_s"]), of_recording[row["recording"]].pressure_pa] for row in mine])
         has_changed = False
         for seal in set(seals):
             members = np.array([s == seal for s in seals])
@@ -293,39 +294,34 @@ def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[MapRow]) 
     return strongest
 
 
-def _no_closure(closures: list[ClosureFit]) -> list[str]:
-    if closures:
-        return []
-    return [
-        "Effective area and force zero cannot be told: that needs two recordings or more of one seal whose pressures "
-        "differ by more than 0.2 bar and push to one side."
-    ]
-
-
 def _stick_slip_note(level: Level) -> str:
     found = [s for s in level.stick_slip if s.found]
-    period, step, peak, share, mean = (
-        float(np.median([getattr(s, name) for s in found]))
-        for name in ("period_s", "step_m", "peak_speed_m_s", "stuck_share", "mean_speed_m_s")
-    )
-    return (
-        f"Stick-slip in {level.recording}: period {period:.3g} s, step {step * 1e3:.3g} mm, "
-        f"peak {peak * 1e3:.3g} mm/s, stuck {100 * share:.0f} % of the time, mean speed {mean * 1e3:.3g} mm/s; "
-        "its mean friction is no point of F(v)."
+
+    def usual(name: str) -> float:
+        return float(np.median([getattr(s, name) for s in found]))
+
+    return sentence(
+        "note.stick_slip",
+        name=level.recording,
+        period_s=usual("period_s"),
+        step_mm=usual("step_m") * 1e3,
+        peak_mm_s=usual("peak_speed_m_s") * 1e3,
+        stuck=100 * usual("stuck_share"),
+        mean_mm_s=usual("mean_speed_m_s") * 1e3,
     )
 
 
-def _doubts(results: tuple[RecordingResult, ...]) -> list[str]:
+def _doubts(levels: list[Level]) -> list[str]:
     """Say each kind of doubt once, with the sentence of the first recording that has it."""
     found: dict[str, list[tuple[str, str]]] = {}
-    for level in (level for result in results for level in result.levels):
-        for flag, sentence in level.doubts.items():
-            found.setdefault(flag, []).append((level.recording, sentence))
+    for level in levels:
+        for flag, doubt in level.doubts.items():
+            found.setdefault(flag, []).append((level.recording, doubt))
     notes = []
     for members in found.values():
         names = list(dict.fromkeys(name for name, _ in members))
         also = f" (and of {len(names) - 1} more: {', '.join(names[1:4])})" if len(names) > 1 else ""
-        notes.append(f"Check the layout of {names[0]}{also}: {members[0][1]}.")
+        notes.append(sentence("note.check_layout", name=names[0], also=also, doubt=members[0][1]))
     return notes
 
 
@@ -333,41 +329,25 @@ def _notes(
     results: tuple[RecordingResult, ...],
     points: tuple[FrictionPoint, ...],
     lines: list[PressureLine],
-    rows: list[MapRow],
+    rows: list[Row],
+    closures: list[ClosureFit],
 ) -> list[str]:
-    notes = []
-    speeds = np.array([abs(row.velocity_m_s) for row in rows])
-    low, high = speeds.min() * 1e3, speeds.max() * 1e3
-    notes.append(f"What is measured is the mean sliding friction in the window at {low:.3g} to {high:.3g} mm/s.")
+    levels = [level for result in results for level in result.levels]
+    speeds = np.array([abs(row["velocity_m_s"]) for row in rows]) * 1e3
+    notes = [sentence("note.measured", low=speeds.min(), high=speeds.max())]
     together = _speed_with_pressure(points, rows)
     if abs(together) > CONFOUNDED:
-        word = "falls" if together < 0 else "rises"
-        notes.append(
-            f"Speed {word} as pressure rises (correlation {together:+.2f} within a seal): their effects on friction "
-            "are confounded, and neither can be given alone."
-        )
-    only_one_side = all(
-        np.ptp(r.recording.pressure_a_pa) == 0 or np.ptp(r.recording.pressure_b_pa) == 0 for r in results
-    )
-    if only_one_side:
-        notes.append(
-            "Only one side is under pressure: force zero, area error, springs, weight and asymmetry of direction "
-            "all end in the offset and are not separable."
-        )
-    notes += _doubts(results)
-    negative = [level.recording for r in results for level in r.levels if "negative_friction" in level.flags]
-    if negative:
-        notes.append(
-            f"Friction is negative, beyond its uncertainty, in {', '.join(dict.fromkeys(negative))}, which cannot be; "
-            'check the sign of the force (positive = "+x" or "-x") and of the position in the layout.'
-        )
-    entries = [entry for r in results for level in r.levels for entry in level.budget]
-    assumed = sorted({e.source for e in entries if e.basis == "assumed" and e.friction_n + e.offset_n > 0})
-    if assumed:
-        notes.append(f"Assumed, not given by the layout: {', '.join(assumed)}.")
-    larger = [level.recording for r in results for level in r.levels if abs(level.offset_n) > level.friction_n]
-    if larger:
-        notes.append(f"The offset is larger than the friction in {', '.join(dict.fromkeys(larger))}.")
+        notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
+    held = [min(np.ptp(r.recording.pressure_a_pa), np.ptp(r.recording.pressure_b_pa)) == 0 for r in results]
+    notes += [sentence("note.one_side")] if all(held) else []
+    notes += _doubts(levels)
+    assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
+    told = {
+        "negative": [level.recording for level in levels if "negative_friction" in level.flags],
+        "assumed": sorted(assumed),
+        "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
+    }
+    notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(found))) for key, found in told.items() if found]
     notes += [line.statement for line in lines]
-    notes += [_stick_slip_note(level) for r in results for level in r.levels if "stick_slip" in level.flags]
-    return notes
+    notes += [_stick_slip_note(level) for level in levels if "stick_slip" in level.flags]
+    return [*notes, *([] if closures else [sentence("note.no_closure")])]

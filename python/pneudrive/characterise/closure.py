@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
+from pneudrive.estimate.estimates import Estimate
+from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -38,16 +39,6 @@ class ClosurePoint:
     area_b_m2: float
     u_a_pa: float = 0.0
     u_b_pa: float = 0.0
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Value with standard error and 95 % interval (infinite where there are no degrees of freedom)."""
-
-    value: float
-    stderr: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -112,8 +103,8 @@ def _fit(points: list[ClosurePoint]) -> ClosureFit | None:
     deviation = float(np.sqrt(residual @ residual / dof)) if dof > 0 else float("nan")
     errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
     found = {side: (k, nominal[side]) for k, sides in enumerate(factors) for side in sides}
-    areas = {side: _estimate(solution[k] * area, errors[k] * area, dof) for side, (k, area) in found.items()}
-    zero = _estimate(solution[-1], errors[-1], dof)
+    areas = {side: _estimate(solution[k] * area, errors[k] * area, dof, "m2") for side, (k, area) in found.items()}
+    zero = _estimate(solution[-1], errors[-1], dof, "N")
     lead = max(areas, key=lambda side: float(np.ptp(gauge[side])))
     return ClosureFit(
         group=first.group,
@@ -151,11 +142,10 @@ def _factors(
     return [("a", "b")] if told else []
 
 
-def _estimate(value: float, stderr: float, dof: int) -> Estimate:
+def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
     if dof <= 0:
-        return Estimate(float(value), float("nan"), float("-inf"), float("inf"))
-    half = student(dof) * float(stderr)
-    return Estimate(float(value), float(stderr), float(value) - half, float(value) + half)
+        return Estimate(float(value), float("-inf"), float("inf"), float("nan"), unit)
+    return Estimate.of(float(value), float(stderr), dof, unit)
 
 
 def _statement(
@@ -164,16 +154,9 @@ def _statement(
     parts = []
     for side, area in areas.items():
         off, low, high = (100 * (value / nominal[side] - 1) for value in (area.value, area.low, area.high))
-        shown = f"effective area {side} {area.value * 1e4:.4g} cm2, {off:+.2f} % against nominal"
-        if dof > 0:
-            shown += f" (95 %: {low:+.2f} to {high:+.2f} %)"
-        parts.append(shown)
-    end = f"force zero {zero.value:+.2f} N"
-    end += f" (95 %: {zero.low:+.2f} to {zero.high:+.2f} N)" if dof > 0 else "; no spare recording: no interval"
-    if any(abs(area.value / nominal[side] - 1) > IMPLAUSIBLE_AREA for side, area in areas.items()):
-        end += "; so far from nominal that a unit, a sign or the chamber is probably wrong in the layout"
-    elif together:
-        end += "; both pressures change together, so one factor stands for both areas"
-    elif len(areas) == 1:
-        end += "; with one side under pressure, errors of area, pressure gain and force gain are not separable"
-    return f"{group}: {', '.join(parts)}; {end}."
+        shown = sentence("closure.area", side=side, area_cm2=area.value * 1e4, off=off)
+        parts.append(sentence("closure.area_interval", area=shown, low=low, high=high) if dof > 0 else shown)
+    far = any(abs(area.value / nominal[side] - 1) > IMPLAUSIBLE_AREA for side, area in areas.items())
+    why = "implausible" if far else "together" if together else "one_side" if len(areas) == 1 else None
+    end = sentence("closure.zero_interval" if dof > 0 else "closure.zero", zero=zero)
+    return f"{group}: {', '.join(parts)}; {end}{sentence(f'closure.{why}') if why else ''}."

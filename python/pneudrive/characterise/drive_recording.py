@@ -12,11 +12,12 @@ import numpy as np
 
 from pneudrive.characterise.layout import Layout, SampledLayout, stem
 from pneudrive.characterise.load import convert, find_layout, layout_beside, read_raw, shifted
-from pneudrive.characterise.plausible import refuse_pressure
+from pneudrive.characterise.motion import NOISE_FACTOR, noise_level
 from pneudrive.characterise.trajectories import is_run
 from pneudrive.errors import RecordingError
 from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
+from pneudrive.friction.plausible import QUANTILES, refuse_pressure
 from pneudrive.show import Shown
 from pneudrive.trajectory import columns_in, meaning, read_columns
 
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
     import xarray as xr
     from numpy.typing import NDArray
+
+    from pneudrive.describe.drive import Drive
 
     Array = NDArray[np.float64]
     Given = str | Path | xr.Dataset | Mapping[str, Any]
@@ -35,6 +38,15 @@ LEAST_SAMPLES = 50
 #: Columns of a fixed volume in SI; the first two are needed.
 OF_VOLUME = ("time_s", "pressure_pa", "command", "inlet_pressure_pa")
 LEAST_OF_VOLUME = 10
+#: A position this share of the stroke beyond its ends is no overshoot into an end stop (assumed).
+BEYOND_STROKE = 0.1
+#: Pressures below this share of ambient, or above this multiple of the supply, are in another unit or gauge (assumed).
+LOWEST, HIGHEST = 0.5, 3.0
+#: Samples further apart than this do not show a motion, s (assumed).
+COARSEST_S = 0.1
+#: A gap is longer than this multiple of the usual step, and than this, s.
+GAP_STEPS, GAP_S = 5.0, 0.02
+MOST_GAPS = 3
 #: Columns that only a simulation has all of.
 _SIMULATED = {"acceleration_m_s2", "mass_flow_a_kg_s", "mass_flow_b_kg_s"}
 _LAYOUT_COLUMNS = {
@@ -411,3 +423,94 @@ def _columns_of(path: Path, said: SampledLayout) -> dict[str, Array]:
         if channel != "time" and delay:
             values[channel] = shifted(values["time"], values[channel], delay)
     return {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
+
+
+def check_plausible(recording: DriveRecording, drive: Drive) -> None:
+    """Refuse a recording that cannot be of the drive.
+
+    Raises
+    ------
+    RecordingError
+        Time, position or pressures are in another unit, gauge, or beside the stroke.
+    """
+    where = str(recording.source or recording.name)
+    step = float(np.median(np.diff(recording.time_s)))
+    if step > COARSEST_S:
+        raise RecordingError(
+            f"the samples are {step:g} s apart",
+            where=where,
+            rule=f"time_s in seconds, at most {COARSEST_S:g} s from sample to sample",
+            remedy='look at the unit of the time; a layout says it: time = { column = ..., unit = "ms" }',
+        )
+    stroke, ambient, supply = drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa
+    margin = BEYOND_STROKE * stroke
+    _column_within(recording, "position_m", -margin, stroke + margin, f"from 0 to the stroke of {stroke:g} m",
+            "look at the unit and the zero of the position, or at cylinder.stroke", where)  # fmt: skip
+    for column in ("pressure_a_pa", "pressure_b_pa"):
+        _column_within(recording, column, LOWEST * ambient, HIGHEST * supply,
+                f"absolute, in Pa: between the ambient pressure of {ambient:g} Pa and the supply's of {supply:g} Pa",
+                "look at the unit, and whether it is gauge pressure; a layout says both", where)  # fmt: skip
+
+
+def _column_within(
+    recording: DriveRecording, column: str, lower: float, upper: float, rule: str, remedy: str, where: str
+) -> None:
+    if column not in recording or not np.isfinite(recording[column]).any():
+        return
+    low, high = np.nanquantile(recording[column], QUANTILES)
+    if low < lower or high > upper:
+        raise RecordingError(
+            f"{column} goes from {low:.4g} to {high:.4g}, which this drive cannot do",
+            where=where,
+            rule=rule,
+            remedy=remedy,
+        )
+
+
+#: What a drive's recording tells where the piston stands.
+AT_REST = ("cylinder.leakage", "cylinder.heat_transfer", "cylinder.wall_temperature", "cylinder.dead_volume")
+
+
+def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:
+    """Refuse to look for what only motion shows where the piston does not move in any recording.
+
+    Raises
+    ------
+    RecordingError
+        It does not.
+    """
+    sought = [name for name in free if not name.startswith(AT_REST)]
+    seen = [r for r in recordings if "position_m" in r and np.isfinite(r["position_m"]).any()]
+    if not sought or not seen or any(_moves(r["position_m"]) for r in seen):
+        return
+    travel = max(float(np.nanmax(r["position_m"]) - np.nanmin(r["position_m"])) for r in seen)
+    raise RecordingError(
+        f"the piston does not move, and without motion nothing is known of {', '.join(sought)}",
+        where=", ".join(str(r.source or r.name) for r in seen),
+        value=f"its position changes by {travel * 1e3:.3g} mm",
+        rule="a drive is identified from recordings in which it moves",
+        remedy="look at the column of the position; a test of a fixed volume has a description and a layout of its "
+        'own: [volume], and kind = "fixed-volume"',
+    )
+
+
+def _moves(position_m: NDArray[np.float64]) -> bool:
+    known = position_m[np.isfinite(position_m)]
+    return known.size > 0 and float(np.ptp(known)) > NOISE_FACTOR * noise_level(known)
+
+
+def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
+    """Say where samples are missing: what the valve was told there is not known."""
+    out = []
+    for recording in recordings:
+        time = recording.time_s
+        steps = np.diff(time)
+        at = np.flatnonzero(steps > max(GAP_STEPS * float(np.median(steps)), GAP_S))
+        if at.size:
+            places = ", ".join(f"{time[i]:.4g} .. {time[i + 1]:.4g} s" for i in at[:MOST_GAPS])
+            more = f" and {at.size - MOST_GAPS} more" if at.size > MOST_GAPS else ""
+            out.append(
+                f"{recording.name} has no samples in {places}{more}: the command is taken as held there; if it was "
+                "not, cut the recording in two"
+            )
+    return out

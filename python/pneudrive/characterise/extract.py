@@ -7,12 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.budget import BudgetEntry, combined, expanded, systematic_budget, uncertainty_of
 from pneudrive.characterise.closure import ClosurePoint
-from pneudrive.characterise.friction_map import MapRow
 from pneudrive.characterise.levels import speed_levels
 from pneudrive.characterise.motion import Stroke, middle, straight_line
-from pneudrive.characterise.plausible import doubts_of
 from pneudrive.characterise.pressure_line import ALL_RECORDINGS, FrictionPoint
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.reversal import ReversalPeak, breakaway
@@ -20,7 +17,10 @@ from pneudrive.characterise.samples import clean
 from pneudrive.characterise.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.characterise.stick_slip import StickSlip
 from pneudrive.errors import RecordingError
+from pneudrive.friction.budget import BudgetEntry, combined, expanded, systematic_budget, uncertainty_of
+from pneudrive.friction.friction_map import Row
 from pneudrive.friction.pairing import Grid, Profile, pair, stroke_means
+from pneudrive.friction.plausible import doubts_of
 from pneudrive.friction.sliding import (
     SampleChoice,
     Sliding,
@@ -68,7 +68,7 @@ class Level(Shown):
     peaks: tuple[ReversalPeak, ...]
     stick_slip: tuple[StickSlip, ...]
     flags: tuple[str, ...]
-    rows: tuple[MapRow, ...]
+    rows: tuple[Row, ...]
     sides: dict[int, WindowMeans]
     doubts: dict[str, str] = field(default_factory=dict)
 
@@ -316,14 +316,14 @@ def _level_flags(
     return (*flags, *(name for name, is_so in seen.items() if is_so))
 
 
-def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFriction]]) -> tuple[MapRow, ...]:
+def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFriction]]) -> tuple[Row, ...]:
     """Write the map's rows, one per direction that is there."""
     rows = []
     for direction, side in level.sides.items():
         peaks = [p for p in level.peaks if p.direction == direction]
         spoiled = ("breakaway_spoiled",) if peaks and all(p.flags for p in peaks) else ()
         rows.append(
-            MapRow(
+            Row(
                 recording=level.recording,
                 direction=direction,
                 velocity_m_s=side.means.speed_m_s,
@@ -339,7 +339,7 @@ def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFrictio
                 position_from_m=level.window_m[0],
                 position_to_m=level.window_m[1],
                 flags=",".join((*level.flags, *spoiled)),
-                labels=recording.labels,
+                ambient_pressure_pa=recording.ambient_pressure_pa,
                 **breakaway(peaks, [s.stroke for s in used[direction]]),
             )
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.characterise.date_times import ISO, UNIT, guess_form, seconds
-from pneudrive.characterise.text_table import Table, column_number, measurable
+from pneudrive.characterise.text_table import NumberTable, column_number, measurable
 from pneudrive.errors import RecordingError
 from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
@@ -21,7 +21,9 @@ TEXT_KINDS = frozenset("OSTU")  # kinds of arrays of texts
 GUESSED_FROM = 400  # values from which the form of dates is guessed
 
 
-def read_columns(form: str, path: Path, wanted: list[int | str], dates: dict[int | str, str] | None = None) -> Table:
+def read_columns(
+    form: str, path: Path, wanted: list[int | str], dates: dict[int | str, str] | None = None
+) -> NumberTable:
     """Read the wanted columns of a file that is not text.
 
     Parameters
@@ -52,7 +54,7 @@ def read_columns(form: str, path: Path, wanted: list[int | str], dates: dict[int
         sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))
         rule = "all channels are sampled together; channels of other rates are brought to one before"
         raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
-    return Table(names=[str(w) for w in wanted], columns=columns)
+    return NumberTable(names=[str(w) for w in wanted], columns=columns)
 
 
 def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]], dict[int, str], list[str]]:

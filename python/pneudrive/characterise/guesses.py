@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.sniff import Reading
+    from pneudrive.characterise.sniff import FileForm
 
 WORDS = {
     "time": r"^(t|time|zeit|temps|tijd)\b|time|zeit|stamp|stempel",
@@ -53,7 +53,7 @@ class Guess:
     reason: str
 
 
-def _roles_by_name(reading: Reading) -> dict[str, tuple[int, str]]:
+def _roles_by_name(reading: FileForm) -> dict[str, tuple[int, str]]:
     """Role -> column and reason, where a name says what its column is; of several the first."""
     roles: dict[str, tuple[int, str]] = {}
     for index, name in enumerate(reading.names):
@@ -66,7 +66,7 @@ def _roles_by_name(reading: Reading) -> dict[str, tuple[int, str]]:
     return roles
 
 
-def guess_columns(path: Path, reading: Reading, columns: list[NDArray[np.float64]]) -> list[Guess]:
+def guess_columns(path: Path, reading: FileForm, columns: list[NDArray[np.float64]]) -> list[Guess]:
     """Guess the role and unit of each column that matters, by name where there is one, else by its course."""
     roles = _roles_by_name(reading)
     taken = {index for index, _ in roles.values()}
@@ -164,7 +164,7 @@ def _relative_swing(values: NDArray[np.float64]) -> float:
 
 
 def _with_units(
-    reading: Reading, columns: list[NDArray[np.float64]], roles: dict[str, tuple[int, str]], time: NDArray[np.float64]
+    reading: FileForm, columns: list[NDArray[np.float64]], roles: dict[str, tuple[int, str]], time: NDArray[np.float64]
 ) -> list[Guess]:
     guesses = []
     roles.pop("cycle", None)
@@ -181,7 +181,7 @@ def _with_units(
     return _sides(guesses, columns, time)
 
 
-def _unit(reading: Reading, index: int, kind: str, values: NDArray[np.float64]) -> tuple[str, bool]:
+def _unit(reading: FileForm, index: int, kind: str, values: NDArray[np.float64]) -> tuple[str, bool]:
     """Give the unit that the header says, otherwise guess it from the size of the numbers."""
     if index in reading.dates:
         return UNIT, True

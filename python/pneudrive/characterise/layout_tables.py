@@ -12,13 +12,13 @@ from pneudrive import units
 from pneudrive.characterise import date_times
 from pneudrive.characterise.column_units import ColumnUnit, column_unit, share, uncertainty
 from pneudrive.characterise.force_calibration import ForceCalibration, of_quantities
-from pneudrive.characterise.friction_map import COLUMNS
 from pneudrive.characterise.text_table import TextForm
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Angle, Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
 from pneudrive.describe.geometry import PistonTable
 from pneudrive.describe.marks import Between, Choice, PressureBetween, Reads, Whole, absolute
 from pneudrive.files.tables import FORMATS
+from pneudrive.friction.friction_map import COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

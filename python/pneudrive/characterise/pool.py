@@ -31,6 +31,36 @@ def workers() -> int:
     return min(len(os.sched_getaffinity(0)) if affinity else os.cpu_count() or 1, MOST_WORKERS)
 
 
+def share_out(
+    work: Callable[..., list[Result]], items: Sequence, *rest: object, least: int, processes: int | None = None
+) -> list[Result]:
+    """Call ``work(items, *rest)``, in several processes where there is enough of it.
+
+    Parameters
+    ----------
+    work : callable
+        Of a module; it returns a list with one result for each item.
+    items : sequence
+    *rest
+        Further arguments, the same for all.
+    least : int
+        Items below which starting processes costs more than it saves.
+    processes : int, optional
+        None: as many as there are processors.
+
+    Returns
+    -------
+    list
+        One result for each item, in their order.
+    """
+    number = processes or workers()
+    if len(items) < least or number < 2:
+        return work(items, *rest)
+    places = [place for i in range(number) for place in range(i, len(items), number)]
+    found = in_processes(work, [(items[i::number], *rest) for i in range(min(number, len(items)))])
+    return [result for _, result in sorted(zip(places, found, strict=True), key=lambda pair: pair[0])]
+
+
 def in_processes(work: Callable[..., list[Result]], tasks: Sequence[tuple]) -> list[Result]:
     """Call a function once for each task, each call in a process of its own.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.characterise.spread import changed, student
+from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
 from pneudrive.show import Shown
 
@@ -213,17 +214,16 @@ def _statement(
     spread: RunSpread | None,
 ) -> str:
     half_n, half_n_pa = student(freedom) * np.sqrt(np.diag(covariance))
-    rise = with_u(slope * 1e5, half_n_pa * 1e5, "N/bar")
-    text = f"{seal}: {with_u(intercept, half_n)} at no pressure and {rise} (95 %); "
-    if basis == "unknown" or spread is None:
-        text += "nothing was run twice: the interval lacks the spread between runs and is too narrow"
-    else:
-        source = "its own runs" if basis == "own" else "the runs of other seals (assumed to hold here)"
-        text += (
-            f"the interval includes the spread between runs, {100 * spread.relative:.0f} % standard deviation, "
-            f"from {source}"
-        )
+    interval = f"pressure_line.{basis if spread is not None else 'unknown'}"
+    confounded = ""
     if abs(together) > CONFOUNDED:
         word = "falls" if together < 0 else "rises"
-        text += f"; speed {word} with pressure (correlation {together:+.2f}): the slope cannot tell the two apart"
-    return text + "."
+        confounded = sentence("pressure_line.confounded", word=word, together=together)
+    return sentence(
+        "pressure_line.line",
+        seal=seal,
+        intercept=with_u(intercept, half_n),
+        rise=with_u(slope * 1e5, half_n_pa * 1e5, "N/bar"),
+        interval=sentence(interval, percent=100 * spread.relative if spread is not None else 0.0),
+        confounded=confounded,
+    )

@@ -16,7 +16,7 @@ from pneudrive.characterise.layout import Layout
 from pneudrive.characterise.load import load_recording
 from pneudrive.characterise.motion import find_strokes
 from pneudrive.characterise.propose_text import layout_text
-from pneudrive.characterise.sniff import Reading, sniff_format, sniff_text
+from pneudrive.characterise.sniff import FileForm, sniff_format, sniff_text
 from pneudrive.characterise.text_table import TextForm, read_bytes, read_text
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.watch import UNWATCHED
@@ -42,7 +42,7 @@ class Proposal:
 
     path: Path
     text: str
-    reading: Reading
+    reading: FileForm
     guesses: tuple[Guess, ...]
     columns: tuple[NDArray[np.float64], ...]
     recording: Recording | None
@@ -81,7 +81,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
         columns = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns
     else:
         names, columns, dates, units = read_all(form, path)
-        reading = Reading(form, TextForm(), names, units, len(names), dates)
+        reading = FileForm(form, TextForm(), names, units, len(names), dates)
     if max((column.size for column in columns), default=0) < 2:
         raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
     watch.tell(1, STAGES, "looking at the columns")
@@ -108,7 +108,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     return Proposal(path, text, reading, tuple(guesses), tuple(columns), recording, strokes, problem, kind)
 
 
-def _kind(path: Path, reading: Reading, guesses: list[Guess]) -> str:
+def _kind(path: Path, reading: FileForm, guesses: list[Guess]) -> str:
     """Tell of what the file is a recording.
 
     Raises

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.guesses import Guess
-    from pneudrive.characterise.sniff import Reading
+    from pneudrive.characterise.sniff import FileForm
 
 #: Ranges of electrical signals that command a valve, in V or mA.
 SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0.0, 20.0), (4.0, 20.0))}
 
 
 def layout_text(
-    path: Path, reading: Reading, guesses: list[Guess], columns: list[NDArray[np.float64]], kind: str
+    path: Path, reading: FileForm, guesses: list[Guess], columns: list[NDArray[np.float64]], kind: str
 ) -> str:
     """Write the layout file."""
     lines = _file_lines(path, reading, kind)
@@ -50,7 +50,7 @@ def layout_text(
     return "\n".join(lines)
 
 
-def _file_lines(path: Path, reading: Reading, kind: str) -> list[str]:
+def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
     """Say how the file is written."""
     form = reading.form
     lines = [f"# Proposed for {path.name}. Check every line that says guess, above all units and signs.", ""]
@@ -69,7 +69,7 @@ def _file_lines(path: Path, reading: Reading, kind: str) -> list[str]:
     return lines
 
 
-def _column_line(guess: Guess, reading: Reading, values: NDArray[np.float64], sign: str) -> str:
+def _column_line(guess: Guess, reading: FileForm, values: NDArray[np.float64], sign: str) -> str:
     """Say what one column is."""
     place = f'"{guess.column}"' if isinstance(guess.column, str) else str(guess.column)
     if guess.role == "command":

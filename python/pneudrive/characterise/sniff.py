@@ -27,7 +27,7 @@ _GROUPED = re.compile(r"[-+]?\d{1,3}([.,'])\d{3}(?:\1\d{3})+$")
 
 
 @dataclass(frozen=True)
-class Reading:
+class FileForm:
     """How a file is read: ``form`` for text, names of the columns where there are any, their number.
 
     ``dates`` holds the columns of dates and times, by number, and how they are written.
@@ -53,7 +53,7 @@ def sniff_format(path: Path) -> str:
     return MAGIC.get(head, "csv")
 
 
-def sniff_text(path: Path) -> Reading:
+def sniff_text(path: Path) -> FileForm:
     """Find delimiter, decimal sign, thousands separator and header of a text table.
 
     Raises
@@ -115,7 +115,7 @@ def _is_numbers(fields: list[str], form: TextForm) -> bool:
     return True
 
 
-def _with_header(lines: list[str], form: TextForm, width: int) -> Reading:
+def _with_header(lines: list[str], form: TextForm, width: int) -> FileForm:
     """Find the first row of numbers and what stands above it."""
     first = _first_of_numbers(lines, form, width)
     names, units, skip = _names_above(lines[:first], form, width)
@@ -127,7 +127,7 @@ def _with_header(lines: list[str], form: TextForm, width: int) -> Reading:
         thousands=form.thousands,
         skip_lines=skip if names else first,
     )
-    return Reading("csv", found, names, units, width, _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width))
+    return FileForm("csv", found, names, units, width, _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width))
 
 
 def _first_of_numbers(lines: list[str], form: TextForm, width: int) -> int:

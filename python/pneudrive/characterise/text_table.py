@@ -39,7 +39,7 @@ class TextForm:
 
 
 @dataclass
-class Table:
+class NumberTable:
     """Columns by name and by number; ``flags`` counts rows that could not be read."""
 
     names: list[str]
@@ -120,7 +120,7 @@ def is_words(fields: list[str], form: TextForm) -> bool:
 
 def read_text(
     path: Path, data: bytes, form: TextForm, wanted: list[int | str], dates: dict[int | str, str] | None = None
-) -> Table:
+) -> NumberTable:
     """Read the wanted columns of a text table.
 
     Parameters
@@ -164,7 +164,7 @@ def read_text(
     use = [column_number(column, names, width, path) for column in wanted]
     forms = {at: dates[column] for at, column in enumerate(wanted) if dates and column in dates}
     columns, flags = _parse(lines, start, form, use, forms, path)
-    return Table(names=[str(w) for w in wanted], columns=columns, flags=flags)
+    return NumberTable(names=[str(w) for w in wanted], columns=columns, flags=flags)
 
 
 def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:

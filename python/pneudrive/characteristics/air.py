@@ -26,13 +26,13 @@ from pneudrive.estimate.estimates import NORMAL_95
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.reading import CampaignData
     from pneudrive.characteristics.smooth import CurveFit
 
     Array = NDArray[np.float64]
 
 
-def air_shares(reading: Reading, fits: Fits) -> tuple[AirShare, ...]:
+def air_shares(reading: CampaignData, fits: Fits) -> tuple[AirShare, ...]:
     """Divide the total drag at each condition."""
     reduced, asked = fits.points.reduced, curve_speeds(fits.points)
     separated = reading.identity.pressure_measured_at == "chamber"

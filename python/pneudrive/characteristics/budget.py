@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characteristics.curves import by_chance, curve_speeds, systematic
-from pneudrive.characteristics.gain import GROWING
 from pneudrive.characteristics.result import UncertaintySource
+from pneudrive.characteristics.sensors import GROWING
 from pneudrive.estimate.estimates import NORMAL_95
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characterise.force_calibration import ForceCalibration
     from pneudrive.characteristics.curves import Fits
-    from pneudrive.characteristics.gain import Gain
+    from pneudrive.characteristics.sensors import Gain
 
     Array = NDArray[np.float64]
 

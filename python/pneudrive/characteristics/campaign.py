@@ -19,7 +19,7 @@ from pneudrive.characteristics.drift import causes, drift_of, repeatability
 from pneudrive.characteristics.loops import loops
 from pneudrive.characteristics.position import position_dependence
 from pneudrive.characteristics.pressure import pressure_effects
-from pneudrive.characteristics.reading import Reading, read_campaign
+from pneudrive.characteristics.reading import CampaignData, read_campaign
 from pneudrive.characteristics.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.characteristics.statements import statements
 from pneudrive.characteristics.stick_slip import stick_slip_points, thresholds
@@ -126,7 +126,7 @@ def characterise(
 
 
 @many_objects()
-def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> CampaignCharacteristics:
+def _characterise(opened: Campaign, choice: SampleChoice, reading: CampaignData) -> CampaignCharacteristics:
     points = points_of(reading)
     fits = fit_points(reading, points) if points is not None else None
     if points is not None and fits is not None and len(fits.points) == len(points):
@@ -170,7 +170,7 @@ def _characterise(opened: Campaign, choice: SampleChoice, reading: Reading) -> C
 
 
 def _with_stops(
-    found: CampaignCharacteristics, opened: Campaign, reading: Reading, processes: int | None
+    found: CampaignCharacteristics, opened: Campaign, reading: CampaignData, processes: int | None
 ) -> CampaignCharacteristics:
     """Add what the stops say, where there are any."""
     if not any(head.cycle.kind == "stop" for head in reading.heads):
@@ -181,7 +181,7 @@ def _with_stops(
     return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
 
 
-def _cycles(reading: Reading, points: Points | None) -> tuple[CycleResult, ...]:
+def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, ...]:
     """Give all cycles that were read in short."""
     days = reading.days()
     first = min((head.began_s for head in reading.heads), default=0.0)
@@ -215,7 +215,7 @@ def _cycles(reading: Reading, points: Points | None) -> tuple[CycleResult, ...]:
     return tuple(found)
 
 
-def _ranges(reading: Reading) -> Ranges:
+def _ranges(reading: CampaignData) -> Ranges:
     """Lowest and highest of what was measured."""
     sides = [side for d in reading.sliding for side in d.sides.values()]
     ambient = reading.identity.ambient_pressure_pa

@@ -10,7 +10,6 @@ import numpy as np
 from pneudrive.characteristics.basics import BOTH
 from pneudrive.characteristics.condense import grouped
 from pneudrive.characteristics.outliers import WILD, WILD_SPREAD, wild_cycles
-from pneudrive.characteristics.plausible import OUTLIER, implausible
 from pneudrive.characteristics.reduction import Reduced, reduce
 from pneudrive.characteristics.result import Curve, ExcludedPoint
 from pneudrive.characteristics.self_excited import reasons as self_excited
@@ -25,6 +24,7 @@ from pneudrive.characteristics.smooth import (
 )
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.estimate.groups import cells, levels
+from pneudrive.friction.plausible import OUTLIER, implausible_friction
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characteristics.basics import Condition
     from pneudrive.characteristics.cycle import CycleData
-    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.reading import CampaignData
     from pneudrive.estimate.mixed import Predicted
 
     Array = NDArray[np.float64]
@@ -105,7 +105,7 @@ class Points:
         return len(self.reduced.data)
 
 
-def points_of(reading: Reading) -> Points | None:
+def points_of(reading: CampaignData) -> Points | None:
     """Sort the sliding cycles; None where none has both directions."""
     paired = [d for d in reading.sliding if len(d.sides) == 2]
     unpaired = tuple(d for d in reading.sliding if len(d.sides) != 2)
@@ -117,7 +117,7 @@ def points_of(reading: Reading) -> Points | None:
     condition = np.array([conditions.index(d.condition) for d in paired], dtype=np.int64)
     level = levels(np.log(reduced.speed_m_s), np.log1p(SAME_SPEED))
     speeds = np.array([reduced.speed_m_s[level == k].mean() for k in range(int(level.max()) + 1)])
-    unlikely = implausible(condition, reduced)
+    unlikely = implausible_friction(condition, reduced.speed_m_s, reduced.friction_n, reduced.friction_stderr_n)
     reasons = tuple(a or b for a, b in zip(_reasons(paired, unsteady, condition, level), unlikely, strict=True))
     return Points(reduced, conditions, condition, level, speeds, reasons, unpaired, tuple((d,) for d in paired))
 
@@ -190,7 +190,7 @@ class Fits:
         return bool((self.offset.data.curve < 0).any())
 
 
-def fit_points(reading: Reading, points: Points) -> Fits | None:
+def fit_points(reading: CampaignData, points: Points) -> Fits | None:
     """Fit the models; None where too few cycles are points of F(v).
 
     A cycle that lies far off all others, as a sensor that failed makes it, is taken out, and the rest fitted again.
@@ -263,7 +263,7 @@ def _stretches(points: Points) -> NDArray[np.int64]:
     return np.array(found, dtype=np.int64)
 
 
-def _fit_points(reading: Reading, points: Points) -> Fits | None:
+def _fit_points(reading: CampaignData, points: Points) -> Fits | None:
     use = points.use
     if use.sum() < FEWEST:
         return None
@@ -283,12 +283,12 @@ def _fit_points(reading: Reading, points: Points) -> Fits | None:
     return Fits(points, fitted, fit_curves(replace(offset, drift=carries)), share, kind)
 
 
-def fit_response(reading: Reading, fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFit:
+def fit_response(reading: CampaignData, fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFit:
     """Fit curves to another result of the same cycles, shape (n,), with chance in N.
 
     Parameters
     ----------
-    reading : Reading
+    reading : CampaignData
     fits : Fits
         The models of friction, whose order, curves and blocks are taken.
     y, stderr : ndarray, shape (n,)
@@ -302,7 +302,7 @@ def fit_response(reading: Reading, fits: Fits, y: Array, stderr: Array, *, drift
     return fit_curves(data if drift else replace(data, drift=False, blocks=None))
 
 
-def block_shares(reading: Reading, points: Points) -> tuple[Array | None, str]:
+def block_shares(reading: CampaignData, points: Points) -> tuple[Array | None, str]:
     """Find blocks whose own deviation can be told from the levels: some levels have several blocks, or several days.
 
     Returns
@@ -351,7 +351,7 @@ def _better(data: CurveData) -> CurveFit:
     return either_chance(better)
 
 
-def _with_tares(reading: Reading, data: CurveData) -> CurveData:
+def _with_tares(reading: CampaignData, data: CurveData) -> CurveData:
     """Add the tares: observations of the zero alone, on no curve."""
     tares = reading.tares
     ones = np.ones(len(tares))

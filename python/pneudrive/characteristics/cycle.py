@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.budget import DirectionMeans, systematic_budget
 from pneudrive.characterise.motion import Stroke, middle, quantiles
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.reversal import ReversalPeak, breakaway, find_reversal_peaks, median
 from pneudrive.characterise.stick_slip import measure_stick_slip, middle_of
 from pneudrive.characteristics.basics import Condition
-from pneudrive.characteristics.pressure_zero import SIDES, Standing
 from pneudrive.characteristics.raw import recording_of, steps_of
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
+from pneudrive.friction.budget import DirectionMeans, stated_shares
 from pneudrive.friction.pairing import pair
 from pneudrive.friction.sliding import (
     SampleChoice,
@@ -34,8 +33,6 @@ from pneudrive.friction.sliding import (
 from pneudrive.rig.interface import Hold
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from numpy.typing import NDArray
 
     from pneudrive.campaign.folder import CycleFile, Head
@@ -51,6 +48,7 @@ END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed fa
 EVEN_SAMPLES = 2000  # on which the ripple of the speed is measured, even in time
 TARE_SETTLING = 0.5  # share of a tare at its beginning that is left out: seals relax when they are released
 MINIMUM_SAMPLES = 20
+SIDES = ("a", "b")
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +99,23 @@ class Side:
         return DirectionMeans(self.force_n, self.pressure_a_pa, self.pressure_b_pa, self.velocity_m_s)
 
 
+@dataclass(frozen=True)
+class OpenPressure:
+    """A chamber's pressure in an open tare, Pa: mean, its standard error, and its change from one half to the other."""
+
+    mean_pa: float
+    stderr_pa: float
+    change_pa: float
+
+    @classmethod
+    def of(cls, values: Array) -> OpenPressure | None:
+        """Sum the samples up; None where the pressure was not measured."""
+        if np.ptp(values) == 0:
+            return None
+        first, second = np.array_split(values, 2)
+        return cls(float(values.mean()), stderr_of_mean(values), float(second.mean() - first.mean()))
+
+
 @dataclass(frozen=True, eq=False)
 class CycleData:
     """What a cycle leaves for the campaign's models.
@@ -146,7 +161,7 @@ class CycleData:
     standing_n: float = float("nan")
     standing_stderr_n: float = float("nan")
     standing_sd_n: float = float("nan")
-    standing_pressures: dict[str, Standing] = field(default_factory=dict)
+    standing_pressures: dict[str, OpenPressure] = field(default_factory=dict)
     u_gain_n: float = 0.0
     u_hysteresis_n: float = 0.0
     u_offset_n: float = 0.0
@@ -198,7 +213,8 @@ def read_sliding(
     if not sides:
         value = f"{len(motion.strokes)} strokes"
         raise RecordingError("no stroke has a settled part", where=recording.name, value=value)
-    stated = _systematic(recording, sides)
+    only = next(iter(sides.values()))
+    stated = stated_shares(recording, *(sides.get(d, only).means() for d in (1, -1)))
     return CycleData(
         head=file.head,
         file=file.path.name,
@@ -230,7 +246,7 @@ def read_standing(file: CycleFile, samples: Samples, identity: Identity) -> Cycl
         raise RecordingError("too few samples of standing", where=recording.name, value=int(standing.sum()))
     vented = max(abs(p - identity.ambient_pressure_pa) for p in _pressures(file.head)) < PRESSURE_STEP_PA
     force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
-    shown = {c: Standing.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
+    shown = {c: OpenPressure.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
     return CycleData(
         head=file.head,
         file=file.path.name,
@@ -392,51 +408,3 @@ def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
     number = np.bincount(place, minlength=count)
     known = number > 0
     return tuple(np.bincount(place, weights=v, minlength=count)[known] / number[known] for v in (time_s, *values))
-
-
-def _systematic(recording: Recording, sides: dict[int, Side]) -> dict[str, float | bool | dict[str, float]]:
-    """State the systematic standard uncertainties, and whether that of the force sensor is assumed."""
-    only = next(iter(sides.values()))
-    up, down = (sides.get(d, only).means() for d in (1, -1))
-    entries = systematic_budget(recording, up, down)
-    # Hysteresis needs a reading that changes with direction: that of a pressure that is held has none.
-    moves = {
-        f"pressure {c}: hysteresis": abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa"))
-        * getattr(recording, f"area_{c}_m2")
-        / 2.0
-        for c in ("a", "b")
-    }
-    constant = ("hysteresis", "linearity")
-    changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith(constant)]
-    shared = [e for e in entries if not e.source.endswith("hysteresis")]
-    # A zero is what tares take out; what is left of an accuracy grows with the reading.
-    readings = {
-        "force: common error": _of_range(recording, "force_n", (up.force_n + down.force_n) / 2.0, 0.0),
-        "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, None),
-        "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, None),
-        "bore (area)": 1.0,
-        **dict.fromkeys(("force: gain", "force: linearity", "force: creep"), 1.0),
-    }
-    known = recording.force_calibration is not None
-    offsets = {e.source: e.offset_n * readings.get(e.source, 0.0) for e in shared}
-    return {
-        "u_gain_n": _root(e.friction_n for e in shared if not e.source.endswith(constant)),
-        "u_hysteresis_n": _root(changing),
-        "u_offset_n": _root(offsets.values()),
-        "u_pressures_n": {c: offsets.get(f"pressure {c}: common error", 0.0) for c in SIDES},
-        "u_force_n": {e.source: e.friction_n for e in entries if known and e.source.startswith("force: ")},
-        "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
-        "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
-    }
-
-
-def _root(parts: Iterable[float]) -> float:
-    return float(np.sqrt(sum(part**2 for part in parts)))
-
-
-def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:
-    """Share of the sensor's range at which it is, counted from its zero (None: ambient pressure)."""
-    start = recording.ambient_pressure_pa if zero is None else zero
-    limits = recording.limits.get(channel)
-    reach = max(abs(v - start) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - start))
-    return min(abs(reading - start) / float(reach), 1.0) if reach > 0 else 0.0

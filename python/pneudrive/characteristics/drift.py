@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characteristics.cycle import CycleData
-    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.reading import CampaignData
 
     Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Causes:
     together: tuple[tuple[str, str, float], ...]
 
 
-def causes(reading: Reading, fits: Fits) -> Causes:
+def causes(reading: CampaignData, fits: Fits) -> Causes:
     """Collect the possible causes of a drift."""
     data = fits.points.cycles(fits.points.use)
     columns = {"time": np.array([d.head.began_s for d in data]) / HOUR_S}
@@ -68,7 +68,7 @@ def causes(reading: Reading, fits: Fits) -> Causes:
     return Causes(columns, _interrupted(reading, data), tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
 
 
-def _interrupted(reading: Reading, data: list[CycleData]) -> NDArray[np.bool_]:
+def _interrupted(reading: CampaignData, data: list[CycleData]) -> NDArray[np.bool_]:
     before = {head.cycle.key: last for last, head in pairwise([None, *reading.heads]) if head is not None}
     durations = {d.head.cycle.key: d.duration_s for d in (*reading.sliding, *reading.tares)}
     rest = np.full(len(data), np.nan)
@@ -82,7 +82,7 @@ def _interrupted(reading: Reading, data: list[CycleData]) -> NDArray[np.bool_]:
     return np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
 
 
-def drift_of(reading: Reading, fits: Fits, found: Causes) -> Drift:
+def drift_of(reading: CampaignData, fits: Fits, found: Causes) -> Drift:
     """Describe the drift; effects are None where the design does not carry them."""
     points, fit, scale = fits.points, fits.friction, fits.scale_n
     carried = fits.drift_share < CARRIED

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
-import re
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.characteristics.stops.files import STOPS_FILE, dwell_tables, write_stops
-from pneudrive.characteristics.table import COLUMNS, TEXT, WHOLE
+from pneudrive.describe.toml import key_text, value_text
+from pneudrive.friction.friction_map import write_map
 from pneudrive.trajectory import check_target, write_frame
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from pneudrive.characteristics.compare.comparison import Comparison
     from pneudrive.characteristics.result import CampaignCharacteristics
 
@@ -50,20 +46,9 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
         The folder cannot be written to.
     """
     folder = Path(folder)
-    written = [write_campaign_map(found.friction_map, folder / name) for name in MAP_FILES]
+    written = [write_map(found.friction_map, folder / name) for name in MAP_FILES]
     written += [write_curves(found, folder / CURVES_FILE), write_effects(found, folder / EFFECTS_FILE)]
     return [*written, write_stops(found, folder / STOPS_FILE)] if found.stops else written
-
-
-def write_campaign_map(friction_map: xr.Dataset, path: str | Path) -> Path:
-    """Write the map of a campaign with all of its columns, .parquet or .csv."""
-    import polars as pl
-
-    path = check_target(path, (".parquet", ".csv"))
-    kinds = {name: pl.String if name in TEXT else pl.Int64 if name in WHOLE else pl.Float64 for name in COLUMNS}
-    columns = {name: pl.Series(name, friction_map[name].to_numpy().tolist(), dtype=kinds[name]) for name in COLUMNS}
-    write_frame(pl.DataFrame(columns), path)
-    return path
 
 
 def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
@@ -158,7 +143,8 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
 def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
     """Plain values first, then tables, then lists of tables; what is None or empty is left out."""
     plain, inner, lists = [], [], []
-    for key, value in table.items():
+    for key, given in table.items():
+        value = given.tolist() if isinstance(given, np.ndarray | np.generic) else given
         if value is None or (isinstance(value, list | tuple | dict) and not len(value)):
             continue
         if is_dataclass(value) or isinstance(value, dict):
@@ -166,43 +152,15 @@ def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
         elif isinstance(value, list | tuple) and (is_dataclass(value[0]) or isinstance(value[0], dict)):
             lists.append((key, [_fields(item) for item in value]))
         else:
-            plain.append(f"{_key(key)} = {_value(value)}")
+            plain.append(f"{key_text(key)} = {value_text(value)}")
     lines = plain
     for key, value in inner:
-        lines += ["", f"[{'.'.join((*name, _key(key)))}]", *_lines(value, (*name, _key(key)))]
+        lines += ["", f"[{'.'.join((*name, key_text(key)))}]", *_lines(value, (*name, key_text(key)))]
     for key, items in lists:
         for item in items:
-            lines += ["", f"[[{'.'.join((*name, _key(key)))}]]", *_lines(item, (*name, _key(key)))]
+            lines += ["", f"[[{'.'.join((*name, key_text(key)))}]]", *_lines(item, (*name, key_text(key)))]
     return lines
 
 
 def _fields(value: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the results' dataclasses
     return value if isinstance(value, dict) else {field.name: getattr(value, field.name) for field in fields(value)}
-
-
-def _value(value: Any) -> str:  # noqa: ANN401
-    """One TOML value."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, bool | np.bool_):
-        return "true" if value else "false"
-    if isinstance(value, int | np.integer):
-        return str(int(value))
-    if isinstance(value, float | np.floating):
-        number = float(value)
-        return (
-            repr(number) if math.isfinite(number) else "nan" if math.isnan(number) else "inf" if number > 0 else "-inf"
-        )
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(_value(item) for item in value)}]"
-    return _text(str(value))
-
-
-def _key(name: str) -> str:
-    """Write a key of TOML: bare where its letters allow that."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
-
-
-def _text(value: str) -> str:
-    """Write a basic string of TOML; JSON escapes the same characters, except for delete."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from pneudrive.characteristics.basics import Statement
     from pneudrive.characteristics.curves import Fits
-    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.reading import CampaignData
     from pneudrive.estimate.estimates import Estimate, FTest
 
     Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class _Design:
         return np.where(self.compared, values - values[self.compared].mean(), 0.0)
 
 
-def pressure_effects(reading: Reading, fits: Fits) -> tuple[PressureEffects, ...]:
+def pressure_effects(reading: CampaignData, fits: Fits) -> tuple[PressureEffects, ...]:
     """Find the effects of pressure for each set of mounting, seal and drive with several pressure pairs."""
     points = fits.points
     found = []
@@ -73,7 +73,7 @@ def pressure_effects(reading: Reading, fits: Fits) -> tuple[PressureEffects, ...
     return tuple(found)
 
 
-def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: str) -> PressureEffects | None:
+def _effects(reading: CampaignData, fits: Fits, members: NDArray[np.bool_], title: str) -> PressureEffects | None:
     design, members = _design(reading, fits, members)
     if design is None:
         return None
@@ -124,7 +124,7 @@ def _effects(reading: Reading, fits: Fits, members: NDArray[np.bool_], title: st
     )
 
 
-def _design(reading: Reading, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
+def _design(reading: CampaignData, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
     """Keep the speeds that were measured at all pressure pairs, and say what the pairs can tell."""
     points = fits.points
     absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])

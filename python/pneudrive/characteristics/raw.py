@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.plausible import refuse_channels
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.samples import clean
 from pneudrive.errors import RecordingError
+from pneudrive.friction.plausible import refuse_channels
 from pneudrive.rig.interface import Move
 
 if TYPE_CHECKING:

@@ -11,11 +11,10 @@ import numpy as np
 
 from pneudrive.bulk import many_objects
 from pneudrive.campaign.folder import CycleFile, read_samples
-from pneudrive.characterise.pool import in_processes, workers
+from pneudrive.characterise.pool import share_out
 from pneudrive.characteristics.basics import Skipped
 from pneudrive.characteristics.cycle import BINS, CycleData, read_sliding, read_standing
-from pneudrive.characteristics.gain import Gain, corrected, sensor_gain
-from pneudrive.characteristics.pressure_zero import PressureZero, pressure_zeros, without_zeros
+from pneudrive.characteristics.sensors import Gain, PressureZero, corrected, pressure_zeros, sensor_gain, without_zeros
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.rig.interface import Identity, Move
 
@@ -40,7 +39,7 @@ ENDS = (0.001, 0.999)  # quantiles of position: what single damaged samples show
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class CampaignData:
     """Everything that was read of a campaign.
 
     Attributes
@@ -99,7 +98,7 @@ def _date(started: str) -> str:
 
 
 @many_objects()
-def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None = None) -> Reading:
+def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None = None) -> CampaignData:
     """Read all cycles of a campaign.
 
     Parameters
@@ -127,19 +126,14 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         )
     wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
-    number = processes or workers()
-    if len(wanted) < WORTH_WORKERS or number < 2:
-        found = read_part(wanted, campaign.identity, choice, edges)
-    else:
-        parts = [wanted[i::number] for i in range(number)]
-        found = in_processes(read_part, [(part, campaign.identity, choice, edges) for part in parts])
+    found = share_out(read_part, wanted, campaign.identity, choice, edges, least=WORTH_WORKERS, processes=processes)
     data = sorted((r.data for r in found if isinstance(r.data, CycleData)), key=lambda d: d.head.index)
     skipped += [r.data for r in found if isinstance(r.data, Skipped)]
     tares = [d for d in data if d.head.cycle.kind == "tare"]
     gain = sensor_gain(campaign.identity, [d for d in data if d.head.cycle.kind == "weight"], tares)
     zeros = pressure_zeros(campaign.identity, tares)
     sliding = corrected([d for d in data if d.head.cycle.kind in SLIDING], gain)
-    return Reading(
+    return CampaignData(
         identity=campaign.identity,
         files=tuple(files),
         heads=tuple(file.head for file in files),

@@ -10,10 +10,11 @@ from pneudrive.characterise.motion import straight_line
 from pneudrive.characteristics.basics import BOTH, PA_PER_BAR
 from pneudrive.characteristics.curves import deviation_n
 from pneudrive.characteristics.drift import pure_scatter
-from pneudrive.characteristics.plausible import NEGATIVE, OUTLIER, suspicions
+from pneudrive.characteristics.plausible import suspicions
 from pneudrive.characteristics.sentences import NAMED, named, say
 from pneudrive.characteristics.smooth import CARRIED
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
+from pneudrive.friction.plausible import NEGATIVE, OUTLIER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from pneudrive.characteristics.curves import Fits, Points
     from pneudrive.characteristics.drift import Causes
     from pneudrive.characteristics.effects import Drift, Repeatability
-    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.reading import CampaignData
     from pneudrive.characteristics.result import CampaignCharacteristics
 
     Array = NDArray[np.float64]
@@ -37,7 +38,11 @@ KIND_TOLD = 0.05  # probability below which chance is not said to be of a kind
 
 
 def statements(
-    found: CampaignCharacteristics, reading: Reading, points: Points | None, fits: Fits | None, causes: Causes | None
+    found: CampaignCharacteristics,
+    reading: CampaignData,
+    points: Points | None,
+    fits: Fits | None,
+    causes: Causes | None,
 ) -> tuple[Statement, ...]:
     """Say what the data carry and what they do not."""
     said = [*_data(found, reading, points), *_ranges(found)]
@@ -48,7 +53,7 @@ def statements(
     return (*said, *_air(found), *_position(found), *_stick_slip(found), *_excluded(found))
 
 
-def _data(found: CampaignCharacteristics, reading: Reading, points: Points | None) -> Iterator[Statement]:
+def _data(found: CampaignCharacteristics, reading: CampaignData, points: Points | None) -> Iterator[Statement]:
     if found.skipped:
         several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")
         more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
@@ -92,7 +97,7 @@ def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
     yield say(kind, first_mm=place[0], last_mm=place[-1])
 
 
-def _sensor(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Iterator[Statement]:
+def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
     """Say how far the force sensor is known."""
     data = fits.points.reduced.data
     if any(d.assumed for d in data):
@@ -110,7 +115,7 @@ def _sensor(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Ite
         yield say(kind, **percent)
 
 
-def _scatter(found: CampaignCharacteristics, reading: Reading, fits: Fits) -> Iterator[Statement]:
+def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
     repeat = found.repeatability
     if repeat is not None and repeat.within is not None:
         kind = "within" if repeat.between is None else "within_and_between"
@@ -218,7 +223,7 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
             yield say("direction.several", count=len(group), finding=finding, half=half, **ends)
 
 
-def _pressure_zeros(reading: Reading) -> Iterator[Statement]:
+def _pressure_zeros(reading: CampaignData) -> Iterator[Statement]:
     for chamber, zero in reading.pressure_zeros.items():
         if zero.tares:
             yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero.stderr_pa)

@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.characteristics.curves import Fits, Points, deviation_n, systematic
 from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
+from pneudrive.friction.friction_map import Row, columns_to_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.characteristics.cycle import CycleData
-    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.reading import CampaignData
 
 #: Further columns -> (unit, meaning), after those of every friction map.
 LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
@@ -34,13 +35,11 @@ LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
     "temperature_k": ("K", "mean temperature"),
 }
 COLUMNS = {**MAP_COLUMNS, **LEVEL_COLUMNS}
-TEXT = {"recording", "flags", "kind", "mounting", "seal", "drive"}
-WHOLE = {"direction", "samples", "strokes", "block", "repeat"}
 
 
-def friction_map(reading: Reading, points: Points | None, fits: Fits | None, protocol: str) -> xr.Dataset:
+def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None, protocol: str) -> xr.Dataset:
     """Put the map together, one row per cycle and direction, in the order of the campaign."""
-    rows: list[dict[str, object]] = []
+    rows: list[Row] = []
     if points is not None:
         bands = _bands(reading, points, fits)
         for i, d in enumerate(points.reduced.data):
@@ -51,23 +50,16 @@ def friction_map(reading: Reading, points: Points | None, fits: Fits | None, pro
         for d in reading.sliding:
             rows += _unpaired_rows(d, reading)
     rows.sort(key=lambda row: (row["began_s"], row["recording"], -int(str(row["direction"]))))
-    found = to_dataset({name: [row[name] for row in rows] for name in COLUMNS})
-    found.attrs |= {"protocol": protocol, "ambient_pressure_pa": reading.identity.ambient_pressure_pa}
+    found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS}, COLUMNS)
+    found.attrs |= {
+        "title": "friction map of a campaign",
+        "protocol": protocol,
+        "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
+    }
     return found
 
 
-def to_dataset(columns: dict[str, list]) -> xr.Dataset:
-    """Columns of equal length as a Dataset with one dimension ``row``."""
-    import xarray as xr
-
-    variables = {}
-    for name, (unit, meaning) in COLUMNS.items():
-        kind = object if name in TEXT else np.int64 if name in WHOLE else np.float64
-        variables[name] = ("row", np.asarray(columns[name], dtype=kind), {"units": unit, "long_name": meaning})
-    return xr.Dataset(variables, attrs={"title": "friction map of a campaign"})
-
-
-def _bands(reading: Reading, points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
+def _bands(reading: CampaignData, points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
     """Half widths of the bands of single cycles, N."""
     reduced = points.reduced
     nothing = np.full(len(points), np.nan)
@@ -95,7 +87,7 @@ def _bands(reading: Reading, points: Points, fits: Fits | None) -> dict[str, np.
     return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(reading, points, fits)}
 
 
-def _offsets(reading: Reading, points: Points, fits: Fits) -> np.ndarray:
+def _offsets(reading: CampaignData, points: Points, fits: Fits) -> np.ndarray:
     """Half the sum of each cycle without the zero of the sensor; zero where no tare shows it."""
     if not fits.has_zero:
         return np.zeros(len(points))
@@ -108,8 +100,8 @@ def _offsets(reading: Reading, points: Points, fits: Fits) -> np.ndarray:
 
 
 def _paired_rows(
-    points: Points, bands: dict[str, np.ndarray], i: int, d: CycleData, reading: Reading
-) -> list[dict[str, object]]:
+    points: Points, bands: dict[str, np.ndarray], i: int, d: CycleData, reading: CampaignData
+) -> list[Row]:
     reduced = points.reduced
     friction, offset = float(reduced.friction_n[i]), float(reduced.offset_n[i])
     stderr, u = float(bands["stderr"][i]), float(bands["u"][i])
@@ -142,7 +134,7 @@ def _paired_rows(
     return rows
 
 
-def _unpaired_rows(d: CycleData, reading: Reading) -> list[dict[str, object]]:
+def _unpaired_rows(d: CycleData, reading: CampaignData) -> list[Row]:
     rows = []
     for direction, side in d.sides.items():
         balance = float(np.nanmean(side.balance_n))
@@ -166,7 +158,7 @@ def _unpaired_rows(d: CycleData, reading: Reading) -> list[dict[str, object]]:
     return rows
 
 
-def _common(d: CycleData, direction: int, reading: Reading) -> dict[str, object]:
+def _common(d: CycleData, direction: int, reading: CampaignData) -> Row:
     side, cycle = d.sides[direction], d.head.cycle
     return {
         "recording": cycle.key,
@@ -187,6 +179,7 @@ def _common(d: CycleData, direction: int, reading: Reading) -> dict[str, object]
         "repeat": cycle.repeat,
         "began_s": d.head.began_s,
         "temperature_k": d.temperature_k,
+        "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
     }
 
 

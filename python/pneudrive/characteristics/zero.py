@@ -13,14 +13,14 @@ from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
 
 if TYPE_CHECKING:
-    from pneudrive.characteristics.reading import Reading
+    from pneudrive.characteristics.reading import CampaignData
     from pneudrive.estimate.estimates import Estimate
 
 HOUR_S = 3600.0
 FEWEST_TARES = 3  # from which a drift is told
 
 
-def sensor_zero(reading: Reading) -> SensorZero:
+def sensor_zero(reading: CampaignData) -> SensorZero:
     """Give the zero of each tare and its drift."""
     tares = reading.tares
     if not tares:

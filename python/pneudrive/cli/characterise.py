@@ -45,9 +45,9 @@ def characterise(
     Of a campaign also curves.parquet and effects.toml, and what its data carry and what not.
     """
     from pneudrive.characterise.characterisation import characterise_recordings
-    from pneudrive.characterise.friction_map import write_map
     from pneudrive.characterise.pressure_line import ALL_RECORDINGS
     from pneudrive.characterise.settling import SAMPLE_CHOICES
+    from pneudrive.friction.friction_map import write_map
     from pneudrive.identify.fit import LAWS
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
@@ -123,7 +123,7 @@ def _say(found: Characterisation, written: list[Path]) -> None:
     heads = ("recording", "speed mm/s", "friction N", "U (k=2) N", "offset N", "<flags")
     rows = []
     for level in found.levels[:MOST_ROWS]:
-        speeds = ", ".join(f"{row.velocity_m_s * 1e3:+.1f}" for row in level.rows)
+        speeds = ", ".join(f"{row['velocity_m_s'] * 1e3:+.1f}" for row in level.rows)
         numbers = (f"{n:.2f}" for n in (level.friction_n, level.expanded_n, level.offset_n))
         rows.append((level.recording, speeds, *numbers, " ".join(level.flags)))
     show_table(heads, rows)

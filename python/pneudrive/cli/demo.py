@@ -16,10 +16,10 @@ def demo(
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
     from pneudrive.characterise.characterisation import characterise_recordings
-    from pneudrive.characterise.friction_map import write_map
     from pneudrive.characterise.pressure_line import ALL_RECORDINGS
     from pneudrive.cli.output import writable_folder
     from pneudrive.errors import CommandError
+    from pneudrive.friction.friction_map import write_map
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
     from pneudrive.report.verdict import verdict

@@ -88,9 +88,9 @@ def fit(
 def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     """Read a map, or make one."""
     from pneudrive.characterise.characterisation import characterise_recordings
-    from pneudrive.characterise.friction_map import read_map
     from pneudrive.characteristics.campaign import characteristics
     from pneudrive.errors import CommandError, PneudriveError
+    from pneudrive.friction.friction_map import read_map
 
     missing = next((path for path in source if not path.exists()), None)
     if missing is not None:
@@ -119,7 +119,7 @@ def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
     from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 
     ambient = [float(one.attrs.get("ambient_pressure_pa", STANDARD_ATMOSPHERE_PA)) for one in maps]
-    common = [str(name) for name in maps[0] if all(name in one for one in maps)]
+    common = [str(name) for name in maps[0] if name != "ambient_pressure_pa" and all(name in one for one in maps)]
     parts = []
     for path, one, air in zip(paths, maps, ambient, strict=True):
         names = np.array([f"{path}: {name}" for name in one["recording"].to_numpy()], dtype=object)
@@ -148,7 +148,7 @@ def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None
 
 def _averaged(curves: xr.Dataset, by: str) -> list[str]:
     """Say which labels differ within what is fitted together, so that the fit averages over them."""
-    from pneudrive.characterise.friction_map import COLUMNS
+    from pneudrive.friction.friction_map import COLUMNS
 
     said = []
     for name, column in curves.data_vars.items():

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from pneudrive.characterise.budget import DirectionMeans
 from pneudrive.characterise.motion import find_strokes, local_slope, thinned
-from pneudrive.characterise.plausible import refuse_impossible
 from pneudrive.characterise.reversal import ReversalPeak, find_reversal_peaks
 from pneudrive.characterise.stick_slip import StickSlip, stick_slip_of
+from pneudrive.friction.budget import DirectionMeans
 from pneudrive.friction.pairing import Grid, bin_means, grid_over, pair
+from pneudrive.friction.plausible import refuse_impossible
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

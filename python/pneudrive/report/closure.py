@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.closure import ClosureFit, Estimate
+    from pneudrive.characterise.closure import ClosureFit
+    from pneudrive.estimate.estimates import Estimate
     from pneudrive.report.page import Section
 
 MOST_GROUPS = 8

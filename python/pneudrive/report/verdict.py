@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.closure import Estimate
+    from pneudrive.estimate.estimates import Estimate
     from pneudrive.report.study import Fits, Study
 
 LINES = 5

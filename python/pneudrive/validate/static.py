@@ -158,7 +158,7 @@ def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: floa
 
 
 def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
-    from pneudrive.characterise.friction_map import read_map
+    from pneudrive.friction.friction_map import read_map
 
     rows = read_map(path)
     velocity, friction = rows["velocity_m_s"].to_numpy(), rows["friction_n"].to_numpy()

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.characterise.drive_recording import read_drive_recordings
-from pneudrive.characterise.plausible import check_plausible, time_gaps
+from pneudrive.characterise.drive_recording import check_plausible, read_drive_recordings, time_gaps
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.base import sections
 from pneudrive.identify.dynamic.result import DriveFit

@@ -6,7 +6,7 @@ import pytest
 
 from pneudrive.characterise import Layout, Settled, characterise, characterise_recordings, pool
 from pneudrive.characterise import campaign as module
-from pneudrive.characterise.campaign import CAMPAIGN_LAYOUT, Cycles, find_cycles, summarise
+from pneudrive.characterise.campaign import CAMPAIGN_LAYOUT, find_cycles, summarise
 from pneudrive.errors import RecordingError
 
 LAYOUT = Layout.loads(CAMPAIGN_LAYOUT.format(kind="rodless", bore="25 mm"))
@@ -149,8 +149,6 @@ def test_files_that_are_no_campaign(plan, tmp_path):
 
 
 def test_work_is_divided_in_order_and_completely(plan):
-    cycles = find_cycles(plan, LAYOUT)
-    parts = module._divide([cycles, cycles.part(0, 1)], 4)
-    sizes = [sum(len(p) if isinstance(p, Cycles) else 1 for p in part) for part in parts]
-    assert sizes == [4, 4, 4, 1]
-    assert np.concatenate([p.numbers for part in parts for p in part]).tolist() == [*range(12), 0]
+    parts = find_cycles(plan, LAYOUT).parts(5)
+    assert [len(part) for part in parts] == [2, 2, 3, 2, 3]
+    assert np.concatenate([part.numbers for part in parts]).tolist() == [*range(12)]

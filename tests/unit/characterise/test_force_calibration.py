@@ -10,13 +10,13 @@ import polars as pl
 import pytest
 
 from oracle.campaigns import World, write_campaign
-from pneudrive.characterise.budget import DirectionMeans, systematic_budget
 from pneudrive.characterise.force_calibration import ForceCalibration
 from pneudrive.characterise.layout import Layout
 from pneudrive.characterise.load import convert
 from pneudrive.characterise.recording import Recording
 from pneudrive.characteristics import characteristics
 from pneudrive.errors import CampaignError, LayoutError
+from pneudrive.friction.budget import DirectionMeans, systematic_budget
 
 REFERENCE = (-200.0, -60.0, -20.0, 0.0, 20.0, 60.0, 200.0)
 SHOWN = (-204.0, -61.0, -20.5, 0.4, 21.1, 61.2, 202.0)

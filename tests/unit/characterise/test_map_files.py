@@ -18,7 +18,7 @@ CONTRACT = [
         "offset_n",
     ),
     *("stderr_n", "u_systematic_n", "samples", "strokes", "position_from_m", "position_to_m", "breakaway_n", "dwell_s"),
-    *("loading_rate_n_s", "flags"),
+    *("loading_rate_n_s", "flags", "ambient_pressure_pa"),
 ]
 
 
@@ -45,7 +45,13 @@ def test_files_hold_the_same_columns_and_numbers(make, tmp_path, suffix):
             assert again[name].to_numpy().tolist() == curves[name].to_numpy().tolist()
         else:
             np.testing.assert_array_equal(again[name].to_numpy(), curves[name].to_numpy())
+    assert again.attrs["ambient_pressure_pa"] == curves.attrs["ambient_pressure_pa"]
     assert not list(tmp_path.glob(".*"))
+
+
+def test_a_map_of_earlier_versions_has_no_ambient_pressure(make, tmp_path):
+    path = write_map(characterise(make()).drop_vars("ambient_pressure_pa"), tmp_path / "map.parquet")
+    assert "ambient_pressure_pa" not in read_map(path).attrs
 
 
 def test_what_cannot_be_written_or_read(make, tmp_path):

@@ -164,7 +164,7 @@ def test_an_offset_that_runs_along_the_stroke_does_not_look_like_a_transient(mak
     (level,) = characterise_recordings(recording).levels
     assert level.friction_n == pytest.approx(2.5, abs=0.05)
     assert "unpaired" not in level.flags
-    assert [row.strokes for row in level.rows] == [5, 5]
+    assert [row["strokes"] for row in level.rows] == [5, 5]
 
 
 def test_friction_that_varies_over_position_has_settled_where_it_is_low(make):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from oracle.drive_records import drive, record
-from pneudrive.characterise.drive_recording import drive_recording
-from pneudrive.characterise.plausible import check_plausible, refuse_standstill, time_gaps
+from pneudrive.characterise.drive_recording import check_plausible, drive_recording, refuse_standstill, time_gaps
 from pneudrive.errors import RecordingError
 
 

@@ -40,14 +40,14 @@ def test_a_well_sampled_peak_is_measured(make, offset):
     assert all(p.dwell_s == pytest.approx(0.5, abs=0.05) for p in good)
     assert all(p.loading_rate_n_s > 100 for p in good)
     for row in level.rows:
-        assert row.breakaway_n == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
-        assert "breakaway_spoiled" not in row.flags
+        assert row["breakaway_n"] == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
+        assert "breakaway_spoiled" not in row["flags"]
 
 
 def test_fewer_than_ten_samples_on_the_rise_spoil_it(make):
     level = characterise_recordings(with_peaks(make, rate=60.0)).levels[0]
     assert all("undersampled" in p.flags for p in level.peaks)
-    assert all(np.isnan(row.breakaway_n) and "breakaway_spoiled" in row.flags for row in level.rows)
+    assert all(np.isnan(row["breakaway_n"]) and "breakaway_spoiled" in row["flags"] for row in level.rows)
 
 
 def test_a_pressure_transient_spoils_it(make):

@@ -31,7 +31,7 @@ def test_one_stroke_takes_the_other_direction_s_spread():
 def test_stroke_spread_and_not_samples_set_the_standard_error(make):
     level = characterise_recordings(make(stroke_spread=0.3, strokes=20, noise=0.05, seed=5)).levels[0]
     expected = 0.5 * np.sqrt(2 * 0.3**2 / 10)
-    naive = 0.05 / np.sqrt(level.rows[0].samples)
+    naive = 0.05 / np.sqrt(level.rows[0]["samples"])
     assert level.stderr_n == pytest.approx(expected, rel=0.5)
     assert level.stderr_n > 10 * naive
 

@@ -15,7 +15,7 @@ import numpy as np
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characteristics.compare.checks import Check, checks_of
 from pneudrive.characteristics.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
-from pneudrive.characteristics.gain import stated_gain
+from pneudrive.characteristics.sensors import stated_gain
 from pneudrive.characteristics.sentences import capitalised, say
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import CHANCE, Estimate

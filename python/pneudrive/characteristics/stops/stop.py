@@ -13,7 +13,7 @@ import numpy as np
 
 from pneudrive.campaign.folder import CycleFile, read_samples
 from pneudrive.characterise.motion import noise_level
-from pneudrive.characterise.pool import in_processes, workers
+from pneudrive.characterise.pool import share_out
 from pneudrive.characteristics.basics import Skipped
 from pneudrive.characteristics.cycle import condition_of
 from pneudrive.characteristics.raw import recording_of, steps_of
@@ -329,11 +329,7 @@ def find_stops(
     if not stops:
         return (), ()
     others = read_strokes(_comparable(files, stops), campaign.identity)
-    number = processes or workers()
-    if len(stops) < WORTH_WORKERS or number < 2:
-        found = read_stops(stops, campaign.identity, others)
-    else:
-        found = in_processes(read_stops, [(stops[i::number], campaign.identity, others) for i in range(number)])
+    found = share_out(read_stops, stops, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
     read = sorted((s for s in found if isinstance(s, Stop)), key=lambda s: s.index)
     skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
     return tuple(read), tuple(skipped)

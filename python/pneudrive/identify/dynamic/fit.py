@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.drive_recording import read_drive_recordings
-from pneudrive.characterise.plausible import check_plausible, refuse_standstill, time_gaps
+from pneudrive.characterise.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
 from pneudrive.characterise.spread import robust_deviation
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.assemble import assembled

@@ -1,10 +1,9 @@
-"""The friction map: one row per recording, speed level and direction."""
+"""The friction map: one row per recording, or cycle of a campaign, speed level and direction."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +13,8 @@ from pneudrive.files.tables import open_table
 from pneudrive.trajectory import check_target, write_frame
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     import xarray as xr
 
 # Column -> (unit, meaning), in the order of the files; the labels of the recordings follow them.
@@ -36,53 +37,38 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "dwell_s": ("s", "median time at rest before the stroke"),
     "loading_rate_n_s": ("N/s", "median rate at which friction rises after reversal"),
     "flags": ("", "comma separated names of what was found"),
+    "ambient_pressure_pa": ("Pa", "absolute pressure around the rod"),
 }
-_TEXT = {"recording", "flags"}
-_WHOLE = {"direction", "samples", "strokes"}
+AMBIENT = "ambient_pressure_pa"  # which maps of earlier versions lack
+Row = dict[str, Any]  # of the map, by `COLUMNS`
 
 
-@dataclass(frozen=True)
-class MapRow:
-    """One row, see ``COLUMNS``; ``labels`` are those of its recording."""
-
-    recording: str
-    direction: int
-    velocity_m_s: float
-    pressure_a_pa: float
-    pressure_b_pa: float
-    balance_n: float
-    friction_n: float
-    offset_n: float
-    stderr_n: float
-    u_systematic_n: float
-    samples: int
-    strokes: int
-    position_from_m: float
-    position_to_m: float
-    breakaway_n: float
-    dwell_s: float
-    loading_rate_n_s: float
-    flags: str
-    labels: dict[str, str] = field(default_factory=dict)
-
-
-def to_dataset(rows: list[MapRow]) -> xr.Dataset:
-    """Rows as a Dataset with one dimension ``row`` and a unit on every variable; each label is a column of texts."""
-    found = columns_to_dataset({name: [getattr(row, name) for row in rows] for name in COLUMNS})
-    names = dict.fromkeys(name for row in rows for name in row.labels)
-    labels = {name: np.array([row.labels.get(name, "") for row in rows], dtype=object) for name in names}
+def rows_to_dataset(rows: list[Row], labels: list[dict[str, str]]) -> xr.Dataset:
+    """Rows, and the labels of each, as a Dataset; each label is a column of texts."""
+    found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS})
     about = {"units": "", "long_name": "label of the recording"}
-    return found.assign({name: ("row", values, about) for name, values in labels.items()})
+    for name in dict.fromkeys(name for of_row in labels for name in of_row):
+        found[name] = ("row", np.array([of_row.get(name, "") for of_row in labels], dtype=object), about)
+    return found
 
 
-def columns_to_dataset(columns: dict[str, list | np.ndarray]) -> xr.Dataset:
-    """Columns of equal length as a friction map."""
+def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapping = COLUMNS) -> xr.Dataset:
+    """Columns of equal length as a Dataset with one dimension ``row`` and a unit on every variable.
+
+    Parameters
+    ----------
+    columns : mapping
+        Name -> values; what `about` does not name is left out.
+    about : mapping
+        Name -> (unit, meaning), in the order of the variables. What has no unit is text, what is counted ("1") whole.
+    """
     import xarray as xr
 
     variables = {}
-    for name, (unit, meaning) in COLUMNS.items():
-        kind = object if name in _TEXT else np.int64 if name in _WHOLE else np.float64
-        variables[name] = ("row", np.asarray(columns[name], dtype=kind), {"units": unit, "long_name": meaning})
+    for name, (unit, meaning) in about.items():
+        if name in columns:
+            kind = {"": object, "1": np.int64}.get(unit, np.float64)
+            variables[name] = ("row", np.asarray(columns[name], dtype=kind), {"units": unit, "long_name": meaning})
     return xr.Dataset(variables, attrs={"title": "friction map"})
 
 
@@ -97,12 +83,10 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     import polars as pl
 
     path = check_target(path, (".parquet", ".csv"))
-    names = [*COLUMNS, *(str(name) for name in friction_map.data_vars if name not in COLUMNS)]
-    columns = {name: friction_map[name].to_numpy().tolist() for name in names}
-    frame = pl.DataFrame(
-        {n: pl.Series(n, v, dtype=_polars_type(n) if n in COLUMNS else None) for n, v in columns.items()}
-    )
-    write_frame(frame, path)
+    columns = {str(name): column.to_numpy() for name, column in friction_map.data_vars.items()}
+    kinds = {"i": pl.Int64, "f": pl.Float64}
+    series = [pl.Series(n, v.tolist(), dtype=kinds.get(v.dtype.kind, pl.String)) for n, v in columns.items()]
+    write_frame(pl.DataFrame(series), path)
     return path
 
 
@@ -119,13 +103,19 @@ def read_map(path: str | Path) -> xr.Dataset:
         table = open_table(path, "parquet")
         columns = table.get(table.names)
     else:
-        frame = read_csv(path, {name: _polars_type(name) for name in COLUMNS}, RecordingError)
+        import polars as pl
+
+        kinds = {"": pl.String, "1": pl.Int64}
+        types = {name: kinds.get(unit, pl.Float64) for name, (unit, _) in COLUMNS.items()}
+        frame = read_csv(path, types, RecordingError)
         columns = {name: frame[name].to_numpy() for name in frame.columns}
-    missing = [name for name in COLUMNS if name not in columns]
+    missing = [name for name in COLUMNS if name not in columns and name != AMBIENT]
     if missing:
         remedy = "take the map that pneudrive characterise writes"
         raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path), remedy=remedy)
-    found = columns_to_dataset({name: _checked(name, columns[name], path) for name in COLUMNS})
+    found = columns_to_dataset({n: _checked(n, v, path) for n, v in columns.items() if n in COLUMNS})
+    if AMBIENT in columns:
+        found.attrs[AMBIENT] = float(found[AMBIENT].mean())
     own = {name: values for name, values in columns.items() if name not in COLUMNS}  # labels that a user added
     return found.assign(
         {n: ("row", values.astype(object) if values.dtype.kind == "U" else values) for n, values in own.items()}
@@ -134,16 +124,11 @@ def read_map(path: str | Path) -> xr.Dataset:
 
 def _checked(name: str, values: np.ndarray, path: Path) -> np.ndarray:
     """Give a column of a file as the map holds it."""
-    if name in _TEXT:
+    unit, _ = COLUMNS[name]
+    if not unit:
         return np.array([str(v) if v is not None else "" for v in values.tolist()], dtype=object)
-    if values.dtype.kind not in "iuf" or (name in _WHOLE and not np.all(values == np.floor(values))):
-        rule = "whole numbers" if name in _WHOLE else "numbers"
+    if values.dtype.kind not in "iuf" or (unit == "1" and not np.all(values == np.floor(values))):
+        rule = "whole numbers" if unit == "1" else "numbers"
         shown = f"{values.dtype}, {values[:3].tolist()}"
         raise RecordingError(f"column {name} of the friction map holds no {rule}", where=str(path), value=shown)
     return values
-
-
-def _polars_type(name: str):  # noqa: ANN202 - polars is imported on use
-    import polars as pl
-
-    return pl.String if name in _TEXT else pl.Int64 if name in _WHOLE else pl.Float64

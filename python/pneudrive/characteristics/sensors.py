@@ -1,4 +1,7 @@
-"""Zeros of the pressure transducers from tares, in which both chambers are open: there they should show ambient."""
+"""What cycles at rest tell of the sensors: gain of the force sensor by known weights, zeros of the pressures by tares.
+
+In an open tare both chambers should show ambient pressure.
+"""
 
 from __future__ import annotations
 
@@ -7,38 +10,122 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.budget import USUAL_RANGES_PA
-from pneudrive.estimate.autocorrelation import stderr_of_mean
+from pneudrive.characteristics.cycle import SIDES
+from pneudrive.friction.budget import USUAL_RANGES_PA
+from pneudrive.rig.interface import Hold
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.characteristics.cycle import CycleData
+    from pneudrive.characteristics.cycle import CycleData, OpenPressure, Side
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]
 
+SURPRISE = 3.0  # standard uncertainties between what is stated and what weights show
+GROWING = ("force: gain", "force: creep")  # sources in proportion to the force
+PLAUSIBLE = 0.1  # a gain that is off by more was not the sensor's: the weight was another one, or was carried
 REACH = 5.0  # stated accuracies: what is further from ambient is no zero of a sound transducer (assumed)
-SIDES = ("a", "b")
 
 
 @dataclass(frozen=True)
-class Standing:
-    """A chamber's pressure in an open tare, Pa: mean, its standard error, and its change from one half to the other."""
+class Gain:
+    """Relative error of the force sensor's gain.
 
-    mean_pa: float
-    stderr_pa: float
-    change_pa: float
+    Attributes
+    ----------
+    error : float
+        What is taken out of the force: measured error, weighted against the stated accuracy.
+    stderr : float
+        Standard uncertainty of what is left; NaN where no weight was hung on.
+    measured, measured_stderr : float
+        From the weights alone; NaN where there are none.
+    cycles : int
+    plausible : bool
+    surprising : bool
+        Further off than the stated accuracy and the scatter allow: the weights are then believed alone.
+    """
 
-    @classmethod
-    def of(cls, values: Array) -> Standing | None:
-        """Sum the samples up; None where the pressure was not measured."""
-        if np.ptp(values) == 0:
-            return None
-        first, second = np.array_split(values, 2)
-        return cls(float(values.mean()), stderr_of_mean(values), float(second.mean() - first.mean()))
+    error: float = 0.0
+    stderr: float = float("nan")
+    measured: float = float("nan")
+    measured_stderr: float = float("nan")
+    cycles: int = 0
+    plausible: bool = True
+    surprising: bool = False
+
+
+def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequence[CycleData]) -> Gain:
+    """Compare what the sensor shows under known weights with what it shows released.
+
+    A weight that pulls the piston in +x makes the rig hold it back: the sensor shows less by that force.
+    """
+    if not weights or not tares:
+        return Gain()
+    values, variances = [], []
+    for d in weights:
+        force = next((s.weight_n for s in d.head.cycle.steps if isinstance(s, Hold) and s.weight_n), 0.0)
+        if force == 0.0:
+            continue
+        tare = min(tares, key=lambda t: abs(t.head.index - d.head.index))
+        values.append((tare.standing_n - d.standing_n) / force - 1.0)
+        variances.append((d.standing_stderr_n**2 + tare.standing_stderr_n**2) / force**2)
+    if not values:
+        return Gain()
+    measured = float(np.mean(values))
+    scatter = float(np.var(values, ddof=1)) / len(values) if len(values) > 1 else 0.0
+    stderr = float(np.sqrt(max(float(np.mean(variances)) / len(values), scatter)))
+    if abs(measured) > PLAUSIBLE:
+        return Gain(0.0, float("nan"), measured, stderr, len(values), plausible=False)
+    prior = stated_gain(identity)
+    if prior is None:
+        return Gain(measured, stderr, measured, stderr, len(values))
+    total = float(np.hypot(prior, stderr))
+    if abs(measured) > SURPRISE * total:
+        return Gain(measured, stderr, measured, stderr, len(values), surprising=True)
+    share = prior**2 / total**2 if total > 0 else 0.0
+    return Gain(share * measured, float(np.sqrt(share)) * stderr, measured, stderr, len(values))
+
+
+def stated_gain(identity: Identity) -> float | None:
+    """Relative gain error that calibration or stated accuracy allow; None where nothing is stated."""
+    if identity.force_calibration is not None:
+        return identity.force_calibration.u_gain
+    if "force_n" not in identity.accuracy or "force_n" not in identity.limits:
+        return None
+    return identity.accuracy["force_n"] / max(abs(v) for v in identity.limits["force_n"])
+
+
+def corrected(data: Sequence[CycleData], gain: Gain) -> tuple[CycleData, ...]:
+    """Take the gain's error out of cycles, and put its remaining uncertainty in the place of the stated one."""
+    if not np.isfinite(gain.stderr):
+        return tuple(data)
+    return tuple(_corrected(d, gain) for d in data)
+
+
+def _corrected(d: CycleData, gain: Gain) -> CycleData:
+    known = {**d.u_force_n, "force: gain": gain.stderr * _half_difference(d)}
+    growing = (*(known[name] for name in GROWING if name in known), d.u_air_n)
+    return replace(
+        d,
+        sides={direction: _side(side, gain.error) for direction, side in d.sides.items()},
+        standing_n=d.standing_n / (1.0 + gain.error),
+        u_gain_n=float(np.sqrt(sum(u**2 for u in growing))),
+        u_force_n=known if d.u_force_n else {},
+        assumed=False,
+    )
+
+
+def _side(side: Side, error: float) -> Side:
+    force = side.balance_n - side.air_n
+    return replace(side, balance_n=side.air_n + force / (1.0 + error), force_n=side.force_n / (1.0 + error))
+
+
+def _half_difference(d: CycleData) -> float:
+    forces = [side.force_n for side in d.sides.values()]
+    return abs(forces[0] - forces[-1]) / 2.0 if len(forces) == 2 else abs(forces[0]) if forces else 0.0
 
 
 @dataclass(frozen=True)
@@ -80,7 +167,7 @@ def pressure_zeros(identity: Identity, tares: Sequence[CycleData]) -> dict[str, 
     return found
 
 
-def _zero(seen: list[tuple[CycleData, Standing]], ambient_pa: float, accuracy_pa: float) -> PressureZero:
+def _zero(seen: list[tuple[CycleData, OpenPressure]], ambient_pa: float, accuracy_pa: float) -> PressureZero:
     far, unsteady = {}, {}
     blocks: dict[int, list[float]] = {}
     noise = []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from pneudrive.characterise.recording import Recording
 
@@ -70,57 +70,43 @@ def systematic_budget(
     sample_interval_s
         Channels are taken to be simultaneous within this interval.
     """
-    entries: list[BudgetEntry] = []
-    for side in ("a", "b"):
-        entries += _pressure_entries(recording, side, up, down)
-    entries += _force_entries(recording, up, down)
-    entries += _geometry_entries(recording, up, down)
-    skew = sample_interval_s / np.sqrt(12.0)
-    speed = (abs(up.speed_m_s) + abs(down.speed_m_s)) / 2
-    entries.append(
-        BudgetEntry(
-            "time skew between channels",
-            skew,
-            "s",
-            "assumed",
-            "B",
-            abs(offset_slope_n_m) * speed * skew,
-            0.0,
-            "rectangular over one sampling interval",
-        )
-    )
-    return entries
+    skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.speed_m_s) + abs(down.speed_m_s)) / 2
+    turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
+    return [
+        *(entry for side in ("a", "b") for entry in _pressure_entries(recording, side, up, down)),
+        *_force_entries(recording, up, down),
+        *_geometry_entries(recording, up, down),
+        BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words),
+    ]
 
 
-@dataclass(frozen=True)
-class _Sensor:
-    """A sensor in the balance: its accuracy, and what one unit of it is in N.
+def _sensor_entries(
+    name: str, unit: str, known: tuple[float, str, str], newton_per_unit: float, change: float, reference: float
+) -> list[BudgetEntry]:
+    """List the common error, of which the pair leaves what changes with direction, and hysteresis.
 
-    ``reference`` is the value at which the whole accuracy may be an error of gain, ``change`` half the difference of
-    the mean readings of both directions.
+    Parameters
+    ----------
+    name, unit : str
+    known : tuple
+        Standard uncertainty, its basis, and a note.
+    newton_per_unit : float
+        Force of one unit of the sensor in the balance.
+    change, reference : float
+        Half the difference of the mean readings of both directions; value at which the whole accuracy may be an error
+        of gain.
     """
-
-    name: str
-    unit: str
-    uncertainty: float
-    basis: str
-    note: str
-    newton_per_unit: float
-    change: float
-    reference: float
-
-    def entries(self) -> list[BudgetEntry]:
-        """List the common error, of which the pair leaves what changes with direction, and hysteresis."""
-        common = self.uncertainty * self.newton_per_unit
-        hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
-        left = common * self.change / self.reference if self.reference else 0.0
-        note = f"{self.note}; cancels in the pair but for the change of the reading with direction".lstrip("; ")
-        share = "a third of the accuracy taken to change with direction"
-        lost = self.uncertainty * ASSUMED_DIRECTION_SHARE
-        return [
-            BudgetEntry(f"{self.name}: common error", self.uncertainty, self.unit, self.basis, "B", left, common, note),
-            BudgetEntry(f"{self.name}: hysteresis", lost, self.unit, "assumed", "B", hysteresis, hysteresis, share),
-        ]
+    u, basis, note = known
+    common = u * newton_per_unit
+    left = common * change / reference if reference else 0.0
+    hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
+    note = f"{note}; cancels in the pair but for the change of the reading with direction".lstrip("; ")
+    turns = "a third of the accuracy taken to change with direction"
+    lost = u * ASSUMED_DIRECTION_SHARE
+    return [
+        BudgetEntry(f"{name}: common error", u, unit, basis, "B", left, common, note),
+        BudgetEntry(f"{name}: hysteresis", lost, unit, "assumed", "B", hysteresis, hysteresis, turns),
+    ]
 
 
 def _accuracy(recording: Recording, channel: str, assumed: float, words: str) -> tuple[float, str, str]:
@@ -146,17 +132,10 @@ def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down:
     largest = float(np.max(np.abs(values - ambient)))
     span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
     words = f"0.5 % of a {span / 1e5:g} bar range, rectangular"
-    uncertainty, basis, note = _accuracy(recording, channel, float(span * ASSUMED_PRESSURE_OF_RANGE), words)
-    return _Sensor(
-        name=f"pressure {side}",
-        unit="Pa",
-        uncertainty=uncertainty,
-        basis=basis,
-        note=note,
-        newton_per_unit=getattr(recording, f"area_{side}_m2"),
-        change=abs(getattr(up, channel) - getattr(down, channel)) / 2,
-        reference=_reference(recording, channel, float(span), ambient),
-    ).entries()
+    known = _accuracy(recording, channel, float(span * ASSUMED_PRESSURE_OF_RANGE), words)
+    change = abs(getattr(up, channel) - getattr(down, channel)) / 2
+    reference = _reference(recording, channel, float(span), ambient)
+    return _sensor_entries(f"pressure {side}", "Pa", known, getattr(recording, f"area_{side}_m2"), change, reference)
 
 
 def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
@@ -169,17 +148,10 @@ def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMean
         ]
     largest = float(np.max(np.abs(recording.force_n)))
     words = "0.2 % of the largest force, rectangular"
-    uncertainty, basis, note = _accuracy(recording, "force_n", largest * ASSUMED_FORCE_OF_LARGEST, words)
-    return _Sensor(
-        name="force",
-        unit="N",
-        uncertainty=uncertainty,
-        basis=basis,
-        note=note,
-        newton_per_unit=1.0,
-        change=abs(up.force_n - down.force_n) / 2,
-        reference=_reference(recording, "force_n", largest),
-    ).entries()
+    known = _accuracy(recording, "force_n", largest * ASSUMED_FORCE_OF_LARGEST, words)
+    reference = _reference(recording, "force_n", largest)
+    change = abs(up.force_n - down.force_n) / 2
+    return _sensor_entries("force", "N", known, 1.0, change, reference)
 
 
 def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
@@ -199,28 +171,16 @@ def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionM
         p_up, p_down = (getattr(m, f"pressure_{side}_pa") - ambient for m in (up, down))
         half_difference += sign * area * (p_up - p_down) / 2
         half_sum += sign * area * (p_up + p_down) / 2
-    alignment = recording.accuracy.get("alignment_rad", float(ASSUMED_ALIGNMENT_RAD))
+    bore_note = "" if basis == "layout" else "0.2 % of the bore"
+    friction, offset = abs(relative * half_difference), abs(relative * half_sum)
+    angle, known = recording.accuracy.get("alignment_rad"), "layout"
+    if angle is None:
+        angle, known = float(ASSUMED_ALIGNMENT_RAD), "assumed"
+    turned, shared = (abs(up.force_n + sign * down.force_n) / 2 * angle**2 / 2 for sign in (-1, 1))
+    words = "cosine error; a side load's own friction is friction of the rig and stays in the result"
     return [
-        BudgetEntry(
-            "bore (area)",
-            float(shown),
-            unit,
-            basis,
-            "B",
-            abs(relative * half_difference),
-            abs(relative * half_sum),
-            "" if basis == "layout" else "0.2 % of the bore",
-        ),
-        BudgetEntry(
-            "alignment of the force axis",
-            alignment,
-            "rad",
-            "layout" if "alignment_rad" in recording.accuracy else "assumed",
-            "B",
-            abs(up.force_n - down.force_n) / 2 * alignment**2 / 2,
-            abs(up.force_n + down.force_n) / 2 * alignment**2 / 2,
-            "cosine error; a side load's own friction is friction of the rig and stays in the result",
-        ),
+        BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, bore_note),
+        BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words),
     ]
 
 
@@ -240,3 +200,55 @@ def combined(entries: list[BudgetEntry]) -> tuple[float, float]:
 def expanded(stderr_n: float, u_systematic_n: float) -> float:
     """Give the expanded uncertainty U with k = 2, N."""
     return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))
+
+
+def stated_shares(
+    recording: Recording, up: DirectionMeans, down: DirectionMeans
+) -> dict[str, float | bool | dict[str, float]]:
+    """Divide the budget of a cycle into what campaigns take apart, by the names of the fields of `CycleData`.
+
+    Many cycles share their sensors: what grows with friction, what is the same at all frictions, and what tares take
+    out act on a curve in different ways.
+    """
+    entries = systematic_budget(recording, up, down)
+    # Hysteresis needs a reading that changes with direction: that of a pressure that is held has none.
+    moves = {
+        f"pressure {c}: hysteresis": abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa"))
+        * getattr(recording, f"area_{c}_m2")
+        / 2.0
+        for c in ("a", "b")
+    }
+    constant = ("hysteresis", "linearity")
+    changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith(constant)]
+    shared = [e for e in entries if not e.source.endswith("hysteresis")]
+    # A zero is what tares take out; what is left of an accuracy grows with the reading.
+    readings = {
+        "force: common error": _of_range(recording, "force_n", (up.force_n + down.force_n) / 2.0, 0.0),
+        "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, None),
+        "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, None),
+        "bore (area)": 1.0,
+        **dict.fromkeys(("force: gain", "force: linearity", "force: creep"), 1.0),
+    }
+    known = recording.force_calibration is not None
+    offsets = {e.source: e.offset_n * readings.get(e.source, 0.0) for e in shared}
+    return {
+        "u_gain_n": _root(e.friction_n for e in shared if not e.source.endswith(constant)),
+        "u_hysteresis_n": _root(changing),
+        "u_offset_n": _root(offsets.values()),
+        "u_pressures_n": {c: offsets.get(f"pressure {c}: common error", 0.0) for c in ("a", "b")},
+        "u_force_n": {e.source: e.friction_n for e in entries if known and e.source.startswith("force: ")},
+        "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
+        "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
+    }
+
+
+def _root(parts: Iterable[float]) -> float:
+    return float(np.sqrt(sum(part**2 for part in parts)))
+
+
+def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:
+    """Share of the sensor's range at which it is, counted from its zero (None: ambient pressure)."""
+    start = recording.ambient_pressure_pa if zero is None else zero
+    limits = recording.limits.get(channel)
+    reach = max(abs(v - start) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - start))
+    return min(abs(reading - start) / float(reach), 1.0) if reach > 0 else 0.0
