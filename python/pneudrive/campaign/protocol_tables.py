@@ -10,12 +10,11 @@ from pneudrive import units
 from pneudrive.campaign.protocol_values import (
     AMBIENT,
     BetweenPlaces,
-    Levels,
+    ListOf,
     MovingAverage,
     Place,
-    Places,
-    PressureLevels,
-    PressurePairs,
+    PlaceMark,
+    PressurePair,
     spaced,
 )
 from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
@@ -38,6 +37,7 @@ MaybeSpeed = Annotated[float | None, SPEED_MARK]
 MaybeTime = Annotated[float | None, Quantity(*TIME, LASTS)]
 MaybeDistance = Annotated[float | None, Quantity(*LENGTH, POSITIVE)]
 MaybeForce = Annotated[float | None, Quantity(*FORCE, POSITIVE)]
+MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(StatedPressure(), "linear", sorts=False)]
 MaybePressure = Annotated[units.Pressure | None, StatedPressure()]
 
 Axis = Literal["held", "released"]
@@ -48,7 +48,7 @@ class Speeds(Described):
     """Speeds of the sweep: out and back at each."""
 
     table_name: ClassVar[str] = "speed"
-    list_m_s: Annotated[tuple[float, ...] | None, Levels(*SPEED, POSITIVE)] = Field(
+    list_m_s: Annotated[tuple[float, ...] | None, ListOf(SPEED_MARK, "log")] = Field(
         default=None, description="one speed or a list; instead of from, to and count"
     )
     from_m_s: MaybeSpeed = Field(default=None, description="lowest speed")
@@ -109,14 +109,10 @@ class Pressures(Described):
     """Pressures in the chambers; both open to ambient where nothing is said. Given in exactly one of three ways."""
 
     table_name: ClassVar[str] = "pressure"
-    both: Annotated[tuple[units.Pressure, ...] | None, PressureLevels()] = Field(
-        default=None, description="the same pressure in both chambers"
-    )
-    a: Annotated[tuple[units.Pressure, ...] | None, PressureLevels()] = Field(
-        default=None, description="chamber a; with b: every combination"
-    )
-    b: Annotated[tuple[units.Pressure, ...] | None, PressureLevels()] = Field(default=None, description="chamber b")
-    pairs: Annotated[tuple[Pair, ...] | None, PressurePairs()] = Field(
+    both: MaybePressures = Field(default=None, description="the same pressure in both chambers")
+    a: MaybePressures = Field(default=None, description="chamber a; with b: every combination")
+    b: MaybePressures = Field(default=None, description="chamber b")
+    pairs: Annotated[tuple[Pair, ...] | None, ListOf(PressurePair(), sorts=False, only_list=True)] = Field(
         default=None, description="`[{ a = ..., b = ... }, ...]`"
     )
     settling_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
@@ -159,18 +155,18 @@ class Stops(Described):
     """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, the interrupted one."""
 
     table_name: ClassVar[str] = "stop"
-    durations_s: Annotated[tuple[float, ...], Levels(*TIME, MAY_LAST)] = Field(
+    durations_s: Annotated[tuple[float, ...], ListOf(Quantity(*TIME, MAY_LAST), "log")] = Field(
         description="one, a list or { from, to, count, spacing }; 0 s: not interrupted"
     )
     axis: Literal["held", "released", "both"] = Field(
         default="held",
         description="held: the axis keeps its position; released: it gives way until no force is left; both: a factor",
     )
-    restart_speed_m_s: Annotated[tuple[float, ...], Levels(*SPEED, POSITIVE)] = Field(
+    restart_speed_m_s: Annotated[tuple[float, ...], ListOf(SPEED_MARK, "log")] = Field(
         default=(0.01,), description="speed after the stop; one or a list"
     )
     approach_speed_m_s: MaybeSpeed = Field(default=None, description="speed before the stop; absent: the restart speed")
-    position: Annotated[tuple[Place, ...], Places()] = Field(
+    position: Annotated[tuple[Place, ...], ListOf(PlaceMark())] = Field(
         default=(Place(0.5, share=True),), description='where, one or a list: "50 %" of the range, or "120 mm"'
     )
     approach_m: MaybeDistance = Field(

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Quantity, StatedPressure, WrongValueError
+from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, WrongValueError
 from pneudrive.describe.marks import Whole
 from pneudrive.errors import DescriptionError, nearest
 
@@ -42,97 +42,6 @@ class MovingAverage(Quantity):
         return {"anyOf": [{"type": "integer", "minimum": 1}, {"const": "none"}]}
 
 
-@dataclass(frozen=True)
-class Levels(Quantity):
-    """Annotation of a field that takes one quantity, a list or a range with a count; stores ascending SI values.
-
-    Parameters
-    ----------
-    spacing : str
-        Of a range that does not say: ``log`` or ``linear``.
-    """
-
-    spacing: str = "log"
-
-    def read(self, given: object) -> tuple[float, ...]:  # type: ignore[override]
-        """Convert, check and sort."""
-        if isinstance(given, dict):
-            low, high, count, spacing = spacing_of(given, self.spacing)
-            return spaced(super().read(low), super().read(high), count, spacing, self)
-        values = [super(Levels, self).read(one) for one in listed(given)]
-        return distinct(sorted(values), [self.show_one(value) for value in sorted(values)])
-
-    def show_one(self, value: float) -> str:
-        """Write one level."""
-        return units.write(value, self.si_unit, self.written)
-
-    def show(self, value: tuple[float, ...]) -> list[str]:  # type: ignore[override]
-        """Write all."""
-        return [self.show_one(one) for one in value]
-
-    def schema(self) -> dict[str, Any]:
-        """Describe the forms in which users write it."""
-        one = {"type": "string", "x-unit": self.si_unit}
-        return {
-            "anyOf": [one, {"type": "array", "items": one, "minItems": 1}, range_schema(one)],
-            "x-unit": self.si_unit,
-        }
-
-
-@dataclass(frozen=True)
-class PressureLevels(StatedPressure):
-    """Annotation of a field that takes one pressure, a list or a range with a count; each says abs or gauge."""
-
-    def read(self, given: object) -> tuple[units.Pressure, ...]:  # type: ignore[override]
-        """Convert and check; the order is kept."""
-        if isinstance(given, dict):
-            low, high, count, spacing = spacing_of(given, "linear")
-            ends = super().read(low), super().read(high)
-            if ends[0].gauge != ends[1].gauge:
-                raise WrongValueError(f"the range {low!r} to {high!r} mixes abs and gauge")
-            values = spaced(ends[0].value_pa, ends[1].value_pa, count, spacing, Quantity("Pa", "bar"))
-            return tuple(units.Pressure(value, ends[0].gauge) for value in values)
-        pressures = [super(PressureLevels, self).read(one) for one in listed(given)]
-        return distinct(pressures, [super(PressureLevels, self).show(one) for one in pressures])
-
-    def show(self, value: tuple[units.Pressure, ...]) -> list[str]:  # type: ignore[override]
-        """Write all."""
-        return [super(PressureLevels, self).show(one) for one in value]
-
-    def schema(self) -> dict[str, Any]:
-        """Describe the forms in which users write it."""
-        one = super().schema()
-        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}, range_schema(one)], "x-unit": "Pa"}
-
-
-@dataclass(frozen=True)
-class PressurePairs(StatedPressure):
-    """Annotation of a field that takes a list of ``{ a = ..., b = ... }``."""
-
-    def read(self, given: object) -> tuple[tuple[units.Pressure, units.Pressure], ...]:  # type: ignore[override]
-        """Convert and check; the order is kept."""
-        if not isinstance(given, list) or not given:
-            raise WrongValueError(f"{given!r} is no list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
-        pairs = [self._pair(one) for one in listed(given)]
-        return distinct(pairs, [str(self.show((pair,))[0]) for pair in pairs])
-
-    def _pair(self, given: object) -> tuple[units.Pressure, units.Pressure]:
-        if not isinstance(given, dict) or set(given) != {"a", "b"}:
-            raise WrongValueError(f"{given!r} is no pair of pressures", remedy="Write { a = ..., b = ... }.")
-        return super().read(given["a"]), super().read(given["b"])
-
-    def show(self, value: tuple[tuple[units.Pressure, units.Pressure], ...]) -> list[dict[str, str]]:  # type: ignore[override]
-        """Write all."""
-        one = super().show
-        return [{"a": one(a), "b": one(b)} for a, b in value]
-
-    def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
-        one = super().schema()
-        both = {"type": "object", "properties": {"a": one, "b": one}, "required": ["a", "b"]}
-        return {"type": "array", "items": {**both, "additionalProperties": False}, "minItems": 1, "x-unit": "Pa"}
-
-
 @dataclass(frozen=True, order=True)
 class Place:
     """A position: absolute, m, or as a share of the range that the campaign uses."""
@@ -155,24 +64,100 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Places(Quantity):
-    """Annotation of a field that takes one position or a list, each a length or a share: ``"50 %"``, ``"120 mm"``."""
+class PlaceMark(Mark):
+    """Annotation of a field that takes a position: a length or a share, ``"120 mm"``, ``"50 %"``."""
 
-    si_unit: str = "m"
+    def read(self, given: object) -> Place:
+        """Convert and check."""
+        return place(given)
 
-    def read(self, given: object) -> tuple[Place, ...]:  # type: ignore[override]
-        """Convert, check and sort."""
-        places = sorted(place(one) for one in listed(given))
-        return distinct(places, [str(one) for one in places])
+    def show(self, value: Place) -> str:
+        """Write it as users would."""
+        return str(value)
 
-    def show(self, value: tuple[Place, ...]) -> list[str]:  # type: ignore[override]
+    def schema(self) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        return {"type": "string", "x-unit": "m or %"}
+
+
+@dataclass(frozen=True)
+class PressurePair(StatedPressure):
+    """Annotation of a field that takes ``{ a = ..., b = ... }``, a pressure in each chamber."""
+
+    def read(self, given: object) -> tuple[units.Pressure, units.Pressure]:  # type: ignore[override]
+        """Convert and check both."""
+        if not isinstance(given, dict) or set(given) != {"a", "b"}:
+            raise WrongValueError(f"{given!r} is no pair of pressures", remedy="Write { a = ..., b = ... }.")
+        return super().read(given["a"]), super().read(given["b"])
+
+    def show(self, value: tuple[units.Pressure, units.Pressure]) -> dict[str, str]:  # type: ignore[override]
+        """Write both."""
+        return {"a": str(value[0]), "b": str(value[1])}
+
+    def schema(self) -> dict[str, Any]:
+        """Describe the form in which users write it."""
+        both = {"a": super().schema(), "b": super().schema()}
+        return {"type": "object", "properties": both, "required": ["a", "b"], "additionalProperties": False}
+
+
+@dataclass(frozen=True)
+class ListOf(Mark):
+    """Annotation of a field that takes one value, a list, or a range with a count; stores them all.
+
+    Parameters
+    ----------
+    one : Mark
+        How each value is written.
+    spacing : str
+        Of a range that does not say, ``log`` or ``linear``; empty where there are no ranges.
+    sorts : bool
+        Stores them ascending; else in the order given.
+    only_list : bool
+        One value stands in a list, too.
+    """
+
+    one: Mark
+    spacing: str = ""
+    sorts: bool = True
+    only_list: bool = False
+
+    def read(self, given: object) -> tuple[Any, ...]:
+        """Convert and check."""
+        if self.spacing and isinstance(given, dict):
+            return self._range(given)
+        if self.only_list and (not isinstance(given, list) or not given):
+            raise WrongValueError(f"{given!r} is no list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
+        values = [self.one.read(one) for one in listed(given)]
+        values = sorted(values) if self.sorts else values
+        return distinct(values, [str(self.one.show(value)) for value in values])
+
+    def _range(self, given: dict[str, Any]) -> tuple[Any, ...]:
+        low, high, count, spacing = spacing_of(given, self.spacing)
+        ends = self.one.read(low), self.one.read(high)
+        if isinstance(self.one, Quantity):
+            return spaced(*ends, count, spacing, self.one)
+        if ends[0].gauge != ends[1].gauge:
+            raise WrongValueError(f"the range {low!r} to {high!r} mixes abs and gauge")
+        values = spaced(ends[0].value_pa, ends[1].value_pa, count, spacing, Quantity("Pa", "bar"))
+        return tuple(units.Pressure(value, ends[0].gauge) for value in values)
+
+    def show(self, value: tuple[Any, ...]) -> list[Any]:
         """Write all."""
-        return [str(one) for one in value]
+        return [self.one.show(one) for one in value]
+
+    def named(self, value: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Give each as a quantity that shows its unit."""
+        return tuple(map(self.one.named, value))
 
     def schema(self) -> dict[str, Any]:
         """Describe the forms in which users write it."""
-        one = {"type": "string", "x-unit": "m or %"}
-        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}], "x-unit": "m or %"}
+        one = self.one.schema()
+        if isinstance(self.one, Quantity):
+            one.pop("description")
+        several = {"type": "array", "items": one, "minItems": 1}
+        if self.only_list:
+            return several | {"x-unit": "Pa"}
+        return {"anyOf": [one, several, *([range_schema(one)] if self.spacing else [])], "x-unit": one["x-unit"]}
 
 
 @dataclass(frozen=True)

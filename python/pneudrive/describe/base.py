@@ -130,6 +130,10 @@ class Mark:
         """Write it as users would."""
         return value
 
+    def named(self, value: Any) -> Any:  # noqa: ANN401
+        """Give what is stored as it shows itself: a quantity with its unit."""
+        return value
+
     def schema(self) -> dict[str, Any]:
         """Describe the form in which users write it, as JSON schema."""
         return {}
@@ -499,7 +503,7 @@ def _placed(error: DescriptionError, place: str) -> DescriptionError:
 def _by_key(name: str, mark: Mark | None) -> property:
     def read(self: Described) -> Any:  # noqa: ANN401 - whatever the field holds
         value = getattr(self, name)
-        return mark.named(value) if isinstance(mark, Quantity) else value
+        return value if mark is None else mark.named(value)
 
     unit = f", stored in {mark.si_unit} as `{name}`" if isinstance(mark, Quantity) and mark.si_unit else ""
     return property(read, doc=f"As the key of the file{unit}.")
