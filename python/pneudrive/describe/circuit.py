@@ -210,7 +210,7 @@ class Circuit(Described):
     @cached_property
     def si_form(self) -> str:
         """What `core_json` returns, made once."""
-        ambient = {"pressure_pa": self.ambient.pressure_pa, "temperature_k": self.ambient.temperature_k}
+        ambient = self.ambient.core()
         problems = Problems()
         components = [problems.take(self._core_of, name, one) for name, one in self.components.items()]
         problems.tell()

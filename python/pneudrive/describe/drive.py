@@ -225,31 +225,12 @@ class Drive(Described):
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
     def _core(self) -> dict[str, Any]:
-        c, v = self.cylinder, self.valve
-        spring = self.carried.spring
+        v, spring = self.valve, self.carried.spring
         return {
             "gas": self.gas.core(),
-            "ambient": {"pressure_pa": self.ambient.pressure_pa, "temperature_k": self.ambient.temperature_k},
-            "supply": {
-                "pressure_pa": self.supply_pressure_pa,
-                "temperature_k": _or(self.supply.temperature_k, self.ambient.temperature_k),
-            },
-            "cylinder": {
-                "kind": c.kind,
-                "bore_m": c.bore_m,
-                "rod_diameter_m": c.rod_diameter_m or 0.0,
-                "stroke_m": c.stroke_m,
-                "dead_volume_a_m3": c.dead_volume_m3.a,
-                "dead_volume_b_m3": c.dead_volume_m3.b,
-                "moving_mass_kg": c.moving_mass_kg,
-                "incline_rad": c.incline_rad,
-                "heat_transfer_w_m2_k": c.heat_transfer_w_m2_k,
-                "wall_temperature_k": _or(c.wall_temperature_k, self.ambient.temperature_k),
-                # Drives without a leak are described as they were before there were leaks.
-                **({"leakage_m3_s_pa": c.leakage_m3_s_pa} if c.leakage_m3_s_pa else {}),
-                "end_stop": c.end_stop.given,
-                "chamber_law": c.chamber_law,
-            },
+            "ambient": self.ambient.core(),
+            "supply": self.supply.core(self.ambient),
+            "cylinder": self.cylinder.core(self.ambient.temperature_k),
             "valve": {
                 "kind": v.kind,
                 "conductance_m3_s_pa": v.conductance_m3_s_pa,
@@ -258,13 +239,7 @@ class Drive(Described):
                 "linear_above": v.linear_above,
             },
             "friction": self.friction.core(),
-            "load": {
-                "mass_kg": self.carried.mass_kg,
-                "force_n": self.carried.force_n,
-                "spring": None
-                if spring is None
-                else {"stiffness_n_m": spring.stiffness_n_m, "rest_position_m": spring.rest_position_m},
-            },
+            "load": self.carried.stored() | {"spring": None if spring is None else spring.stored()},
         }
 
     def circuit_initial(self, initial: Initial | None) -> dict[str, float]:
@@ -382,7 +357,7 @@ class Drive(Described):
             given = part.to_dict()
             out += [f"{table}.{key} = {part.default(key)}" for key in keys if key not in given]
         stop = self.cylinder.end_stop
-        given = [key for key, name in zip(stop.keys(), type(stop).model_fields, strict=True) if name in stop.given]
+        given = [key for key, name in zip(stop.keys(), type(stop).model_fields, strict=True) if name in stop.stored()]
         own = self._compiled()
         out += end_stops.assumed("cylinder.end_stop.", given, (own.end_stop, own.end_stop_takes))
         out += [f"friction.{key} = {value}" for key, value in self.friction.assumed]

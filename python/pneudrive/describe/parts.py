@@ -153,6 +153,10 @@ class Ambient(Described):
         """Absolute pressure, Pa."""
         return self.pressure.value_pa
 
+    def core(self) -> dict[str, float]:
+        """Return the SI form that the core takes."""
+        return {"pressure_pa": self.pressure_pa, "temperature_k": self.temperature_k}
+
 
 class Supply(Described):
     """The supply at the valve's inlet; its temperature is the ambient one where nothing is said."""
@@ -160,6 +164,11 @@ class Supply(Described):
     table_name: ClassVar[str] = "supply"
     pressure: Annotated[units.Pressure, StatedPressure()]
     temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
+
+    def core(self, ambient: Ambient) -> dict[str, float]:
+        """Return the SI form that the core takes; what is not given is as the air around."""
+        temperature = ambient.temperature_k if self.temperature_k is None else self.temperature_k
+        return {"pressure_pa": self.pressure.absolute_pa(ambient.pressure_pa), "temperature_k": temperature}
 
 
 class EndStop(Described):
@@ -174,11 +183,6 @@ class EndStop(Described):
     stiffness_n_m: Annotated[float | None, Quantity("N/m", "N/m", Bounds(above=0.0))] = None
     damping_n_s_m: Annotated[float | None, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = None
     damping_depth_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
-
-    @property
-    def given(self) -> dict[str, float]:
-        """What is given, by the core's names."""
-        return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
 
 
 class Cylinder(Described):
@@ -217,6 +221,13 @@ class Cylinder(Described):
     def _rod_fits(self) -> Cylinder:
         check_rod("cylinder", self.kind, self.bore_m, self.rod_diameter_m)
         return self
+
+    def core(self, ambient_k: float) -> dict[str, Any]:
+        """Return the SI form that the core takes; drives without a leak are as they were before there were leaks."""
+        out: dict[str, Any] = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
+        a, b = out.pop("dead_volume_m3")
+        out |= {"dead_volume_a_m3": a, "dead_volume_b_m3": b, "end_stop": self.end_stop.stored()}
+        return {key: value for key, value in out.items() if key != "leakage_m3_s_pa" or value}
 
     @property
     def area_a_m2(self) -> float:

@@ -132,30 +132,21 @@ class Tank(Described):
 
     def core_form(self) -> dict[str, Any]:
         """Return the SI form of the description that the core takes."""
-        ambient = {"pressure_pa": self.ambient.pressure_pa, "temperature_k": self.ambient.temperature_k}
-        volume, line = self.volume, self.line
-        wall = volume.wall_temperature_k
+        ambient, line = self.ambient.core(), self.line
+        volume = {"wall_temperature_k": ambient["temperature_k"]} | self.volume.stored()
+        volume.pop("start_temperature_k", None)
         return {
             "gas": self.gas.core(),
             "ambient": ambient,
-            "volume": {
-                "volume_m3": volume.volume_m3,
-                "heat_transfer_w_k": volume.heat_transfer_w_k,
-                "wall_temperature_k": ambient["temperature_k"] if wall is None else wall,
-                "leakage_m3_s_pa": volume.leakage_m3_s_pa,
-            },
-            "line": None
-            if line is None
-            else {
-                "conductance_m3_s_pa": line.conductance_m3_s_pa,
-                "critical_pressure_ratio": line.critical_pressure_ratio,
-                "subsonic_index": line.subsonic_index,
-                "linear_above": line.linear_above,
-                "pressure_pa": self._other_side_pa(line),
-                "temperature_k": ambient["temperature_k"] if line.temperature_k is None else line.temperature_k,
-            },
+            "volume": volume,
+            "line": None if line is None else self._line_core(line),
             "tube": self._numbers_of_tube(),
         }
+
+    def _line_core(self, line: Line) -> dict[str, Any]:
+        out = self.ambient.core() | line.stored() | {"pressure_pa": self._other_side_pa(line)}
+        out.pop("pressure", None)
+        return out
 
     def _numbers_of_tube(self) -> dict[str, float] | None:
         return None if self.tube is None else self.tube.numbers(self.ambient.pressure_pa)
