@@ -352,10 +352,12 @@ class Fit(Shown):
                 "the fit has another schema", where=where, value=content["schema"], rule=f"schema = {SCHEMA}"
             )
         try:
-            return cls(**cls._from_content(content))
-        except (KeyError, TypeError, ValueError, IndexError) as error:
+            found = cls(**cls._from_content(content))
+            str(found)  # whatever its table lacks is found here
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             what = f"{type(error).__name__}: {error}"
             raise FitError(f"the file is no complete {cls.TITLE}", where=where, value=what) from error
+        return found
 
     @classmethod
     def _entries(cls, content: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -372,7 +374,7 @@ class Fit(Shown):
             raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
         return {
             "values": {name: float(entry["value"]) for name, entry in content[cls.GROUPS[0]].items()},
-            "units": {name: entry["unit"] for name, entry in entries.items()},
+            "units": {name: str(entry["unit"]) for name, entry in entries.items()},
             "free": tuple(names),
             "covariance": matrix,
             "intervals": {n: (e["interval"][0], e["interval"][1]) for n, e in entries.items() if "interval" in e},

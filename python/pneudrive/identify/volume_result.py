@@ -75,7 +75,7 @@ class VolumeFit(Fit):
         changes = {}
         for name in self.determined:
             value, unit = self.values[name], self.units[name]
-            text = value if unit == "1" else units.write(value, unit, _WRITTEN[unit])
+            text = value if unit == "1" else units.write(value, unit, _WRITTEN.get(unit))
             changes[name] = f"{text} abs" if unit == "Pa" else text
         return self.start.replace(changes)
 
