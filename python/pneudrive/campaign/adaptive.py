@@ -15,7 +15,7 @@ from pneudrive.campaign.checks import serious
 from pneudrive.campaign.folder import read_samples
 from pneudrive.campaign.points import Builder
 from pneudrive.errors import CampaignError, RecordingError
-from pneudrive.rig.interface import Hold
+from pneudrive.rig.interface import SHARED, Hold
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,11 +134,7 @@ def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN
     return Recording(
         name=cycle.key,
         **{name: getattr(samples, name)[good] for name in channels},
-        area_a_m2=identity.area_a_m2,
-        area_b_m2=identity.area_b_m2,
-        ambient_pressure_pa=identity.ambient_pressure_pa,
-        mass_beyond_sensor_kg=identity.mass_beyond_sensor_kg,
-        incline_rad=identity.incline_rad,
+        **{name: getattr(identity, name) for name in SHARED},
         accuracy=dict(identity.accuracy),
         limits=dict(identity.limits),
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from pneudrive.campaign.lock import now
 from pneudrive.errors import PneudriveError, RigError
-from pneudrive.rig.interface import Changeable, Reproducible, Samples, acquisition, has_verbs
+from pneudrive.rig.interface import Changeable, Reproducible, Samples, closed_after, has_verbs
 from pneudrive.rig.plain_data import plain
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ class Attempts:
 
     def _acquire(self, rig: Rig, cycle: Cycle) -> Samples:
         parts: list[Samples] = []
-        with acquisition(rig.acquire(cycle.steps, cycle.sampling)) as acquired:
+        with closed_after(rig.acquire(cycle.steps, cycle.sampling)) as acquired:
             for given in acquired:
                 parts.append(Samples.of(given))
                 self._go_on()

@@ -62,7 +62,7 @@ class Display:
         """End."""
 
 
-class Progress:
+class CampaignProgress:
     """How many cycles are done, and the time that the others take at the pace of those so far.
 
     A rig's own time goes by as planned; a simulated rig without a pace takes time by the number of its samples.
@@ -128,12 +128,12 @@ class LineDisplay(Display):
 
     def __init__(self, out: TextIO | None = None) -> None:
         self._out = out or sys.stdout
-        self._progress: Progress | None = None
+        self._progress: CampaignProgress | None = None
         self._planned = 0
 
     def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
         """Begin."""
-        self._progress, self._planned = Progress(plan, finished), len(plan.planned)
+        self._progress, self._planned = CampaignProgress(plan, finished), len(plan.planned)
         to_do = f"{self._planned - len(finished)} of {self._planned} cycles to do"
         left = to_do if finished else f"{self._planned} cycles"
         self.say(f"{plan.protocol.name}: {left}, {self._progress.left} on the rig")
@@ -181,7 +181,7 @@ class ScreenDisplay(Display):
         self._task = self._bar.add_task("campaign", total=None, left="")
         self._lock = threading.Lock()
         self._live: Any = None
-        self._progress: Progress | None = None
+        self._progress: CampaignProgress | None = None
         self._said: list[str] = []
         self._parts: list[Samples] = []
         self._map: dict[tuple[float, float], list[tuple[float, float]]] = {}
@@ -189,7 +189,7 @@ class ScreenDisplay(Display):
 
     def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
         """Begin."""
-        self._progress = Progress(plan, finished)
+        self._progress = CampaignProgress(plan, finished)
         self._range = plan.envelope.position_m
         self._bar.update(self._task, total=len(plan.planned), completed=len(finished), description=plan.protocol.name)
         for one in finished:

@@ -18,7 +18,7 @@ from pneudrive.describe.base import Bounds, Quantity
 from pneudrive.describe.marks import Percent
 from pneudrive.errors import RecordingError, RigError
 from pneudrive.files.content import read_json
-from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Samples
+from pneudrive.rig.interface import SHARED, Envelope, Hold, Identity, Move, Samples
 from pneudrive.rig.plain_data import envelope_of
 from pneudrive.rig.rig_file import RigFile
 
@@ -309,11 +309,7 @@ def recordings_rig(
 def _identity(folder: Path, recording: Recording) -> Identity:
     return Identity(
         name=f"Recordings {folder.resolve().name}",
-        area_a_m2=recording.area_a_m2,
-        area_b_m2=recording.area_b_m2,
-        ambient_pressure_pa=recording.ambient_pressure_pa,
-        mass_beyond_sensor_kg=recording.mass_beyond_sensor_kg,
-        incline_rad=recording.incline_rad,
+        **{name: getattr(recording, name) for name in SHARED},
         stiffness_n_m=recording.stiffness_n_m,
         accuracy=dict(recording.accuracy),
         limits=dict(recording.limits),

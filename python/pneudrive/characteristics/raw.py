@@ -10,7 +10,7 @@ from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.samples import clean
 from pneudrive.errors import RecordingError
 from pneudrive.friction.plausible import refuse_channels
-from pneudrive.rig.interface import Move
+from pneudrive.rig.interface import SHARED, Move
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,11 +56,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
             force_n=force,
             pressure_a_pa=samples.pressure_a_pa[good],
             pressure_b_pa=samples.pressure_b_pa[good],
-            area_a_m2=identity.area_a_m2,
-            area_b_m2=identity.area_b_m2,
-            ambient_pressure_pa=identity.ambient_pressure_pa,
-            mass_beyond_sensor_kg=identity.mass_beyond_sensor_kg,
-            incline_rad=identity.incline_rad,
+            **{name: getattr(identity, name) for name in SHARED},
             accuracy=dict(identity.accuracy),
             labels=dict(file.head.cycle.levels),
             source=file.path,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import RigError, nearest
-from pneudrive.rig.interface import CHANNELS, RigState, acquisition
+from pneudrive.rig.interface import CHANNELS, RigState, closed_after
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -121,7 +121,7 @@ class FaultyRig:
     def _spoil(self, parts: Iterator[Samples], faults: Iterable[Fault]) -> Iterator[Samples]:
         kept: dict[int, float] = {}
         limits = self.rig.identity().limits
-        with acquisition(parts) as given:
+        with closed_after(parts) as given:
             for samples in given:
                 time, spoiled = samples.time_s, samples
                 for i, fault in enumerate(faults):

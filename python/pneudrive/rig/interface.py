@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+T = TypeVar("T")
+
+#: What an identity and a recording both say of a rig.
+SHARED = ("area_a_m2", "area_b_m2", "ambient_pressure_pa", "mass_beyond_sensor_kg", "incline_rad")
 #: Channels that every rig delivers, in the order of the files; SI. What a rig does not measure is constant.
 CHANNELS = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa", "temperature_k")
 
@@ -153,12 +157,12 @@ class Samples:
 
 
 @contextmanager
-def acquisition(parts: Iterator[Samples]) -> Iterator[Iterator[Samples]]:
-    """Close what `Rig.acquire` gave, in any case: where it is left early, the axis comes to rest now."""
+def closed_after(given: T) -> Iterator[T]:
+    """Close something that can be closed, whatever happens: a connection; an acquisition, whose axis then rests."""
     try:
-        yield parts
+        yield given
     finally:
-        close = getattr(parts, "close", None)  # a generator has one
+        close = getattr(given, "close", None)
         if close is not None:
             close()
 

@@ -24,6 +24,7 @@ class JobThread:
 
     def __init__(self, name: str) -> None:
         self._jobs: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = queue.SimpleQueue()
+        self._starting = threading.Lock()  # two may begin at once
         self._thread = threading.Thread(target=self._work, name=name, daemon=True)
 
     def _work(self) -> None:
@@ -38,8 +39,9 @@ class JobThread:
 
     def start(self, job: Callable[[], Answer]) -> Future[Answer]:
         """Run a job after the one before it."""
-        if self._thread.ident is None:
-            self._thread.start()
+        with self._starting:
+            if self._thread.ident is None:
+                self._thread.start()
         future: Future[Answer] = Future()
         self._jobs.put((future, job))
         return future

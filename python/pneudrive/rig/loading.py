@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import own_code
 from pneudrive.errors import RigError, nearest
-from pneudrive.rig.interface import Rig, has_verbs
+from pneudrive.rig.interface import Rig, closed_after, has_verbs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
+    from contextlib import AbstractContextManager
 
 RIGS = Path(__file__).with_name("rigs")
 
@@ -111,15 +111,9 @@ def must_be_named(source: str) -> bool:
         return False
 
 
-@contextmanager
-def opened(rig: Rig) -> Iterator[Rig]:
+def opened(rig: Rig) -> AbstractContextManager[Rig]:
     """Close the connection to a rig that has one, whatever happens."""
-    try:
-        yield rig
-    finally:
-        close = getattr(rig, "close", None)
-        if close is not None:
-            close()
+    return closed_after(rig)
 
 
 def _kind(text: str) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from concurrent.futures import Future, wait
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.bulk import many_objects
 from pneudrive.errors import RigError
 from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, opcua, protect
@@ -21,8 +22,6 @@ from pneudrive.rig.opcua.space import FAULT, STOPS, Space
 from pneudrive.rig.opcua.verbs import Command, Interrupted, Verbs
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from pneudrive.rig.interface import Rig, Samples
     from pneudrive.rig.opcua.front import Front
     from pneudrive.rig.opcua.session import Client
@@ -139,7 +138,7 @@ class RigServer:
 
         asyncua = opcua()
         server = asyncua.Server()
-        with _without_collector():  # half of the start otherwise
+        with many_objects():  # half of the start otherwise
             await server.init()
         server.set_server_name("pneudrive rig")
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}")
@@ -446,14 +445,3 @@ async def _ends_within(seconds: float, verb: Future[str]) -> bool:
 def _another(identity: int) -> int:
     """Give another id: the command with this one is not done."""
     return identity - 1 if identity > 0 else 1
-
-
-@contextlib.contextmanager
-def _without_collector() -> Iterator[None]:
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()

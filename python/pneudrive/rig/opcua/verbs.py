@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Hold, Move, Samples, acquisition
+from pneudrive.rig.interface import Hold, Move, Samples, closed_after
 from pneudrive.rig.opcua.nodes import Verb
 from pneudrive.rig.opcua.program import check_size, first_step, program_of, sampling_of, simulated_argument
 from pneudrive.rig.opcua.space import SIMULATED
@@ -116,7 +116,7 @@ class Verbs:
         """Run the program and put its samples into the ring."""
         steps, sampling = program_of(command.arguments, self._longest_m), sampling_of(command.arguments)
         check_size(steps, sampling)
-        with acquisition(self._rig.acquire(steps, sampling)) as parts:
+        with closed_after(self._rig.acquire(steps, sampling)) as parts:
             for given in parts:
                 part = Samples.of(given)
                 for start in range(0, len(part), self._chunk):
