@@ -12,7 +12,7 @@ from pneudrive.characteristics.reduction import FREEDOM_PER_CYCLE
 from pneudrive.estimate.autocorrelation import stderrs_of_means
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
-from pneudrive.identify.moderate import moderate
+from pneudrive.estimate.moderate import moderate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

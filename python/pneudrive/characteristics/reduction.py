@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.autocorrelation import stderrs_of_means
+from pneudrive.estimate.moderate import moderate
 from pneudrive.friction.pairing import known_mean
-from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

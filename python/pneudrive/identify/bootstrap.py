@@ -9,8 +9,8 @@ import numpy as np
 
 from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
+from pneudrive.estimate.levels import SAME_SPEED
 from pneudrive.identify.base import Intervals
-from pneudrive.identify.levels import SAME_SPEED
 from pneudrive.identify.robust import estimate
 from pneudrive.identify.survey import pressure_levels
 from pneudrive.show import Shown

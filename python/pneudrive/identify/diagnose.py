@@ -10,8 +10,8 @@ import numpy as np
 from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError
 from pneudrive.estimate.information import weak_coordinates
+from pneudrive.estimate.levels import distinct_levels
 from pneudrive.identify.base import Undetermined
-from pneudrive.identify.levels import distinct_levels
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:

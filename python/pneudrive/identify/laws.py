@@ -9,11 +9,11 @@ import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.levels import distinct_levels
 from pneudrive.identify.assemble import assembled
 from pneudrive.identify.diagnose import choose_model
 from pneudrive.identify.fit import ambient_of, fit_values
 from pneudrive.identify.hierarchy import SPEED_SPAN
-from pneudrive.identify.levels import distinct_levels
 from pneudrive.identify.model import PRESSURE_FORMS, FrictionModel
 from pneudrive.identify.observations import observations
 from pneudrive.identify.support import as_it_is, with_knee

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
+from pneudrive.estimate.moderate import moderate
 from pneudrive.identify.model import Observations
-from pneudrive.identify.moderate import moderate
 
 if TYPE_CHECKING:
     from collections.abc import Collection

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pneudrive.errors import FitError
+from pneudrive.estimate.levels import distinct
+from pneudrive.estimate.moderate import moderate
 from pneudrive.identify import fit_directions, fit_friction
-from pneudrive.identify.levels import distinct
-from pneudrive.identify.moderate import moderate
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.levels import distinct
+from pneudrive.estimate.levels import distinct
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
