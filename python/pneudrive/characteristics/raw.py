@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from pneudrive.characterise.recording import Recording
 from pneudrive.characterise.samples import clean
-from pneudrive.errors import RecordingError
+from pneudrive.characteristics.basics import Skipped
+from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.friction.plausible import refuse_channels
 from pneudrive.rig.interface import SHARED, Move
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from pneudrive.campaign.folder import CycleFile
     from pneudrive.rig.interface import Identity, Samples
 
+T = TypeVar("T")
 LOST_SHARE = 0.5  # of a cycle's samples: more of them damaged, and the rest is no longer that cycle
 
 
@@ -107,3 +111,28 @@ def steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
     order = np.argsort(samples.time_s, kind="stable")
     place = np.searchsorted(samples.time_s[order], recording.time_s)
     return samples.step[order[np.minimum(place, order.size - 1)]]
+
+
+def read_or_skip(
+    read: Callable[[CycleFile, Samples], T], file: CycleFile, samples: Samples | CampaignError
+) -> T | Skipped:
+    """Read a cycle; where it cannot be read, say why.
+
+    Parameters
+    ----------
+    read : callable
+        Makes a result of file and samples.
+    file : CycleFile
+    samples : Samples or CampaignError
+        Its raw samples, or why there are none.
+    """
+    try:
+        if isinstance(samples, CampaignError):
+            raise samples
+        return read(file, samples)
+    except PneudriveError as error:
+        reason = f"{error.what} ({error.value})" if error.value is not None else error.what
+    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
+        # Samples that no check has foreseen cost their own cycle, not the campaign.
+        reason = f"{type(error).__name__}: {error}"
+    return Skipped(file.head.cycle.key, file.path.name, reason)

@@ -14,6 +14,7 @@ from pneudrive.campaign.folder import CycleFile, read_samples
 from pneudrive.characterise.pool import share_out
 from pneudrive.characteristics.basics import Skipped
 from pneudrive.characteristics.cycle import BINS, CycleData, read_sliding, read_standing
+from pneudrive.characteristics.raw import read_or_skip
 from pneudrive.characteristics.sensors import Gain, PressureZero, corrected, pressure_zeros, sensor_gain, without_zeros
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.rig.interface import Identity, Move
@@ -175,18 +176,12 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
 def _read(
     file: CycleFile, samples: Samples | CampaignError, identity: Identity, choice: SampleChoice, edges_m: Array
 ) -> CycleData | Skipped:
-    try:
-        if isinstance(samples, CampaignError):
-            raise samples
+    def read(file: CycleFile, samples: Samples) -> CycleData:
         if file.head.cycle.kind in STANDING:
             return read_standing(file, samples, identity)
         return read_sliding(file, samples, identity, choice, edges_m)
-    except PneudriveError as error:
-        reason = f"{error.what} ({error.value})" if error.value is not None else error.what
-    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
-        # Samples that no check has foreseen cost their own cycle, not the campaign.
-        reason = f"{type(error).__name__}: {error}"
-    return Skipped(file.head.cycle.key, file.path.name, reason)
+
+    return read_or_skip(read, file, samples)
 
 
 def _light(file: CycleFile) -> CycleFile:

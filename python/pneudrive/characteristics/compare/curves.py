@@ -312,10 +312,8 @@ def _each(points: CommonPoints, dummies: Array, sign: Array, u: float) -> tuple[
 
 
 def _means(points: CommonPoints) -> Array:
+    """Mean of each campaign at the points, shape (2, m)."""
     m = points.speed_m_s.size
-    out = np.zeros((2, m))
-    for k in (0, 1):
-        for i in range(m):
-            chosen = (points.campaign == k) & (points.point == i)
-            out[k, i] = float(np.exp(np.average(points.log_n[chosen], weights=points.count[chosen])))
-    return out
+    cell = m * points.campaign + points.point
+    total = np.bincount(cell, points.count * points.log_n, 2 * m)
+    return np.exp(total / np.bincount(cell, points.count, 2 * m)).reshape(2, m)

@@ -10,10 +10,10 @@ import numpy as np
 
 from pneudrive.campaign.folder import read_samples
 from pneudrive.characterise.spread import profile_stderr
+from pneudrive.characteristics.basics import Skipped
 from pneudrive.characteristics.cycle import condition_of
-from pneudrive.characteristics.raw import recording_of, steps_of
+from pneudrive.characteristics.raw import read_or_skip, recording_of, steps_of
 from pneudrive.characteristics.stops.phases import FEWEST, mean_velocity, steady_part
-from pneudrive.errors import CampaignError, PneudriveError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -91,19 +91,15 @@ def strokes_of(
 
 def read_strokes(files: Iterable[CycleFile], identity: Identity) -> list[UninterruptedStroke]:
     """Uninterrupted strokes of whole cycles; cycles that cannot be read have none."""
-    found = list(files)
-    every = zip(found, read_samples(found), strict=True)
-    return [stroke for file, samples in every for stroke in _read(file, samples, identity)]
 
-
-def _read(file: CycleFile, samples: Samples | CampaignError, identity: Identity) -> list[UninterruptedStroke]:
-    try:
-        if isinstance(samples, CampaignError):
-            raise samples
+    def read(file: CycleFile, samples: Samples) -> list[UninterruptedStroke]:
         recording, _ = recording_of(file, identity, samples)
         return strokes_of(file, recording, steps_of(recording, samples))
-    except (PneudriveError, ValueError, IndexError, ArithmeticError):
-        return []  # named where the cycle itself is characterised
+
+    found = list(files)
+    every = [read_or_skip(read, file, samples) for file, samples in zip(found, read_samples(found), strict=True)]
+    # What was skipped is named where the cycle itself is characterised.
+    return [stroke for strokes in every if not isinstance(strokes, Skipped) for stroke in strokes]
 
 
 def _means(values: Array, most: int) -> tuple[Array, float]:

@@ -16,7 +16,7 @@ from pneudrive.characterise.motion import noise_level
 from pneudrive.characterise.pool import share_out
 from pneudrive.characteristics.basics import Skipped
 from pneudrive.characteristics.cycle import condition_of
-from pneudrive.characteristics.raw import recording_of, steps_of
+from pneudrive.characteristics.raw import read_or_skip, recording_of, steps_of
 from pneudrive.characteristics.stops.breakaway import BreakawayPeak, find_breakaway
 from pneudrive.characteristics.stops.phases import Phases, find_phases, mean_velocity, steady_part, stop_step
 from pneudrive.characteristics.stops.recovery import Recovery, bin_excess, recover
@@ -29,7 +29,6 @@ from pneudrive.characteristics.stops.running import (
     running_level,
     strokes_of,
 )
-from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.rig.interface import Move
 from pneudrive.show import Shown
 
@@ -144,37 +143,6 @@ class Stop(Shown):
     def usable(self) -> bool:
         """Whether the increment enters the law of breakaway over duration."""
         return np.isfinite(self.increment_n) and not SPOILING.intersection(self.flags)
-
-
-def read_stop(
-    file: CycleFile, samples: Samples | CampaignError, identity: Identity, others: Sequence[UninterruptedStroke] = ()
-) -> Stop | Skipped:
-    """Make sense of one cycle of kind ``stop``.
-
-    Parameters
-    ----------
-    file : CycleFile
-    samples : Samples or CampaignError
-        Its raw samples, or why they cannot be read.
-    identity : Identity
-        Of the rig.
-    others : sequence of UninterruptedStroke
-        Uninterrupted strokes of other cycles, for where this one has none of its own.
-
-    Returns
-    -------
-    Stop or Skipped
-    """
-    try:
-        if isinstance(samples, CampaignError):
-            raise samples
-        return _read(file, samples, identity, others)
-    except PneudriveError as error:
-        reason = f"{error.what} ({error.value})" if error.value is not None else error.what
-    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
-        # Samples that no check has foreseen cost their own cycle, not the campaign.
-        reason = f"{type(error).__name__}: {error}"
-    return Skipped(file.head.cycle.key, file.path.name, reason)
 
 
 def _read(
@@ -338,10 +306,21 @@ def find_stops(
 def read_stops(
     files: Sequence[CycleFile], identity: Identity, others: Sequence[UninterruptedStroke]
 ) -> list[Stop | Skipped]:
-    """Read some stops one after the other."""
-    return [
-        read_stop(file, samples, identity, others) for file, samples in zip(files, read_samples(files), strict=True)
-    ]
+    """Read some stops one after the other.
+
+    Parameters
+    ----------
+    files : sequence of CycleFile
+    identity : Identity
+        Of the rig.
+    others : sequence of UninterruptedStroke
+        Of other cycles, for where a cycle has none of its own.
+    """
+
+    def read(file: CycleFile, samples: Samples) -> Stop | Skipped:
+        return _read(file, samples, identity, others)
+
+    return [read_or_skip(read, file, samples) for file, samples in zip(files, read_samples(files), strict=True)]
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
