@@ -109,8 +109,9 @@ def scan(shape: Array, designs: Array, values: Array) -> Scan:
     size = np.linalg.norm(designs, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
     scaled = designs / size
-    inverse = np.linalg.pinv(scaled, rcond=NEGLIGIBLE)
-    found = inverse @ values
+    q, r = np.linalg.qr(scaled)  # the singular values of r are those of the design, and r is small
+    inverse = np.linalg.pinv(r, rcond=NEGLIGIBLE)
+    found = (inverse @ (q.swapaxes(1, 2) @ values)[:, :, None])[:, :, 0]
     rest = values - np.einsum("gnp,gp->gn", scaled, found)
     factor = size[:, 0, :]
     covariance = (inverse @ inverse.swapaxes(1, 2)) / (factor[:, :, None] * factor[:, None, :])

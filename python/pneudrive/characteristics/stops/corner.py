@@ -117,17 +117,16 @@ def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float,
     if found.cost[found.best] > FITS * (friction.size - 6.0) * one_n**2 or found.shape[found.best, 1] > SHARP:
         return None
     chosen = np.flatnonzero(weight > 1e-3)
+    corner, each = found.shape[chosen, 0], np.arange(chosen.size)
     even = np.linspace(0.0, friction.size - 1.0, FINE * friction.size)
-    heights, variances = [], []
-    for i in chosen:
-        columns = _columns(np.append(even, found.shape[i, 0]), *found.shape[i])
-        values = columns @ found.coefficient[i]
-        at = int(np.argmax(values))
-        heights.append(float(values[at]))
-        variances.append(float(columns[at] @ found.covariance[i] @ columns[at]) * many_n**2)
+    columns = _columns(np.c_[np.broadcast_to(even, (chosen.size, even.size)), corner], found.shape[chosen])
+    values = (columns @ found.coefficient[chosen, :, None])[:, :, 0]
+    at = np.argmax(values, axis=1)
+    heights, rows = values[each, at], columns[each, at]
+    variances = np.einsum("gi,gij,gj->g", rows, found.covariance[chosen], rows) * many_n**2
     share = weight[chosen] / weight[chosen].sum()
-    height = float(share @ np.array(heights))
-    return height, float(np.sqrt(share @ (np.array(variances) + (np.array(heights) - height) ** 2)))
+    height = float(share @ heights)
+    return height, float(np.sqrt(share @ (variances + (heights - height) ** 2)))
 
 
 def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
@@ -147,13 +146,16 @@ def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
 
 
 def _scanned(friction: Array, low: float, high: float, many_n: float) -> tuple[Scan, Array]:
-    t = np.arange(friction.size, dtype=float)
-    grid = [(float(c), s) for s in ROUNDNESS for c in np.linspace(low, high, PLACES)]
-    found = scan(np.array(grid), np.stack([_columns(t, c, s) for c, s in grid]), friction)
+    places = np.linspace(low, high, PLACES)
+    grid = np.column_stack([np.tile(places, len(ROUNDNESS)), np.repeat(ROUNDNESS, PLACES)])
+    found = scan(grid, _columns(np.arange(friction.size, dtype=float), grid), friction)
     return found, np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
 
 
-def _columns(t: Array, corner: float, roundness: float) -> Array:
+def _columns(t: Array, grid: Array) -> Array:
+    """Columns at times, shape (n,) or (g, n), of each corner and roundness, shape (g, 2); shape (g, n, 4)."""
+    corner, roundness = grid[:, :1], grid[:, 1:]
     away = t - corner
-    bend = np.maximum(away, 0.0) if roundness == 0.0 else roundness * np.logaddexp(0.0, away / roundness)
-    return np.column_stack([np.ones(t.size), away, bend, bend**2])
+    width = np.where(roundness > 0.0, roundness, 1.0)
+    bend = np.where(roundness > 0.0, width * np.logaddexp(0.0, away / width), np.maximum(away, 0.0))
+    return np.stack([np.ones_like(away), away, bend, bend**2], axis=2)
