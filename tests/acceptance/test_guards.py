@@ -90,6 +90,28 @@ def test_describe_has_no_circles():
     assert not graph, f"these import each other: {sorted(graph)}"
 
 
+def _documented(text: str) -> set[str]:
+    """Return the parameters that a docstring in numpy's form lists."""
+    section = re.split(r"\n\n?[A-Z][A-Za-z ]+\n-{3,}", text.split("\nParameters\n", 1)[1])[0]
+    heads = [line for line in section.splitlines()[1:] if line and not line.startswith(" ")]
+    return {name.strip().lstrip("*") for head in heads for name in head.split(" : ")[0].split(",")}
+
+
+def test_docstrings_list_the_parameters_that_functions_have():
+    seen = 0
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            text = ast.get_docstring(node) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else None
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or "\nParameters\n" not in (text or ""):
+                continue
+            given = node.args
+            every = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
+            bound = {"self", "cls"} & {one.arg for one in given.args[:1]}
+            assert _documented(text or "") == {one.arg for one in every if one is not None} - bound, (path, node.name)
+            seen += 1
+    assert seen > 200
+
+
 def test_constants_are_those_of_the_core():
     core = _core.constants()
     assert len(core) >= 6

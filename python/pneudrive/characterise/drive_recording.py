@@ -161,6 +161,10 @@ def drive_recording(
     ----------
     columns : mapping
         Name -> values, shape (n,).
+    name : str
+    labels : mapping, optional
+    source : Path, optional
+        The file, for messages.
     needed : sequence of str
         Columns without which it is refused.
     gaps : bool

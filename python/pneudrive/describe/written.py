@@ -204,7 +204,9 @@ def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Wr
     Parameters
     ----------
     table : object
-        The table as it was read, which has the name under `slot`.
+        The table as it was read.
+    slot : str
+        Its key that names the file.
     key : str
         Where the table stands in the file.
     make : callable

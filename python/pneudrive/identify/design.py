@@ -99,6 +99,10 @@ class Prior(Shown):
             Parameter -> relative standard deviation of the guess (log-normal); absent ones are taken as they are.
         chambers : tuple of str
             Chambers on whose gauge pressure the forces depend, such as ``("a", "b")``.
+        draws : int
+            Draws of the guesses over which a design is averaged.
+        seed : int
+            Of the draws.
         """
         if law not in CANDIDATES:
             raise FitError(f"there is no law {law!r} to design for", remedy=nearest(law, CANDIDATES))

@@ -39,7 +39,7 @@ def with_scatter(
     ----------
     model, data, found
         The law, the values, and the estimate without scatter.
-    robust : bool
+    loss : str
         As of the estimate.
 
     Returns

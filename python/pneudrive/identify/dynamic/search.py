@@ -192,8 +192,12 @@ def judge(
 
     Parameters
     ----------
+    problem : FitProblem
+    point : Iterate
     believed : list of ndarray
         Starts that are believed before the fit; the first of each recording counts.
+    shots : list of Shot
+        Runs of each recording's segments.
     reset : bool
         Segments begin with what was measured; only the rest is carried over.
     """

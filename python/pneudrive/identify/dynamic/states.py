@@ -92,8 +92,17 @@ def measured_starts(
 
     Parameters
     ----------
+    recording : DriveRecording
+    channels : list of Channel
+        The c measured signals.
     noise : ndarray, shape (c,)
         Of the channels.
+    starts : ndarray, shape (k,)
+        Samples at which segments begin.
+    drive : Drive
+    inner : list of str
+        Further states of the drive, which start at zero.
+    watch : Watch
 
     Returns
     -------

@@ -126,6 +126,8 @@ def bootstrap(solved: Solved, count: int, seed: int) -> Array:
 
     Parameters
     ----------
+    solved : Solved
+        Where the search ended.
     count : int
         Draws.
     seed : int
@@ -166,6 +168,8 @@ def profile(solved: Solved, index: int) -> tuple[float, float]:
 
     Parameters
     ----------
+    solved : Solved
+        Where the search ended.
     index : int
         Of the coordinate.
     """
