@@ -137,7 +137,7 @@ class Misfit:
     cost : float
         Twice the negative log-likelihood, but for a constant.
     merit : float
-        Cost and gaps: what a step of the second phase has to lower.
+        What a step has to lower: the cost, in the second phase with the gaps.
     gap : float
         Greatest gap, in the sizes of the states.
     residuals : list of ndarray, shape (n, c)
@@ -213,7 +213,7 @@ def judge(
         penalty += r.size / max(len(scaled), 1) * float(np.sum(scaled**2))
         gap = max(gap, float(np.abs(scaled).max(initial=0.0)))
         residuals.append(r)
-    return Misfit(cost, cost + penalty, gap, residuals)
+    return Misfit(cost, cost if reset else cost + penalty, gap, residuals)
 
 
 def linearise(
@@ -297,9 +297,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
     for _ in range(MOST_STEPS):
         _take_misfit_as_noise(problem, judge(problem, point, believed, shots, reset=True).residuals, least)
         at = linearise(problem, point, believed, shots, reset=True)
-        found = _shortened(
-            problem, point, at, longest, lambda trial, new: judge(problem, trial, believed, new, reset=True), "cost"
-        )
+        found = _shortened(problem, point, at, longest, believed, reset=True)
         if found is None:  # what is carried over may be far from where it belongs: take it there alone
             if closings == MOST_CLOSINGS:
                 break
@@ -342,16 +340,11 @@ class _Found:
 
 
 def _shortened(
-    problem: FitProblem,
-    point: Iterate,
-    at: Joined,
-    longest: float,
-    judged: Callable[[Iterate, list[Shot]], Misfit],
-    measure: str,
+    problem: FitProblem, point: Iterate, at: Joined, longest: float, believed: list[Array], *, reset: bool = False
 ) -> _Found | None:
-    """Shorten the step until it lowers the cost or the merit, by runs without derivatives; None where none does."""
+    """Shorten the step until it lowers the merit, by runs without derivatives; None where none does."""
     information, gradient = equations(problem, point, at)
-    before = getattr(at.standing, measure)
+    before = at.standing.merit
     while longest >= SHORTEST:
         step = bounded_step(information, gradient, longest)
         trial = problem.possible(_moved(point, at, step))
@@ -360,8 +353,8 @@ def _shortened(
         except FitError:  # the core refuses such a drive
             shots = ""
         if not isinstance(shots, str):
-            standing = judged(trial, shots)
-            if getattr(standing, measure) < before:
+            standing = judge(problem, trial, believed, shots, reset=reset)
+            if standing.merit < before:
                 return _Found(trial, standing, min(LONGER * longest, LONGEST))
         longest = SHORTER * min(longest, float(np.abs(step).max(initial=0.0)))
     return None
@@ -398,9 +391,7 @@ def join_segments(
         short = length < SHORT_STEP and at.standing.gap < SMALL_GAP
         if short or (at.exact and at.standing.gap < SOLVER_GAP):
             return point, at, True
-        found = _shortened(
-            problem, point, at, longest, lambda trial, new: judge(problem, trial, believed, new), "merit"
-        )
+        found = _shortened(problem, point, at, longest, believed)
         if found is None:
             return point, at, length < 1.0 and at.standing.gap < SOLVER_GAP
         point, longest = found.point, found.longest

@@ -90,10 +90,7 @@ class Exported(Shown):
 
     def value(self, name: str) -> float:
         """Value of one parameter, SI."""
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter.value
-        raise KeyError(name)
+        return {parameter.name: parameter.value for parameter in self.parameters}[name]
 
     def remarks(self) -> list[str]:
         """Say how exact the conversion is, where it holds, and what is lost."""
