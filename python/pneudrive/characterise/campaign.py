@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.extract import RecordingResult, extract, friction_points
-from pneudrive.characterise.formats import as_numbers
 from pneudrive.characterise.layout import Layout, stem
-from pneudrive.characterise.load import RecordingFile, to_recording
+from pneudrive.characterise.load import RecordingFile, read_rows, to_recording
 from pneudrive.characterise.pool import share_out
 from pneudrive.characterise.pool import workers as usual_workers
 from pneudrive.characterise.text_table import column_number
@@ -150,26 +149,16 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
 def read_cycles(cycles: Cycles) -> Iterator[Recording]:
     """Read cycles one after the other, a batch of rows at a time."""
     said = cycles.layout.for_file(cycles.path)
-    date_form = said.columns["time"].date_form
-    table = open_table(cycles.path, "parquet")
-    wanted = {
-        channel: table.names[column_number(column.column, table.names, len(table.names), cycles.path)]
-        for channel, column in said.columns.items()
-    }
     start = 0
     while start < len(cycles):
         last = int(np.searchsorted(cycles.bounds, cycles.bounds[start] + BATCH_SAMPLES, side="right")) - 1
         stop = min(max(last, start + 1), len(cycles))
         first_row, end_row = int(cycles.bounds[start]), int(cycles.bounds[stop])
-        columns = table.get(wanted.values(), (first_row, end_row))
-        raw = {channel: columns[name] for channel, name in wanted.items()}
-        if date_form is not None or raw["time"].dtype.kind == "M":
-            raw["time"] = as_numbers(raw["time"], wanted["time"], cycles.path, date_form)
+        raw = read_rows(cycles.path, said, (first_row, end_row))
         for index in range(start, stop):
             part = slice(int(cycles.bounds[index]) - first_row, int(cycles.bounds[index + 1]) - first_row)
             name = f"{stem(cycles.path)}/{cycles.numbers[index]}"
-            values = {channel: np.asarray(column[part], dtype=np.float64) for channel, column in raw.items()}
-            yield to_recording(name, cycles.path, said, values, {}, None)
+            yield to_recording(name, cycles.path, said, {c: column[part] for c, column in raw.items()}, {}, None)
         start = stop
 
 

@@ -24,7 +24,7 @@ from pneudrive.characterise.pressure_line import (
     fit_pressure_lines,
     run_spread,
 )
-from pneudrive.characterise.recording import Recording
+from pneudrive.characterise.recording import CHANNELS, Recording
 from pneudrive.characterise.settling import SampleChoice, Settled
 from pneudrive.characterise.spread import changed
 from pneudrive.characterise.trajectories import from_run, is_run
@@ -153,13 +153,19 @@ def characterise_recordings(
     if number <= KEPT_IN_FULL:
         long = [source for source in sources if isinstance(source, RecordingFile) and is_long(source)]
         loaded += _read([source for source in sources if source not in long], watch)
-        unique, skipped, notes = _count_once(loaded)
+        places, skipped = _count_once((r.name, _digest(r), "") for r in loaded)
+        unique = [loaded[place] for place in places]
+        notes = [sentence("note.same_samples", name=name, why=why) for name, why in skipped]
         results = tuple(extract(recording, choice) for recording in watch.each(unique, "recordings characterised"))
         results += tuple(extract_long(file, choice, watch) for file in long)
         notes += [sentence("note.part_by_part", name=file.name) for file in long]
         return _assemble(results, [summary_of(result) for result in results], skipped, notes, choice)
     summaries = [summary_of(extract(recording, choice)) for recording in loaded] + summarise(sources, choice)
-    kept, skipped, notes = _summaries_once(summaries)
+    places, skipped = _count_once((s.name, s.digest, s.reason) for s in summaries)
+    kept = [summaries[place] for place in places]
+    if not kept:
+        raise RecordingError("no recording could be used", value="; ".join(f"{n}: {why}" for n, why in skipped[:3]))
+    notes = [sentence("note.not_counted", count=len(skipped), first=skipped[0])] if skipped else []
     results = tuple(extract(recording, choice) for recording in _sample(loaded, sources, {s.name for s in kept}))
     notes.insert(0, sentence("note.sampled", count=len(kept), shown=len(results)))
     return _assemble(results, kept, skipped, notes, choice)
@@ -242,36 +248,33 @@ def _assemble(
     )
 
 
-def _count_once(recordings: list[Recording]) -> tuple[list[Recording], list[tuple[str, str]], list[str]]:
-    """Leave out recordings whose samples equal those of an earlier one."""
-    seen: dict[bytes, str] = {}
-    unique, skipped, notes = [], [], []
-    for recording in recordings:
-        channels = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
-        key = hashlib.sha256(b"".join(getattr(recording, c).tobytes() for c in channels)).digest()
-        if key in seen:
-            skipped.append((recording.name, f"identical to {seen[key]}"))
-            notes.append(sentence("note.same_samples", name=recording.name, other=seen[key]))
-        else:
-            seen[key] = recording.name
-            unique.append(recording)
-    return unique, skipped, notes
+def _count_once(found: Iterable[tuple[str, object, str]]) -> tuple[list[int], list[tuple[str, str]]]:
+    """Leave out what could not be used, and what holds the same samples as an earlier recording.
 
+    Parameters
+    ----------
+    found : iterable of tuple
+        Name, digest of the samples, and why it could not be used ("" where it could).
 
-def _summaries_once(summaries: list[Summary]) -> tuple[list[Summary], list[tuple[str, str]], list[str]]:
-    """Leave out what could not be used, and recordings whose samples equal those of an earlier one."""
-    seen: dict[int, str] = {}
+    Returns
+    -------
+    list of int, list of tuple
+        Places of what is counted; names of the others, and why.
+    """
+    seen: dict[object, str] = {}
     kept, skipped = [], []
-    for summary in summaries:
-        if summary.reason or (summary.digest and summary.digest in seen):
-            skipped.append((summary.name, summary.reason or f"identical to {seen[summary.digest]}"))
+    for place, (name, digest, reason) in enumerate(found):
+        if reason or digest in seen:
+            skipped.append((name, reason or f"identical to {seen[digest]}"))
         else:
-            seen[summary.digest] = summary.name
-            kept.append(summary)
-    if not kept:
-        raise RecordingError("no recording could be used", value="; ".join(f"{n}: {why}" for n, why in skipped[:3]))
-    notes = [sentence("note.not_counted", count=len(skipped), first=skipped[0])] if skipped else []
-    return kept, skipped, notes
+            seen[digest] = name
+            kept.append(place)
+    return kept, skipped
+
+
+def _digest(recording: Recording) -> bytes:
+    channels = (getattr(recording, channel) for channel in ("time_s", *CHANNELS))
+    return hashlib.sha256(b"".join(values.tobytes() for values in channels)).digest()
 
 
 def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:

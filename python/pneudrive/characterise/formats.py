@@ -22,7 +22,11 @@ GUESSED_FROM = 400  # values from which the form of dates is guessed
 
 
 def read_columns(
-    form: str, path: Path, wanted: list[int | str], dates: dict[int | str, str] | None = None
+    form: str,
+    path: Path,
+    wanted: list[int | str],
+    dates: dict[int | str, str] | None = None,
+    rows: tuple[int, int] | None = None,
 ) -> NumberTable:
     """Read the wanted columns of a file that is not text.
 
@@ -35,6 +39,8 @@ def read_columns(
         Numbers or names of columns.
     dates : dict, optional
         Those that hold dates and times, with the form of texts; they become seconds since the first one.
+    rows : tuple of int, optional
+        First row and the one behind the last, of Parquet; None: all.
 
     Raises
     ------
@@ -48,7 +54,7 @@ def read_columns(
     full = [short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted]
     names = [opened.names[column_number(column, opened.names, len(opened.names), path)] for column in full]
     forms = {name: dates[column] for name, column in zip(names, wanted, strict=True) if dates and column in dates}
-    values = opened.get(names, dates=frozenset(forms))
+    values = opened.get(names, rows, dates=frozenset(forms))
     columns = [as_numbers(np.asarray(values[name]), name, path, forms.get(name)) for name in names]
     if len({column.size for column in columns}) > 1:
         sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))

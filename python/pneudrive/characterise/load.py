@@ -113,6 +113,12 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
     return to_recording(name or stem(path), path, said, raw, flags, digest)
 
 
+def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
+    """Read some rows of the raw columns that a layout names, by channel, from a Parquet file."""
+    wanted = [column.column for column in said.columns.values()]
+    return dict(zip(said.columns, read_columns(said.format, path, wanted, said.dates, rows).columns, strict=True))
+
+
 def read_raw(
     path: Path, said: FileLayout | SampledLayout
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:

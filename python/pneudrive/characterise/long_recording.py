@@ -17,9 +17,8 @@ import numpy as np
 
 from pneudrive.characterise.extract import RecordingResult, result_of, window_of
 from pneudrive.characterise.levels import speed_levels
-from pneudrive.characterise.load import to_recording
+from pneudrive.characterise.load import read_rows, to_recording
 from pneudrive.characterise.samples import clean
-from pneudrive.characterise.text_table import column_number
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import open_table
 from pneudrive.friction.sliding import Sliding, StrokeFriction, find_motion, judge, stroke_frictions
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
     from pneudrive.characterise.extract import Level
     from pneudrive.characterise.load import RecordingFile
     from pneudrive.characterise.motion import Stroke
-    from pneudrive.characterise.recording import Recording
-    from pneudrive.files.tables import Table
     from pneudrive.friction.pairing import Grid
     from pneudrive.friction.sliding import SampleChoice
     from pneudrive.watch import Watch
@@ -120,13 +117,12 @@ def _parts(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Iterator[
     """Read a recording part by part, each with the strokes that are counted in it."""
     assert file.layout is not None
     said = file.layout.for_file(file.path)
-    table = open_table(file.path, "parquet")
-    rows = table.count() or 0
+    rows = open_table(file.path, "parquet").count() or 0
     start, size, is_first = said.skip_samples, PART_SAMPLES, True
     while start < rows:
         watch.tell(start, rows, f"rows of {file.name}")
         stop = min(start + size, rows)
-        recording = _read(file, table, start, stop)
+        recording = to_recording(file.name, file.path, said, read_rows(file.path, said, (start, stop)), {}, None)
         sliding = judge(find_motion(clean(recording)), choice)
         is_last, n = stop == rows, len(sliding.strokes)
         if not is_last and n < LEAST_STROKES:
@@ -150,18 +146,6 @@ def _parts(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Iterator[
         start += int(np.flatnonzero(recording.time_s >= begin)[0])
         is_first, size = False, max(size, PART_SAMPLES)
     watch.tell(rows, rows, f"rows of {file.name}")
-
-
-def _read(file: RecordingFile, table: Table, start: int, stop: int) -> Recording:
-    assert file.layout is not None
-    said = file.layout.for_file(file.path)
-    names = {
-        channel: table.names[column_number(column.column, table.names, len(table.names), file.path)]
-        for channel, column in said.columns.items()
-    }
-    columns = table.get(names.values(), (start, stop))
-    raw = {channel: np.asarray(columns[name], dtype=np.float64) for channel, name in names.items()}
-    return to_recording(file.name, file.path, said, raw, {}, None)
 
 
 def _hash(file: RecordingFile) -> str:
