@@ -109,8 +109,6 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
 
     Raises
     ------
-    CommandError
-        bluesky, which runs campaigns, is not installed.
     CampaignError
         The folder cannot be used.
     """
