@@ -30,6 +30,7 @@ const SPOKEN: [&str; 27] = [
 ];
 
 impl Dimension {
+    /// That of a plain number.
     pub const NONE: Self = Dimension([0.0; 4]);
 
     /// Reads an SI unit: `N s/m`, `1/Pa`, `W/(m2 K)`; `-` or nothing for a pure number.
@@ -54,14 +55,17 @@ impl Dimension {
         Ok(total)
     }
 
+    /// Dimension of a product.
     pub fn times(self, other: Self) -> Self {
         Dimension(std::array::from_fn(|i| self.0[i] + other.0[i]))
     }
 
+    /// Dimension of a quotient.
     pub fn over(self, other: Self) -> Self {
         self.times(other.to_power(-1.0))
     }
 
+    /// Dimension of a power.
     pub fn to_power(self, power: f64) -> Self {
         Dimension(self.0.map(|own| own * power))
     }

@@ -138,14 +138,17 @@ impl Graph {
         &self.nodes[id.0]
     }
 
+    /// Dimension of a node; none where it is open.
     pub fn dimension(&self, id: Id) -> Option<Dimension> {
         self.at(id).dimension
     }
 
+    /// Whether a node is an input.
     pub fn is_input(&self, id: Id) -> bool {
         matches!(self.at(id).operation, Operation::Input(_))
     }
 
+    /// The number that a node is, if it is one.
     pub fn number(&self, id: Id) -> Option<f64> {
         match self.at(id).operation {
             Operation::Number(bits) => Some(f64::from_bits(bits)),

@@ -14,6 +14,8 @@
 //! - x^2, x^3, ... are products; x^0.5 is a square root.
 //! - A name that `let` gives is rounded to a number of its own.
 
+#![warn(missing_docs)]
+
 mod dimension;
 mod graph;
 mod lower;

@@ -3,7 +3,9 @@ use std::fmt;
 /// A piece of a formula, in characters from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
+    /// First byte.
     pub start: usize,
+    /// Byte behind the last one.
     pub end: usize,
 }
 
@@ -16,12 +18,16 @@ impl Place {
 /// Why a formula is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
+    /// What is wrong.
     pub what: String,
+    /// Where in the formula.
     pub place: Option<Place>,
+    /// What to do.
     pub remedy: String,
 }
 
 impl Problem {
+    /// What is wrong at a place, and what to do.
     pub fn new(what: impl Into<String>, place: Place, remedy: impl Into<String>) -> Self {
         Problem { what: what.into(), place: Some(place), remedy: remedy.into() }
     }

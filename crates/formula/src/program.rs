@@ -150,6 +150,7 @@ impl Program {
         self.steps.len()
     }
 
+    /// Whether there is nothing to run.
     pub fn is_empty(&self) -> bool {
         self.steps.is_empty()
     }

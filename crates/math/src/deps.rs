@@ -22,6 +22,7 @@ impl Deps {
         Deps(bits)
     }
 
+    /// Whether variable `i` is in the set.
     pub fn contains(&self, i: usize) -> bool {
         self.0[i / 64] >> (i % 64) & 1 == 1
     }

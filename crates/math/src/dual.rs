@@ -7,7 +7,9 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 /// `Real`, so that lanes have derivatives and derivatives have lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Dual<R, const N: usize> {
+    /// The value.
     pub re: R,
+    /// Derivatives in N directions.
     pub eps: [R; N],
 }
 

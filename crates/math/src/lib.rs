@@ -3,6 +3,8 @@
 //! A law is a function generic over [`Real`]. Run on `f64` it gives values, on [`Dual`] exact
 //! derivatives, on [`Lanes`] several drives at once, on [`Deps`] the sparsity pattern.
 
+#![warn(missing_docs)]
+
 mod deps;
 mod dual;
 pub mod elementary;

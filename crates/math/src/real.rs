@@ -36,14 +36,21 @@ pub trait Real:
     fn c(x: f64) -> Self;
     /// `self * a + b`, rounded once (in the value; a derivative is rounded as it comes).
     fn fma(self, a: Self, b: Self) -> Self;
+    /// Square root.
     fn sqrt(self) -> Self;
+    /// e to the power of this.
     fn exp(self) -> Self;
+    /// Natural logarithm.
     fn ln(self) -> Self;
     /// `self^exponent` for `self > 0`.
     fn pow(self, exponent: Self) -> Self;
+    /// Sine of an angle in rad.
     fn sin(self) -> Self;
+    /// Cosine of an angle in rad.
     fn cos(self) -> Self;
+    /// Hyperbolic tangent.
     fn tanh(self) -> Self;
+    /// Where this is less than the other.
     fn lt(self, other: Self) -> Self::Mask;
     /// `self * a + b` with a constant `a`.
     #[inline(always)]
@@ -53,22 +60,27 @@ pub trait Real:
     /// `a` where `mask` holds, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
 
+    /// 0.
     #[inline(always)]
     fn zero() -> Self {
         Self::c(0.0)
     }
+    /// 1.
     #[inline(always)]
     fn one() -> Self {
         Self::c(1.0)
     }
+    /// Absolute value.
     #[inline(always)]
     fn abs(self) -> Self {
         Self::select(self.lt(Self::zero()), -self, self)
     }
+    /// The lesser of both; this one where they are equal.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self::select(other.lt(self), other, self)
     }
+    /// The greater of both; this one where they are equal.
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self::select(self.lt(other), other, self)
@@ -88,10 +100,12 @@ pub trait Lane: Real + From<Self::Plain> {
     const L: usize;
     /// How many derivatives the number carries.
     const DIRECTIONS: usize = 0;
+    /// The number in a lane.
     fn get(&self, lane: usize) -> f64;
     /// Sets one lane to a constant.
     fn put(&mut self, lane: usize, value: f64);
 
+    /// The value without derivatives.
     fn plain(&self) -> Self::Plain;
 
     /// The same derivatives with another value.

@@ -23,15 +23,23 @@ impl Default for Options {
 /// Work done so far, by count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
+    /// Accepted steps.
     pub steps: u64,
+    /// Rejected attempts.
     pub rejected: u64,
+    /// Evaluations of the right-hand side.
     pub right_hand_sides: u64,
+    /// Evaluations of the Jacobian.
     pub jacobians: u64,
+    /// Factorisations of W.
     pub factorisations: u64,
+    /// Located events.
     pub events: u64,
 }
 
-/// Why an integration cannot go on. `state` is the index of the component that stood in the way.
+/// Why an integration cannot go on at a time `t`, s, with a step `h`, s. `state` is the index of the component that
+/// stood in the way, `event` that of the event function; each variant is what its message says.
+#[allow(missing_docs)] // of variants and fields: named above
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Failure {
     #[error("the step size fell to {h:e} at t = {t}: state {state} cannot be resolved")]

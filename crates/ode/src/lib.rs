@@ -3,6 +3,8 @@
 //! A [`System`] is written once, generic over the scalar; the [`Stepper`] takes its Jacobian from
 //! dual numbers, its sparsity from dependency sets, and runs one or several lanes in the same loop.
 
+#![warn(missing_docs)]
+
 mod approach;
 mod control;
 mod dense;

@@ -17,15 +17,26 @@ pub use rodas5p::RODAS5P;
 /// Source: [hairer1996].
 #[derive(Debug)]
 pub struct Rosenbrock<const S: usize> {
+    /// Name as published.
     pub name: &'static str,
+    /// Order of the solution.
     pub order: u32,
+    /// Order of the embedded solution.
     pub error_order: u32,
+    /// Order of the dense output.
     pub dense_order: u32,
+    /// Diagonal coefficient.
     pub gamma: f64,
+    /// Coefficients of earlier stages in the state of a stage.
     pub a: [[f64; S]; S],
+    /// Coefficients of earlier stages in the right-hand side.
     pub c: [[f64; S]; S],
+    /// Times of the stages, as shares of the step.
     pub alpha: [f64; S],
+    /// Coefficients of the derivative by time.
     pub gamma_t: [f64; S],
+    /// Coefficients of the dense output.
     pub dense: [[f64; S]; 3],
+    /// Key in references.bib.
     pub source: &'static str,
 }

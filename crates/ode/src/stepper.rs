@@ -132,6 +132,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
     }
 
+    /// The system that is integrated.
     pub fn system(&self) -> &Sys {
         &self.system
     }
@@ -142,6 +143,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         &mut self.system
     }
 
+    /// Time that a lane has reached, s.
     pub fn time(&self, lane: usize) -> f64 {
         self.t[lane]
     }
@@ -157,10 +159,12 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.options.max_attempts = done.saturating_add(attempts);
     }
 
+    /// Why a lane has stopped early, if it has.
     pub fn failure(&self, lane: usize) -> Option<Failure> {
         self.lanes[lane].failure
     }
 
+    /// What a lane has cost.
     pub fn statistics(&self, lane: usize) -> Statistics {
         self.lanes[lane].statistics
     }

@@ -10,6 +10,7 @@ pub trait System<R: Lane> {
     /// Room for intermediate results, made once for each scalar type and reused at every call.
     type Work<S: Over<R>>: Clone;
 
+    /// Makes that room.
     fn work<S: Over<R>>(&self) -> Self::Work<S>;
 
     /// Brings what `work` holds of the inputs up to date; asked for after every step and change of the system.
