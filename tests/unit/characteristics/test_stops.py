@@ -17,13 +17,15 @@ from pneudrive.characteristics.stops.breakaway import find_breakaway
 from pneudrive.characteristics.stops.dwell_law import fit_dwell
 from pneudrive.characteristics.stops.phases import Phases, find_phases
 from pneudrive.characteristics.stops.stop import find_stops
+from pneudrive.characteristics.threads import one_thread
 from pneudrive.errors import CampaignError
 from pneudrive.rig.interface import Sampling
 
 
 def found(folder, world, seed=0):
-    stops, skipped = find_stops(Campaign.open(write_stops(folder / f"c{seed}", world, seed)), 1)
-    series, statements = fit_dwell(stops, AMBIENT_PA)
+    with one_thread():
+        stops, skipped = find_stops(Campaign.open(write_stops(folder / f"c{seed}", world, seed)), 1)
+        series, statements = fit_dwell(stops, AMBIENT_PA)
     return stops, skipped, series, statements
 
 
