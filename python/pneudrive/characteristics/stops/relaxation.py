@@ -71,10 +71,8 @@ class ForceRelaxation:
 
     def force_n(self, time_s: Array, start_n: float) -> Array:
         """Force over time since the rest began, N, for a force at its beginning."""
-        basis = _basis(self.form, np.asarray(time_s, dtype=float), self.times_s)
-        return (
-            start_n - basis @ np.array(self.amplitudes_n) if self.amplitudes_n else np.full(np.shape(time_s), start_n)
-        )
+        basis = _basis(self.form, np.asarray(time_s, dtype=float), np.array([self.times_s]))[0]
+        return start_n - basis @ np.array(self.amplitudes_n)
 
 
 def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
@@ -117,10 +115,10 @@ def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
     return replace(nothing, **_forms(time, friction, noise**2 / np.bincount(group)))
 
 
-def _basis(form: str, time: Array, times: tuple[float, ...]) -> Array:
-    if form == "log":
-        return np.log10(1.0 + time / times[0])[:, None]
-    return np.column_stack([-np.expm1(-time / tau) for tau in times]) if times else np.zeros((time.size, 0))
+def _basis(form: str, time: Array, times: Array) -> Array:
+    """Fall for amplitude 1 at time, shape (n,), of all sets of times, shape (g, k); shape (g, n, k)."""
+    ratio = time[None, :, None] / times[:, None, :]
+    return np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
 
 
 def _forms(time: Array, force: Array, variance: Array) -> dict[str, Any]:
@@ -133,7 +131,7 @@ def _forms(time: Array, force: Array, variance: Array) -> dict[str, Any]:
     fits, aicc = {}, {}
     for form, shapes in candidates.items():
         shape = np.array(shapes).reshape(len(shapes), -1)
-        columns = np.array([np.c_[np.ones(time.size), -_basis(form, time, one)] for one in shapes])
+        columns = np.concatenate([np.ones((len(shapes), time.size, 1)), -_basis(form, time, shape)], axis=2)
         fits[form] = scan(shape, columns * root[None, :, None], force * root)
         aicc[form] = corrected_criterion(float(fits[form].cost.min()), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
