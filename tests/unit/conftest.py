@@ -1,6 +1,8 @@
-"""The drive file of the guide, whole, for tests that change one line of it."""
+"""The drive file of the guide, whole, for tests that change one line of it; the study of the source paper, once."""
 
 import pytest
+
+import pneudrive as pn
 
 DRIVE_FILE = """\
 schema = 1
@@ -61,3 +63,9 @@ seal = "NBR"
 @pytest.fixture
 def drive_file():
     return DRIVE_FILE
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory):
+    """Return the source paper, reproduced."""
+    return pn.report.reproduce(tmp_path_factory.mktemp("campaigns"))

@@ -28,8 +28,8 @@ increment = {{ value = "0 N", source = "assumed", reason = "test" }}
 
 
 @pytest.fixture(scope="module")
-def figures(tmp_path_factory):
-    return paper_figures(run_experiments(tmp_path_factory.mktemp("campaigns"), seed=3), seed=3)
+def figures(made):
+    return made.figures
 
 
 @pytest.fixture(scope="module")

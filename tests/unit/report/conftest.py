@@ -7,7 +7,6 @@ import pytest
 
 from pneudrive.characterise import characterise_recordings
 from pneudrive.identify.seals import fit_characterisation
-from pneudrive.report import reproduce
 
 DATA = Path(__file__).resolve().parents[3] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 SOME = ["friction/Kidney_lc_1bar", "friction/Kidney_lc_4bar", "friction/Kidney_lc_7bar", "friction/O-ring_1bar"]
@@ -19,12 +18,6 @@ def real():
     """Return the characterisation of some real recordings, runs among them, and its fits."""
     found = characterise_recordings([DATA / f"{n}.csv.xz" for n in [*SOME, *(f"repeatability/{n}" for n in RUNS)]])
     return found, fit_characterisation(found)[0]
-
-
-@pytest.fixture(scope="session")
-def made(tmp_path_factory):
-    """Return the source paper, reproduced."""
-    return reproduce(tmp_path_factory.mktemp("campaigns"))
 
 
 @pytest.fixture(scope="session")
