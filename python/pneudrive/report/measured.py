@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.report import style
+from pneudrive.report.sketch import draw_sketch
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import by_seal, plural, seal_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from pneudrive.characterise.characterisation import Characterisation
@@ -52,61 +51,15 @@ def is_open(recording: Recording, side: str) -> bool:
 
 def draw_rig(recording: Recording) -> Figure:
     """Sketch of cylinder, piston, force sensor and servo or hand, with signs."""
-    from matplotlib.patches import FancyBboxPatch, Rectangle
-
-    figure = style.new_figure(2.0)
-    axis = figure.subplots()
-    axis.set_axis_off()
-    axis.set_xlim(0, 100)
-    axis.set_ylim(-9, 25)
-    wall = {"facecolor": "#cfcfcf", "edgecolor": style.BLACK, "lw": 0.8}
-    for x, y, w, h in (
-        (38, 0, 56, 1.4),
-        (38, 18.6, 56, 1.4),
-        (92.6, 0, 1.4, 20),
-        (38, 0, 1.4, 8.4),
-        (38, 11.6, 1.4, 8.4),
-    ):
-        axis.add_patch(Rectangle((x, y), w, h, **wall))
-    axis.add_patch(Rectangle((62, 1.4), 5, 17.2, facecolor="#8f8f8f", edgecolor=style.BLACK, lw=0.8))
-    for y in (1.4, 16.8):
-        axis.add_patch(Rectangle((63.6, y), 1.8, 1.8, facecolor=style.BLACK))
-    axis.add_patch(Rectangle((27, 9.1), 35, 1.8, **wall))  # rod or carriage through which the rig acts
-    axis.add_patch(
-        FancyBboxPatch((19, 6.6), 8, 6.8, boxstyle="round,pad=0.2", facecolor="white", edgecolor=style.BLACK)
-    )
-    axis.text(23, 10, "force\nsensor", ha="center", va="center", fontsize=7)
-    axis.add_patch(Rectangle((4, 5), 12, 10, **wall))
-    axis.text(10, 10, "rig", ha="center", va="center")
-    axis.plot([16, 19], [10, 10], color=style.BLACK, lw=3)
-    _chamber(axis, recording, "a", 50.5)
-    _chamber(axis, recording, "b", 80)
-    _arrow(axis, (28.5, 13.6), (36.5, 13.6), "F > 0", above=True)
-    _arrow(axis, (70.5, 4.2), (63.2, 4.2), "", above=True)
-    axis.text(71.2, 4.2, "friction, when v > 0", va="center", fontsize=7)
-    _arrow(axis, (38, -4.6), (70, -4.6), "x, v > 0", above=False)
-    axis.plot([38, 38], [-6, -3.2], color=style.BLACK, lw=0.8)
-    if recording.incline_rad:
-        axis.text(
-            96, -4.6, f"inclined by {np.degrees(recording.incline_rad):.3g}°", ha="right", va="center", fontsize=7
-        )
-    return figure
+    incline = recording.incline_rad
+    states = {side: _state(recording, side) for side in "ab"}
+    return draw_sketch("recording", ["inclined"] if incline else [], **states, incline=np.degrees(incline))
 
 
-def _chamber(axis: Axes, recording: Recording, side: str, x: float) -> None:
-    state = "open to ambient" if is_open(recording, side) else f"p_{side} measured"
-    if not is_open(recording, side) and np.ptp(getattr(recording, f"pressure_{side}_pa")) == 0:
-        state = f"p_{side} stated"
-    axis.text(x, 14.6, f"chamber {side}", ha="center", va="center", fontweight="bold", fontsize=7.5)
-    axis.text(x, 12.4, state, ha="center", va="center", fontsize=7)
-    axis.plot([x, x], [20, 22.6], color=style.BLACK, lw=1.0)
-    axis.text(x + 1, 22, "port", fontsize=6.5, va="center")
-
-
-def _arrow(axis: Axes, start: tuple[float, float], end: tuple[float, float], text: str, *, above: bool) -> None:
-    axis.annotate("", xy=end, xytext=start, arrowprops={"arrowstyle": "-|>", "color": style.BLACK, "lw": 1.1})
-    middle = (start[0] + end[0]) / 2
-    axis.text(middle, start[1] + (1.6 if above else -1.8), text, ha="center", va="center", fontsize=7.5)
+def _state(recording: Recording, side: str) -> str:
+    if is_open(recording, side):
+        return "open to ambient"
+    return f"p_{side} {'stated' if np.ptp(getattr(recording, f'pressure_{side}_pa')) == 0 else 'measured'}"
 
 
 def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
