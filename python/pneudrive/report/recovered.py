@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.identify.base import shown_in
+from pneudrive.identify.model import unit_of
 from pneudrive.numbers import with_u
 from pneudrive.report import style
-from pneudrive.report.speed import SHOWN_UNITS
 from pneudrive.report.topics import Topic
 
 if TYPE_CHECKING:
@@ -89,10 +90,11 @@ def parameter_rows(found: Characterisation, fits: Fits) -> list[tuple[str, str, 
         single = name.removesuffix("b") if name.endswith("_ab") else name
         if single not in known or name not in fit.intervals:
             continue
-        factor, unit = SHOWN_UNITS.get(name, (1e5, "N/bar"))
-        value, expanded = factor * fit.parameters[single], factor * fit.expanded_uncertainty(name)
-        true = factor * known[single]
-        low, high = (factor * bound for bound in fit.intervals[name])
+        size, unit = shown_in(unit_of(name))
+        value, expanded, true = (
+            v / size for v in (fit.parameters[single], fit.expanded_uncertainty(name), known[single])
+        )
+        low, high = (bound / size for bound in fit.intervals[name])
         inside = "yes" if abs(value - true) <= expanded else "no"
         shown = single.replace("_", " ") + (" and b" if name.endswith("_ab") else "")
         interval = f"{low:.4g} … {high:.4g} {unit}".strip()
