@@ -2,9 +2,8 @@
 
 Form of a campaign file: Parquet, one row per sample, the rows of a cycle together and in the order of
 time, a column that numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``) and the
-columns of any other recording. ``CAMPAIGN_LAYOUT`` describes the plain form with the columns cycle, time_s,
-position_m, force_n, pressure_a_pa, pressure_b_pa (absolute), 32-bit floats allowed; time may start anew in
-each cycle. Every cycle is treated as a recording of its own, by the same code.
+columns of any other recording, 32-bit floats allowed; time may start anew in each cycle. Every cycle is treated as a
+recording of its own, by the same code.
 
 Worker processes read their own part of the file, so neither the samples nor their copies meet in one process.
 """
@@ -39,21 +38,6 @@ if TYPE_CHECKING:
     from pneudrive.characterise.settling import SampleChoice
     from pneudrive.friction.friction_map import Row
 
-CAMPAIGN_LAYOUT = """\
-format = "parquet"
-
-[columns]
-cycle = {{ column = "cycle" }}
-time = {{ column = "time_s", unit = "s" }}
-position = {{ column = "position_m", unit = "m" }}
-force = {{ column = "force_n", unit = "N", positive = "+x" }}
-pressure_a = {{ column = "pressure_a_pa", unit = "Pa abs" }}
-pressure_b = {{ column = "pressure_b_pa", unit = "Pa abs" }}
-
-[geometry]
-kind = "{kind}"
-bore = "{bore}"
-"""
 BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB with its copies
 WORTH_WORKERS = 200  # cycles below which starting processes costs more than it saves
 

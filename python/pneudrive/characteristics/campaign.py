@@ -120,9 +120,9 @@ def characterise(
     """
     if isinstance(recordings, str | Path) and Path(recordings).is_dir():
         return characteristics(recordings, protocol).friction_map
-    from pneudrive.characterise import characterise as of_recordings
+    from pneudrive.characterise.characterisation import characterise_recordings
 
-    return of_recordings(recordings, layout, protocol)
+    return characterise_recordings(recordings, layout, protocol).friction_map
 
 
 @many_objects()
@@ -189,10 +189,11 @@ def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, 
     found = []
     for d in sorted((*reading.sliding, *reading.tares), key=lambda d: d.head.index):
         cycle, i = d.head.cycle, place.get(d.head.cycle.key)
-        paired = points is not None and i is not None
-        reduced = points.reduced if points is not None else None
         speeds = [abs(side.velocity_m_s) for side in d.sides.values()]
-        reason = points.reasons[i] if points is not None and i is not None else ""
+        means, reason = [float("nan")] * 3, ""
+        if points is not None and i is not None:
+            reduced, reason = points.reduced, points.reasons[i]
+            means = [float(v[i]) for v in (reduced.friction_n, reduced.offset_n, reduced.friction_stderr_n)]
         found.append(
             CycleResult(
                 index=d.head.index,
@@ -206,9 +207,9 @@ def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, 
                 began_s=d.head.began_s - first,
                 travel_m=reading.travel_m[cycle.key],
                 temperature_k=d.temperature_k,
-                friction_n=float(reduced.friction_n[i]) if paired and reduced is not None else float("nan"),
-                offset_n=float(reduced.offset_n[i]) if paired and reduced is not None else float("nan"),
-                stderr_n=float(reduced.friction_stderr_n[i]) if paired and reduced is not None else float("nan"),
+                friction_n=means[0],
+                offset_n=means[1],
+                stderr_n=means[2],
                 flags=(*d.flags, *([reason] if reason else [])),
             )
         )

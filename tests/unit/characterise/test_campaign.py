@@ -6,10 +6,24 @@ import pytest
 
 from pneudrive.characterise import Layout, Settled, characterise, characterise_recordings, pool
 from pneudrive.characterise import campaign as module
-from pneudrive.characterise.campaign import CAMPAIGN_LAYOUT, find_cycles, summarise
+from pneudrive.characterise.campaign import find_cycles, summarise
 from pneudrive.errors import RecordingError
 
-LAYOUT = Layout.loads(CAMPAIGN_LAYOUT.format(kind="rodless", bore="25 mm"))
+LAYOUT = Layout.loads("""
+format = "parquet"
+
+[columns]
+cycle = { column = "cycle" }
+time = { column = "time_s", unit = "s" }
+position = { column = "position_m", unit = "m" }
+force = { column = "force_n", unit = "N", positive = "+x" }
+pressure_a = { column = "pressure_a_pa", unit = "Pa abs" }
+pressure_b = { column = "pressure_b_pa", unit = "Pa abs" }
+
+[geometry]
+kind = "rodless"
+bore = "25 mm"
+""")
 
 
 def truth(cycle: int) -> float:
