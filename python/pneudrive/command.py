@@ -17,7 +17,6 @@ from pneudrive.files.content import exists, read_text
 if TYPE_CHECKING:
     import numpy as np
 
-    from pneudrive.describe import Initial
     from pneudrive.describe.signal import Signal
 
 Pairs: TypeAlias = Sequence[tuple[float | str, float | str]]
@@ -256,67 +255,3 @@ def _number(given: object, what: str, where: str | None = None) -> float:
     if not math.isfinite(value):
         raise CommandError(f"{what} {str(given).strip()!r} is not a number", where=where)
     return value
-
-
-def initial(given: Initial | Mapping[str, object] | str | None) -> Initial | None:
-    """Read a start state: an `Initial`, its keys as a dict, or ``"position = 50 mm, pressure_a = 3 bar abs"``.
-
-    Raises
-    ------
-    CommandError
-        It is none of these, or an entry of a text is not ``key = quantity``, or comes twice.
-    DescriptionError
-        Unknown key, or a quantity that does not fit.
-
-    Examples
-    --------
-    >>> initial({"position": "50 mm"}) == initial("position = 50 mm")
-    True
-    """
-    from pneudrive.describe import Initial
-
-    if given is None or isinstance(given, Initial):
-        return given
-    if isinstance(given, str):
-        given = _entries(given)
-    if not isinstance(given, Mapping):
-        raise CommandError(
-            f"the initial state is a {type(given).__name__}",
-            remedy='Give {"position": "50 mm"}, "position = 50 mm" or pn.Initial(position="50 mm").',
-        )
-    return Initial.model_validate(dict(given))
-
-
-def start_values(given: object) -> Mapping[str, object]:
-    """Read start values of a circuit: a dict, or ``"left.position = 20 mm, tank = 5 bar abs"``.
-
-    Raises
-    ------
-    CommandError
-        It is neither, or an entry of a text is not ``key = quantity``, or comes twice.
-
-    Examples
-    --------
-    >>> start_values("tank = 5 bar abs")
-    {'tank': '5 bar abs'}
-    """
-    given = _entries(given) if isinstance(given, str) else given
-    if given is not None and not isinstance(given, Mapping):
-        remedy = 'Give {"left.position": "20 mm"} or "left.position = 20 mm".'
-        raise CommandError(f"the initial state is a {type(given).__name__}", remedy=remedy)
-    return given or {}
-
-
-def _entries(text: str) -> dict[str, str]:
-    """Read ``key = quantity`` entries, by key."""
-    given: dict[str, str] = {}
-    for entry in filter(None, map(str.strip, text.split(","))):
-        key, equals, value = (part.strip() for part in entry.partition("="))
-        if not equals or not value:
-            raise CommandError(
-                f'"{entry}" in the initial state is not key = quantity', remedy='For instance "position = 50 mm".'
-            )
-        if key in given:
-            raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
-        given[key] = value
-    return given

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import ZERO_CELSIUS_K as FREEZING_K
-from pneudrive.session import is_circuit
+from pneudrive.start import is_circuit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

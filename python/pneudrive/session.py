@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, cast
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from pneudrive import command as commands
-from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, nearest
+from pneudrive.errors import CommandError, PneudriveError, SimulationError, nearest
 from pneudrive.show import Shown
 from pneudrive.trajectory import meaning
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     import numpy as np
-    from typing_extensions import TypeIs
 
-    from pneudrive._core import Circuit as CoreCircuit
-    from pneudrive._core import Drive as CoreDrive
     from pneudrive._core import Session as CoreSession
-    from pneudrive.describe import Drive, Initial
-    from pneudrive.describe.circuit import Circuit
     from pneudrive.watch import Flag
 
-RTOL_BOUNDS = (1e-13, 1e-1)
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # by which a drive is linearised
 #: What a drive calls inputs of its circuit that are not of the cylinder.
 _OF_A_DRIVE = {
@@ -327,40 +319,6 @@ class Session:
         raise kind(what, rule=rule or None) from None
 
 
-def start(
-    described: Drive | Circuit, initial: Initial | Mapping[str, object] | str | None = None, rtol: float = 1e-6
-) -> Session:
-    """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
-    check_tolerance(rtol)
-    core, state = ready(described, initial)
-    session = core.start(state, rtol)
-    is_short = not is_circuit(described) and described.has_lines
-    return Session(cast("CoreSession", _Short(session)) if is_short else session)
-
-
-def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreDrive | CoreCircuit, dict[str, float]]:  # noqa: ANN401
-    """Return the core's form of a drive or a circuit, and the start state in SI; a drive with lines is its circuit.
-
-    Raises
-    ------
-    CommandError, DescriptionError
-        The start state is not valid, or does not fit.
-    """
-    from pneudrive.describe.circuit import compiled as compiled_circuit
-
-    if is_circuit(described):
-        return compiled_circuit(described.core_json()), described.core_initial(commands.start_values(initial))
-    given = commands.initial(initial)
-    if described.has_lines:
-        return compiled_circuit(described.circuit.core_json()), described.circuit_initial(given)
-    return compiled(described.core_json()), described.core_initial(given)
-
-
-def is_circuit(described: Drive | Circuit) -> TypeIs[Circuit]:
-    """Whether what is described is a circuit; its class is not imported for that."""
-    return hasattr(described, "wiring")
-
-
 def short_name(name: str, piston: str = "cylinder") -> str:
     """Return the name that a drive has for a variable of its circuit; of what a drive has not, the same.
 
@@ -377,65 +335,3 @@ def short_name(name: str, piston: str = "cylinder") -> str:
         quantity, _, unit = rest.rpartition("_") if not rest.endswith("_kg_s") else (rest[:-5], "", "kg_s")
         return f"{quantity}_{chamber}_{unit}"
     return _OF_A_DRIVE.get(name, name)
-
-
-class _Short:
-    """A session of a drive's circuit under the names that a drive has."""
-
-    def __init__(self, core: CoreSession) -> None:
-        self._core = core
-        self._names = {short_name(name): name for name in (*(i[0] for i in core.inputs), *core.columns)}
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as the core has it
-        return getattr(self._core, name)
-
-    def _full(self, name: str) -> str:
-        return self._names.get(name, "") if isinstance(name, str) else name
-
-    @property
-    def inputs(self) -> list[tuple[str, str, str, str]]:
-        return [(short_name(name), unit, bounds, what) for name, unit, bounds, what in self._core.inputs]
-
-    @property
-    def columns(self) -> list[str]:
-        return [short_name(name) for name in self._core.columns]
-
-    @property
-    def states(self) -> list[tuple[str, str]]:
-        return [(short_name(name), unit) for name, unit in self._core.states]
-
-    def set(self, name: str, value: float) -> None:
-        self._core.set(self._full(name), value)
-
-    def read(self, name: str) -> float:
-        return self._core.read(self._full(name))
-
-    def schedule(self, name: str, *entries: Any) -> None:  # noqa: ANN401 - times and values
-        self._core.schedule(self._full(name), *entries)
-
-    def linearise(self, names: Sequence[str]) -> Any:  # noqa: ANN401 - as the core gives it
-        return self._core.linearise([self._full(name) for name in names])
-
-
-def check_tolerance(rtol: float) -> None:
-    """Refuse a relative tolerance that no run keeps."""
-    low, high = RTOL_BOUNDS
-    if isinstance(rtol, bool) or not low <= rtol <= high:
-        raise CommandError(f"rtol = {rtol} is out of bounds", rule=f"{low:g} <= rtol <= {high:g}")
-
-
-@lru_cache(maxsize=256)
-def compiled(core_json: str) -> CoreDrive:
-    """Return the core's form of a drive, made once for each description.
-
-    Raises
-    ------
-    DescriptionError
-        The core refuses it.
-    """
-    from pneudrive import _core
-
-    try:
-        return _core.Drive(core_json)
-    except ValueError as error:
-        raise DescriptionError(str(error)) from None

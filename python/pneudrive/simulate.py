@@ -12,9 +12,10 @@ from pneudrive import __version__, humidity, units
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.references import bibtex
-from pneudrive.session import check_tolerance, is_circuit, ready, short_name
-from pneudrive.session import compiled as compiled
+from pneudrive.session import short_name
 from pneudrive.show import Shown
+from pneudrive.start import check_tolerance, is_circuit, ready
+from pneudrive.start import compiled as compiled
 from pneudrive.trajectory import MEANING, meaning
 from pneudrive.watch import UNWATCHED, Watch
 

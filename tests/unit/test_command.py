@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive import command
+from pneudrive import command, start
 from pneudrive.errors import CommandError, DescriptionError
 
 
@@ -98,14 +98,14 @@ def test_a_valve_may_say_what_its_voltage_means():
 
 
 def test_the_start_state():
-    start = command.initial("position = 50 mm, pressure_a = 2 bar gauge")
-    assert (start.position_m, start.pressure_a.gauge, start.pressure_b) == (0.05, True, None)
-    assert command.initial({"position": "50 mm", "pressure_a": "2 bar gauge"}) == command.initial(start) == start
+    made = start.read_initial("position = 50 mm, pressure_a = 2 bar gauge")
+    assert (made.position_m, made.pressure_a.gauge, made.pressure_b) == (0.05, True, None)
+    assert start.read_initial({"position": "50 mm", "pressure_a": "2 bar gauge"}) == start.read_initial(made) == made
     with pytest.raises(DescriptionError, match=r"Did you mean 'position'"):
-        command.initial("positon = 50 mm")
+        start.read_initial("positon = 50 mm")
     with pytest.raises(CommandError, match=r'Give \{"position": "50 mm"\}'):
-        command.initial(0.05)
+        start.read_initial(0.05)
     with pytest.raises(CommandError, match="is not key = quantity"):
-        command.initial("50 mm")
+        start.read_initial("50 mm")
     with pytest.raises(CommandError, match="given twice"):
-        command.initial("position = 50 mm, position = 60 mm")
+        start.read_initial("position = 50 mm, position = 60 mm")

@@ -29,6 +29,6 @@ def load(source: str) -> Drive | Circuit:
 
 def circuit_of(described: Drive | Circuit) -> Circuit:
     """Return the circuit that a drive is the short form of; a circuit as it is."""
-    from pneudrive.session import is_circuit
+    from pneudrive.start import is_circuit
 
     return described if is_circuit(described) else described.circuit

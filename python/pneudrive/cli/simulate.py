@@ -46,8 +46,8 @@ def simulate(
     """Simulate a drive or a circuit and write its trajectory."""
     from pneudrive.cli.described import load
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.session import is_circuit
     from pneudrive.simulate import run
+    from pneudrive.start import is_circuit
     from pneudrive.trajectory import check_target, save, save_columns
 
     if out is not None:

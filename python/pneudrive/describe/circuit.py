@@ -278,7 +278,7 @@ class Circuit(Described):
             The start state does not fit the circuit.
         """
         # What runs knows what is described, not the other way round: it is found when it is asked for.
-        return import_module("pneudrive.session").start(self, initial, rtol)
+        return import_module("pneudrive.start").start(self, initial, rtol)
 
     def simulate(
         self,

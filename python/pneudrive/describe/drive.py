@@ -319,7 +319,7 @@ class Drive(Described):
         True
         """
         # What runs knows what is described, not the other way round: it is found when it is asked for.
-        return import_module("pneudrive.session").start(self, initial, rtol)
+        return import_module("pneudrive.start").start(self, initial, rtol)
 
     @property
     def end_stop(self) -> dict[str, float]:

@@ -83,14 +83,14 @@ def _end(text: str, mark: Quantity | StatedPressure | None) -> float:
     return units.parse(text, si_unit)
 
 
-class Value(NamedTuple):
+class GivenNumber(NamedTuple):
     """A number of a description: its annotation and the number in SI."""
 
     mark: Quantity | StatedPressure | None
     si: float
 
 
-def values(drive: Described) -> dict[str, Value]:
+def values(drive: Described) -> dict[str, GivenNumber]:
     """Every number that a drive gives, by its dotted name in the drive file.
 
     Examples
@@ -115,11 +115,11 @@ def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
     return out | {name: value.mark for name, value in values(drive).items()}
 
 
-def _walk(part: Described, path: str) -> Iterator[tuple[str, Value]]:
+def _walk(part: Described, path: str) -> Iterator[tuple[str, GivenNumber]]:
     if isinstance(part, Friction):
         for key, mark in parameter_quantities(part.entry).items():
             if key in part.parameters:
-                yield f"{path}{key}", Value(mark, part.parameters[key])
+                yield f"{path}{key}", GivenNumber(mark, part.parameters[key])
     for name, field in type(part).model_fields.items():
         value = getattr(part, name)
         here = f"{path}{field.alias or name}"
@@ -129,11 +129,11 @@ def _walk(part: Described, path: str) -> Iterator[tuple[str, Value]]:
         mark = next((m for m in field.metadata if isinstance(m, Quantity | StatedPressure)), None)
         if isinstance(value, PerChamber) and isinstance(mark, EachChamber):
             one = Quantity(mark.si_unit, mark.written)
-            yield from ((f"{here}.{c}", Value(one, getattr(value, c))) for c in "ab")
+            yield from ((f"{here}.{c}", GivenNumber(one, getattr(value, c))) for c in "ab")
         elif isinstance(value, units.Pressure):
-            yield here, Value(mark, value.value_pa)
+            yield here, GivenNumber(mark, value.value_pa)
         elif isinstance(value, float) and mark is not None:
-            yield here, Value(mark, value)
+            yield here, GivenNumber(mark, value)
 
 
 def check(drive: Described, origins: Mapping[str, Origin]) -> None:

@@ -14,12 +14,12 @@ from pneudrive.errors import SimulationError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.rig.description import Mounting, RigDescription
+    from pneudrive.rig.description import RigDescription, RigMounting
 
     Array = NDArray[np.float64]
 
 
-def core_friction(d: RigDescription, mounting: Mounting | None = None) -> dict[str, Any]:
+def core_friction(d: RigDescription, mounting: RigMounting | None = None) -> dict[str, Any]:
     """Return the friction of the piston; a side load of the mounting adds that of the guide."""
     table = {"law": d.law, "parameters": d.parameters, "pressure": d.pressure, **d.dependences}
     if mounting is not None and mounting.side_load_n > 0.0:

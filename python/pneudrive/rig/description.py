@@ -26,7 +26,7 @@ THERMOMETER_K, THERMOMETER_BITS = (253.15, 353.15), 16
 
 
 @dataclass(frozen=True)
-class Mounting:
+class RigMounting:
     """A way of mounting: the force across the axis and the coefficient of friction of the guide that takes it."""
 
     side_load_n: float = 0.0
@@ -44,7 +44,7 @@ class RigDescription:
         Friction of the piston as in a drive file; `pressure` in N/Pa per chamber.
     dependences : dict
         What else acts on friction (dwell, relaxation, position, direction), as the core takes it.
-    mountings : dict of Mounting
+    mountings : dict of RigMounting
     cylinder, rod_diameter_m, bore_m, stroke_m, moving_mass_kg, incline_rad, ambient_pressure_pa, ambient_temperature_k
     limits, margin_m
         Servo axis, and the distance of its reversals from the ends of the stroke.
@@ -70,7 +70,7 @@ class RigDescription:
     parameters: dict[str, float]
     pressure: dict[str, float] | None
     dependences: dict[str, Any]
-    mountings: dict[str, Mounting]
+    mountings: dict[str, RigMounting]
     cylinder: str
     bore_m: float
     rod_diameter_m: float
@@ -169,7 +169,7 @@ def _build(
         parameters=core.pop("parameters"),
         pressure=core.pop("pressure"),
         dependences=core,
-        mountings={RIGID: Mounting()} | {key: Mounting(*vars(one).values()) for key, one in mountings.items()},
+        mountings={RIGID: RigMounting()} | {key: RigMounting(*vars(one).values()) for key, one in mountings.items()},
         cylinder=cylinder["kind"],
         bore_m=cylinder["bore"],
         rod_diameter_m=cylinder["rod_diameter"],

@@ -1,0 +1,184 @@
+"""From a description to what runs: the core's form of it, its start state in SI, and a session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, cast
+
+from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.session import Session, short_name
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from typing_extensions import TypeIs
+
+    from pneudrive._core import Circuit as CoreCircuit
+    from pneudrive._core import Drive as CoreDrive
+    from pneudrive._core import Session as CoreSession
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.parts import Initial
+
+RTOL_BOUNDS = (1e-13, 1e-1)
+
+
+def start(
+    described: Drive | Circuit, initial: Initial | Mapping[str, object] | str | None = None, rtol: float = 1e-6
+) -> Session:
+    """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
+    check_tolerance(rtol)
+    core, state = ready(described, initial)
+    session = core.start(state, rtol)
+    is_short = not is_circuit(described) and described.has_lines
+    return Session(cast("CoreSession", _Short(session)) if is_short else session)
+
+
+def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreDrive | CoreCircuit, dict[str, float]]:  # noqa: ANN401
+    """Return the core's form of a drive or a circuit, and the start state in SI; a drive with lines is its circuit.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        The start state is not valid, or does not fit.
+    """
+    from pneudrive.describe.circuit import compiled as compiled_circuit
+
+    if is_circuit(described):
+        return compiled_circuit(described.core_json()), described.core_initial(start_values(initial))
+    given = read_initial(initial)
+    if described.has_lines:
+        return compiled_circuit(described.circuit.core_json()), described.circuit_initial(given)
+    return compiled(described.core_json()), described.core_initial(given)
+
+
+class _Short:
+    """A session of a drive's circuit under the names that a drive has."""
+
+    def __init__(self, core: CoreSession) -> None:
+        self._core = core
+        self._names = {short_name(name): name for name in (*(i[0] for i in core.inputs), *core.columns)}
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as the core has it
+        return getattr(self._core, name)
+
+    def _full(self, name: str) -> str:
+        return self._names.get(name, "") if isinstance(name, str) else name
+
+    @property
+    def inputs(self) -> list[tuple[str, str, str, str]]:
+        return [(short_name(name), unit, bounds, what) for name, unit, bounds, what in self._core.inputs]
+
+    @property
+    def columns(self) -> list[str]:
+        return [short_name(name) for name in self._core.columns]
+
+    @property
+    def states(self) -> list[tuple[str, str]]:
+        return [(short_name(name), unit) for name, unit in self._core.states]
+
+    def set(self, name: str, value: float) -> None:
+        self._core.set(self._full(name), value)
+
+    def read(self, name: str) -> float:
+        return self._core.read(self._full(name))
+
+    def schedule(self, name: str, *entries: Any) -> None:  # noqa: ANN401 - times and values
+        self._core.schedule(self._full(name), *entries)
+
+    def linearise(self, names: Sequence[str]) -> Any:  # noqa: ANN401 - as the core gives it
+        return self._core.linearise([self._full(name) for name in names])
+
+
+def is_circuit(described: Drive | Circuit) -> TypeIs[Circuit]:
+    """Whether what is described is a circuit; its class is not imported for that."""
+    return hasattr(described, "wiring")
+
+
+def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial | None:
+    """Read a start state: an `Initial`, its keys as a dict, or ``"position = 50 mm, pressure_a = 3 bar abs"``.
+
+    Raises
+    ------
+    CommandError
+        It is none of these, or an entry of a text is not ``key = quantity``, or comes twice.
+    DescriptionError
+        Unknown key, or a quantity that does not fit.
+
+    Examples
+    --------
+    >>> read_initial({"position": "50 mm"}) == read_initial("position = 50 mm")
+    True
+    """
+    from pneudrive.describe.parts import Initial
+
+    if given is None or isinstance(given, Initial):
+        return given
+    if isinstance(given, str):
+        given = _entries(given)
+    if not isinstance(given, Mapping):
+        raise CommandError(
+            f"the initial state is a {type(given).__name__}",
+            remedy='Give {"position": "50 mm"}, "position = 50 mm" or pn.Initial(position="50 mm").',
+        )
+    return Initial.model_validate(dict(given))
+
+
+def start_values(given: object) -> Mapping[str, object]:
+    """Read start values of a circuit: a dict, or ``"left.position = 20 mm, tank = 5 bar abs"``.
+
+    Raises
+    ------
+    CommandError
+        It is neither, or an entry of a text is not ``key = quantity``, or comes twice.
+
+    Examples
+    --------
+    >>> start_values("tank = 5 bar abs")
+    {'tank': '5 bar abs'}
+    """
+    given = _entries(given) if isinstance(given, str) else given
+    if given is not None and not isinstance(given, Mapping):
+        remedy = 'Give {"left.position": "20 mm"} or "left.position = 20 mm".'
+        raise CommandError(f"the initial state is a {type(given).__name__}", remedy=remedy)
+    return given or {}
+
+
+def _entries(text: str) -> dict[str, str]:
+    """Read ``key = quantity`` entries, by key."""
+    given: dict[str, str] = {}
+    for entry in filter(None, map(str.strip, text.split(","))):
+        key, equals, value = (part.strip() for part in entry.partition("="))
+        if not equals or not value:
+            raise CommandError(
+                f'"{entry}" in the initial state is not key = quantity', remedy='For instance "position = 50 mm".'
+            )
+        if key in given:
+            raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
+        given[key] = value
+    return given
+
+
+def check_tolerance(rtol: float) -> None:
+    """Refuse a relative tolerance that no run keeps."""
+    low, high = RTOL_BOUNDS
+    if isinstance(rtol, bool) or not low <= rtol <= high:
+        raise CommandError(f"rtol = {rtol} is out of bounds", rule=f"{low:g} <= rtol <= {high:g}")
+
+
+@lru_cache(maxsize=256)
+def compiled(core_json: str) -> CoreDrive:
+    """Return the core's form of a drive, made once for each description.
+
+    Raises
+    ------
+    DescriptionError
+        The core refuses it.
+    """
+    from pneudrive import _core
+
+    try:
+        return _core.Drive(core_json)
+    except ValueError as error:
+        raise DescriptionError(str(error)) from None
