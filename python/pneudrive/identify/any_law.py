@@ -18,9 +18,9 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.information import weak_coordinates
 from pneudrive.estimate.transforms import intervals
 from pneudrive.identify.assemble import covariance, statistics_of, systematic
+from pneudrive.identify.core_law import AnyLaw
 from pneudrive.identify.fit import ambient_of, fingerprint, recordings_of
 from pneudrive.identify.law_fit import LawFit
-from pneudrive.identify.model import AnyLaw
 from pneudrive.identify.observations import observations
 from pneudrive.identify.robust import estimate
 

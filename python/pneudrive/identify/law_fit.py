@@ -12,9 +12,10 @@ from pneudrive.describe.friction import Friction
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.errors import FitError
 from pneudrive.identify.base import Fit
+from pneudrive.identify.core_law import AnyLaw
 from pneudrive.identify.friction_curve import Curve, CurveEntry, curve_of_friction, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
-from pneudrive.identify.model import AnyLaw, at_conditions
+from pneudrive.identify.model import at_conditions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
