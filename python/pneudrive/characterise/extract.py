@@ -208,20 +208,15 @@ def _level(
         strokes=tuple(s.stroke for s in strokes),
         profile=profile,
         window_m=window,
-        friction_n=found.friction_n,
-        offset_n=found.offset_n,
-        stderr_n=found.stderr_n,
-        u_systematic_n=found.u_friction_n,
-        u_offset_n=found.u_offset_n,
         spreads=spreads,
         stroke_friction_n={d: d * (m - (found.offset_n if len(used) == 2 else 0.0)) for d, m in means.items()},
         stroke_times_s={d: np.array([s.time_s for s in members]) for d, members in used.items()},
-        budget=tuple(found.budget),
         peaks=tuple(s.peak for s in strokes if s.peak),
         stick_slip=tuple(s.stick_slip for members in used.values() for s in members if s.stick_slip),
         flags=(),
         rows=(),
         sides=sides,
+        **vars(found),
     )
     ambient = recording.ambient_pressure_pa
     doubts = doubts_of(
@@ -253,9 +248,9 @@ class _Estimate:
     friction_n: float
     offset_n: float
     stderr_n: float
-    u_friction_n: float
+    u_systematic_n: float
     u_offset_n: float
-    budget: list[BudgetEntry]
+    budget: tuple[BudgetEntry, ...]
 
 
 def _estimate(
@@ -271,7 +266,7 @@ def _estimate(
     up, down = (sides.get(d, sides[only]).means for d in (1, -1))
     known = bins & np.isfinite(profile.offset_n)
     slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
-    budget = systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s)))
+    budget = tuple(systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s))))
     u_friction, u_offset = combined(budget)
     if len(sides) == 1:
         stderr = spreads[only].stderr_n

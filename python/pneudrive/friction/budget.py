@@ -189,7 +189,7 @@ def uncertainty_of(entries: Sequence[BudgetEntry], source: str) -> float:
     return next((entry.standard_uncertainty for entry in entries if entry.source == source), 0.0)
 
 
-def combined(entries: list[BudgetEntry]) -> tuple[float, float]:
+def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
     """Give the standard uncertainty of friction and of offset, sources taken as independent."""
     return (
         float(np.sqrt(sum(e.friction_n**2 for e in entries))),
