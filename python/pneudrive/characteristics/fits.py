@@ -16,6 +16,8 @@ from pneudrive.identify.fit import LAWS, fit_friction
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import xarray as xr
+
     from pneudrive.characteristics.result import CampaignCharacteristics
     from pneudrive.identify.result import FrictionFit
 
@@ -53,17 +55,22 @@ def _fit_campaign(
     problems: list[str] = []
     for group, own in dict(zip(levels, every, strict=True)).items():
         part = table.isel(row=np.flatnonzero(np.array([level == group for level in levels])))
-        spread = max(float(np.ptp(part[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
         for law in laws:
             name = group or ALL
             try:
-                fit = fit_friction(part, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=NO_POINTS)
+                fit = fit_map(part, law)
             except FitError as error:
                 problems.append(f"{name}, {law}: {error.what}")
             else:
                 viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
                 fits.setdefault(name, {})[law] = replace(fit, dependences=dependences_of(found, viscous, own))
     return fits, problems
+
+
+def fit_map(table: xr.Dataset, law: str, exclude_flags: tuple[str, ...] = NO_POINTS) -> FrictionFit:
+    """Fit a law to rows of a campaign's map; friction may depend on pressure where there were several."""
+    spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
+    return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
 
 
 def _levels(found: CampaignCharacteristics) -> list[tuple[str, str, str]]:

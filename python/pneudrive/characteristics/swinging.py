@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.closure import MINIMUM_RANGE_PA
-from pneudrive.characteristics.fits import NO_POINTS
+from pneudrive.characteristics.fits import NO_POINTS, fit_map
 from pneudrive.characteristics.self_excited import NAMES
 from pneudrive.errors import FitError
-from pneudrive.identify.fit import fit_friction
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,6 +29,7 @@ MOST_ROUNDS = 12
 SETTLED_N = 1e-3  # change of every difference, relative to friction, below which nothing changes any more
 TRUSTED = 0.5  # share of a difference that is taken as its standard uncertainty (assumed)
 FLAGS = tuple(name.replace("-", "_").replace(" ", "_") for name in NAMES)
+LOST = tuple(flag for flag in NO_POINTS if flag not in FLAGS)
 SAME_SPEED = 0.02  # speeds that are simulated as one
 
 
@@ -109,7 +108,7 @@ def without_swings(found: CampaignCharacteristics, contact: Contact) -> Correcte
     difference, change = np.zeros(table.sizes["row"]), np.inf
     for number in range(1, MOST_ROUNDS + 1):
         corrected = _taken_off(table, difference, swinging)
-        fit = _fit(corrected)
+        fit = fit_map(corrected, "stribeck", LOST)
         again = _differences(corrected, swinging, fit, found, contact)
         change = float(np.max(np.abs(again - difference)[swinging]))
         difference = again
@@ -131,12 +130,6 @@ def _taken_off(table: xr.Dataset, difference: Array, swinging: NDArray[np.bool_]
     flags = [f"{text},simulated" if s else text for text, s in zip(out["flags"].to_numpy(), swinging, strict=True)]
     out["flags"].values[:] = np.array(flags, dtype=object)
     return out
-
-
-def _fit(table: xr.Dataset) -> FrictionFit:
-    lost = tuple(flag for flag in NO_POINTS if flag not in FLAGS)
-    spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
-    return fit_friction(table, "stribeck", pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=lost)
 
 
 def _differences(
