@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SKETCHES = Path(__file__).with_name("sketches.toml")
-COLORS = {"WALL": "#cfcfcf", "PISTON": "#8f8f8f"}
+FACES = {"WALL": "#cfcfcf", "PISTON": "#8f8f8f"}
 
 
 def draw_sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
@@ -50,7 +50,7 @@ def draw_sketch(name: str, there: Collection[str] = (), **values: object) -> Fig
 
 def _color(stroke: Mapping[str, Any]) -> str:
     name = stroke.get("color", "BLACK")
-    return COLORS.get(name) or getattr(style, name, name)
+    return FACES.get(name) or getattr(style, name, name)
 
 
 def _box(axis: Axes, stroke: Mapping[str, Any], _: Mapping[str, object]) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.stops.stop import find_stops
+import pneudrive as pn
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.studies.bracha.figure import PaperFigure, judge
@@ -39,11 +39,11 @@ def figure_9(run: Experiment) -> PaperFigure:
     CampaignError
         A stop could not be read.
     """
-    stops, skipped = find_stops(run.campaign)
-    if skipped:
-        raise CampaignError("a stop could not be read", where=str(run.campaign.path), value=str(skipped[0]))
-    speeds = np.array(sorted({stop.speed_m_s for stop in stops}))
-    rested = [[s for s in stops if s.speed_m_s == v] for v in speeds]
+    found = pn.characteristics(run.campaign)
+    if found.skipped:
+        raise CampaignError("a stop could not be read", where=str(run.campaign.path), value=str(found.skipped[0]))
+    speeds = np.array(sorted({stop.speed_m_s for stop in found.stops}))
+    rested = [[s for s in found.stops if s.speed_m_s == v] for v in speeds]
     # no peak is an increment of nothing
     means = [mean_estimate(np.nan_to_num([s.increment_n for s in group], posinf=0.0, neginf=0.0)) for group in rested]
     increment = np.array([mean.value for mean in means])
