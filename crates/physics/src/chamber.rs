@@ -10,9 +10,14 @@ pub use energy_balance::EnergyBalance;
 /// rate m3/s, and heat from the wall W.
 #[derive(Clone, Copy, Debug)]
 pub struct Exchange<S> {
+    /// Mass flow into it, kg/s.
     pub m_dot: S,
+    /// Enthalpy flow into it, W.
     pub h_dot: S,
+    /// Its volume, m3.
     pub volume: S,
+    /// Rate of its volume, m3/s.
     pub volume_rate: S,
+    /// Heat from the wall into it, W.
     pub heat: S,
 }

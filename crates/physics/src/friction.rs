@@ -157,7 +157,9 @@ fn sliding<S: Real>(v: S, level: S, viscous: S) -> S {
 /// An inner state of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InnerState {
+    /// Its name in a trajectory.
     pub name: &'static str,
+    /// Its unit in SI.
     pub unit: &'static str,
     /// Absolute error scale, in the unit.
     pub scale: f64,
@@ -209,10 +211,13 @@ pub trait Described: Sized {
 
 /// A friction law.
 pub trait Law<P: Real> {
+    /// Its name in a description.
     const KEY: &'static str;
+    /// Its name for people.
     const TITLE: &'static str;
     /// Key in references.bib.
     const SOURCE: &'static str;
+    /// The inner states; of a law of elements, those where a description lists none.
     const STATES: &'static [InnerState] = &[];
     /// The law sticks by a mode (0, or the direction of slip by its sign), with located events.
     const STICKS: bool = false;
@@ -228,6 +233,7 @@ pub trait Law<P: Real> {
     const ELEMENTS: bool = false;
     /// A description may choose how its state evolves.
     const EVOLVES: bool = false;
+    /// What the conformance tests hold the law to.
     const CLAIMS: Claims = Claims::USUAL;
 
     /// Fc, Fs and Fv before any dependence. A law without one of them gives what stands for it: without Fs
@@ -309,17 +315,29 @@ pub trait Law<P: Real> {
 /// A law's entry in the registry.
 #[derive(Clone, Copy, Debug)]
 pub struct Meta {
+    /// Its name in a description.
     pub key: &'static str,
+    /// Its name for people.
     pub title: &'static str,
+    /// Key in references.bib; empty: none.
     pub source: &'static str,
+    /// In the order in which the law takes their values.
     pub parameters: &'static [Parameter],
+    /// See [`Law::STATES`].
     pub states: &'static [InnerState],
+    /// See [`Law::STICKS`].
     pub sticks: bool,
+    /// See [`Law::BRISTLES`].
     pub bristles: bool,
+    /// See [`Law::STOPS`].
     pub stops: bool,
+    /// See [`Law::SENSE`].
     pub sense: Sense,
+    /// See [`Law::ELEMENTS`].
     pub elements: bool,
+    /// See [`Law::EVOLVES`].
     pub evolves: bool,
+    /// See [`Law::CLAIMS`].
     pub claims: Claims,
 }
 
@@ -358,7 +376,7 @@ macro_rules! laws {
         /// Any registered law; dispatch is static.
         #[derive(Clone, Debug)]
         pub enum AnyLaw<P> {
-            $($name($name<P>),)*
+            $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name<P>),)*
             /// A law of the user's own.
             Formula(Formula<P>),
         }
@@ -437,6 +455,7 @@ macro_rules! laws {
         }
 
         impl<P: Real> AnyLaw<P> {
+            /// Its entry in the registry, or that of the user's own law.
             pub fn meta(&self) -> &'static Meta {
                 let key = match self {
                     $(AnyLaw::$name(_) => <$name<P> as Law<P>>::KEY,)*
@@ -444,17 +463,20 @@ macro_rules! laws {
                 };
                 LAWS.iter().find(|meta| meta.key == key).expect("every law is registered")
             }
+            /// See [`Law::states`].
             #[inline(always)]
             pub fn states(&self) -> &'static [InnerState] {
                 match self { $(AnyLaw::$name(law) => law.states(),)* AnyLaw::Formula(law) => law.states() }
             }
-            pub fn inertia(&self) -> P {
+            pub(super) fn inertia(&self) -> P {
                 match self { $(AnyLaw::$name(law) => law.inertia(),)* AnyLaw::Formula(_) => P::zero() }
             }
+            /// See [`Law::levels`].
             #[inline(always)]
             pub fn levels(&self) -> Levels<P> {
                 match self { $(AnyLaw::$name(law) => law.levels(),)* AnyLaw::Formula(law) => law.levels() }
             }
+            /// See [`Law::force`].
             #[inline(always)]
             pub fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
                 match self { $(AnyLaw::$name(law) => law.force(at, levels, z, dz, mode),)* AnyLaw::Formula(law) => law.force(at, levels, z, dz) }
@@ -463,26 +485,29 @@ macro_rules! laws {
             pub fn element_limit(&self, state: usize) -> Option<P> {
                 match self { AnyLaw::MaxwellSlip(law) => law.limit(state), _ => None }
             }
+            /// See [`Law::damping`].
             pub fn damping<S: Over<P>>(&self, v: S) -> S {
                 match self { $(AnyLaw::$name(law) => law.damping(v),)* AnyLaw::Formula(_) => S::zero() }
             }
             #[inline(always)]
-            pub fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
+            pub(super) fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.slip(v, dz),)* AnyLaw::Formula(law) => law.slip(v, dz) }
             }
-            pub fn slips_at(&self, at: &At<P>, levels: &Levels<P>, z: &[P]) -> P::Mask {
+            pub(super) fn slips_at(&self, at: &At<P>, levels: &Levels<P>, z: &[P]) -> P::Mask {
                 match self { $(AnyLaw::$name(law) => law.slips_at(at, levels, z),)* AnyLaw::Formula(_) => P::zero().lt(at.v.abs()) }
             }
+            /// See [`Law::event`].
             pub fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], mode: P) -> S {
                 match self { $(AnyLaw::$name(law) => law.event(at, levels, z, mode),)* AnyLaw::Formula(_) => S::one() }
             }
+            /// See [`Law::next_mode`].
             pub fn next_mode(&self, mode: P, at: &At<P>, levels: &Levels<P>, z: &mut [P]) -> P {
                 match self { $(AnyLaw::$name(law) => law.next_mode(mode, at, levels, z),)* AnyLaw::Formula(_) => P::zero() }
             }
-            pub fn stored<S: Over<P>>(&self, z: &[S]) -> S {
+            pub(super) fn stored<S: Over<P>>(&self, z: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.stored(z),)* AnyLaw::Formula(law) => law.stored(z) }
             }
-            pub fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
+            pub(super) fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.heat(v, force, z, dz),)* AnyLaw::Formula(law) => law.heat(v, force, z, dz) }
             }
             /// Steady sliding at a place and pressures, which count where the law names them.

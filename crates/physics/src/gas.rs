@@ -12,6 +12,7 @@ use std::ops::Deref;
 #[derive(Clone, Copy, Debug)]
 pub struct Gas<P> {
     ideal: IdealGas<P>,
+    /// The numbers of the virial coefficient; none: ideal.
     pub virial: Option<Virial<P>>,
 }
 

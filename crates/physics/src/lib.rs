@@ -3,6 +3,8 @@
 //! Signs: x and v grow towards chamber b's end (chamber a grows); mass flow is positive into a
 //! chamber; friction opposes v; pressures are absolute.
 
+#![warn(missing_docs)]
+
 mod parameter;
 
 pub mod chamber;

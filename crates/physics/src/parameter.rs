@@ -4,7 +4,9 @@
 /// The values that a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
+    /// Lower bound; minus infinity where there is none.
     pub lower: f64,
+    /// Upper bound; infinity where there is none.
     pub upper: f64,
     /// The lower bound itself is refused.
     pub open: bool,
@@ -13,6 +15,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
+    /// Whether a value lies within them.
     pub fn contain(&self, x: f64) -> bool {
         let above = if self.open { x > self.lower } else { x >= self.lower };
         above && if self.open_above { x < self.upper } else { x <= self.upper }
@@ -63,10 +66,15 @@ pub const fn any() -> Bounds {
 /// One parameter of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
+    /// Its name in a description.
     pub key: &'static str,
+    /// Unit in SI; `-` or `1` for a pure number.
     pub unit: &'static str,
+    /// The values that it may take.
     pub bounds: Bounds,
+    /// Value where a description gives none, if there is one.
     pub default: Option<f64>,
+    /// What it is, in words.
     pub meaning: &'static str,
 }
 

@@ -23,10 +23,15 @@ const TAKEN: [&str; 18] = [
 /// A parameter as its author writes it, quantities in SI.
 #[derive(Clone, Debug)]
 pub struct ParameterText {
+    /// Its name in formulas.
     pub key: String,
+    /// Its unit in SI.
     pub unit: String,
+    /// The values that it may take, in the unit.
     pub bounds: Bounds,
+    /// Value where a description gives none, if there is one.
     pub default: Option<f64>,
+    /// What it is, in words.
     pub meaning: String,
 }
 
@@ -37,6 +42,7 @@ pub struct Refusal {
     pub key: String,
     /// The formula there, where it is one.
     pub formula: String,
+    /// What is wrong, where in the formula, and what to do.
     pub problem: Problem,
 }
 
@@ -266,6 +272,7 @@ pub struct Known<T: 'static>(std::sync::Mutex<Option<HashMap<String, &'static T>
 const MOST_KNOWN: usize = 10_000;
 
 impl<T> Known<T> {
+    /// Nothing yet.
     #[allow(clippy::new_without_default)]
     pub const fn new() -> Self {
         Known(std::sync::Mutex::new(None))

@@ -58,7 +58,9 @@ const ROUNDING: f64 = 1e-9;
 /// It is odd in its ends: from node 2 to node 1 it is the same formula with the ends exchanged; or, `one_way`, nothing.
 #[derive(Clone, Debug)]
 pub struct FlowFormula<P> {
+    /// m_dot, with the values of its parameters and of the gas.
     pub formula: Formula<P>,
+    /// Nothing flows from end 2 to end 1.
     pub one_way: bool,
 }
 

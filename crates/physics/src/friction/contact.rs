@@ -10,12 +10,19 @@ use math::{Lane, Over, Real};
 /// what the seals give), then the guide's side load, then the age of the contact.
 #[derive(Clone, Debug)]
 pub struct Composition<P> {
+    /// Dependence on the position along the stroke.
     pub position: Option<Position<P>>,
+    /// Dependence on the direction of motion.
     pub direction: Option<Direction<P>>,
+    /// Dependence on the temperature of the contact.
     pub heating: Option<Heating<P>>,
+    /// Run-in and wear.
     pub wear: Option<Wear<P>>,
+    /// Side load on the guide.
     pub side_load: Option<SideLoad<P>>,
+    /// Growth with the age of the contact.
     pub dwell: Option<Dwell<P>>,
+    /// Relaxation of the deflection.
     pub relaxation: Option<Relaxation<P>>,
 }
 
@@ -31,7 +38,7 @@ impl<P> Composition<P> {
         relaxation: None,
     };
 
-    pub fn is_none(&self) -> bool {
+    fn is_none(&self) -> bool {
         self.position.is_none()
             && self.direction.is_none()
             && self.heating.is_none()
@@ -46,7 +53,9 @@ impl<P> Composition<P> {
 /// then the relaxed deflection, the age of the contact, its warming, the distance slid.
 #[derive(Clone, Debug)]
 pub struct Contact<P> {
+    /// What gives the force.
     pub law: AnyLaw<P>,
+    /// Dependence on the pressures in the chambers.
     pub seal_lips: Option<SealLips<P>>,
     /// Boxed, as most have none.
     pub composition: Option<Box<Composition<P>>>,
@@ -67,6 +76,7 @@ impl<P: Real> Contact<P> {
         Contact { usual: composition.is_none() && law.is_usual(), law, seal_lips, composition }
     }
 
+    /// Whether the law is evaluated in line: it is one of the usual ones, and nothing acts on it but seal lips.
     #[inline(always)]
     pub fn is_usual(&self) -> bool {
         self.usual

@@ -36,7 +36,7 @@ crate::parameters! {
 
 impl<P: Real> Direction<P> {
     #[inline(always)]
-    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>, mode: P) -> Levels<S> {
+    pub(super) fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>, mode: P) -> Levels<S> {
         let [positive, negative] = [self.positive, self.negative].map(S::from);
         let factor = |way: S| S::select(way.lt(S::zero()), negative, positive);
         match self.sense {

@@ -14,6 +14,7 @@ pub enum Growth {
 }
 
 impl Growth {
+    /// Every growth that a description can name.
     pub const ALL: [Growth; 3] = [Growth::Saturating, Growth::Logarithmic, Growth::Hyperbolic];
 
     /// Its name in a description.
@@ -96,6 +97,7 @@ crate::parameters! {
         /// Share b_b by which the increment grows with the gauge pressure in chamber b
         pressure_b: "1/Pa", any(), default 0.0;
     } with {
+        /// Psi, how the increment grows with phi
         growth: Growth,
         /// Absolute error scale of phi, s
         scale: f64,
@@ -133,7 +135,7 @@ impl Dwell<f64> {
 pub(super) const STATE: &str = "contact_age_s";
 
 impl<P: Real> Dwell<P> {
-    pub fn state(&self) -> InnerState {
+    pub(super) fn state(&self) -> InnerState {
         InnerState { name: STATE, unit: "s", scale: self.scale }
     }
 

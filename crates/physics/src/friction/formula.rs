@@ -25,6 +25,7 @@ const FIRST_STATE: usize = VARIABLES.len() + LEVELS.len();
 /// and kept for the life of the process, so that names and tables are as static as those of other laws.
 #[derive(Debug)]
 pub struct OwnLaw {
+    /// Its entry, as those of the registry.
     pub meta: Meta,
     /// What the author should know.
     pub warnings: Vec<String>,
@@ -49,6 +50,7 @@ pub struct OwnLaw {
 /// [`Program`] over the scalar of the states. A text sticks to what it says: no mode, no events.
 #[derive(Clone, Debug)]
 pub struct Formula<P> {
+    /// What all sets of parameters share.
     pub law: &'static OwnLaw,
     parameters: Vec<P>,
     motion: Vec<P>,
@@ -79,24 +81,24 @@ impl<P: Real> Formula<P> {
         }
     }
 
-    pub fn meta(&self) -> &'static Meta {
+    pub(super) fn meta(&self) -> &'static Meta {
         &self.law.meta
     }
 
     #[inline(always)]
-    pub fn states(&self) -> &'static [InnerState] {
+    pub(super) fn states(&self) -> &'static [InnerState] {
         self.law.meta.states
     }
 
     #[inline(always)]
-    pub fn levels(&self) -> Levels<P> {
+    pub(super) fn levels(&self) -> Levels<P> {
         let level = |i: usize| self.law.levels[i].map(|k| self.parameters[k]);
         let coulomb = level(0).unwrap_or(P::zero());
         Levels::new(coulomb, level(1).unwrap_or(coulomb), level(2).unwrap_or(P::zero()))
     }
 
     #[inline]
-    pub fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S]) -> S {
+    pub(super) fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S]) -> S {
         self.motion_in(S::from, at, levels, z, dz)
     }
 
@@ -117,7 +119,7 @@ impl<P: Real> Formula<P> {
         out[0]
     }
 
-    pub fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
+    pub(super) fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
         let first_rate = FIRST_STATE + self.states().len();
         let mut out = [v];
         let given = |k: usize| if k == 0 { v } else { dz[k - first_rate] };
@@ -125,7 +127,7 @@ impl<P: Real> Formula<P> {
         out[0]
     }
 
-    pub fn stored<S: Over<P>>(&self, z: &[S]) -> S {
+    pub(super) fn stored<S: Over<P>>(&self, z: &[S]) -> S {
         self.stored_in(S::from, z)
     }
 
@@ -137,7 +139,7 @@ impl<P: Real> Formula<P> {
         out[0]
     }
 
-    pub fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
+    pub(super) fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
         if self.law.energy.is_none() {
             return force * v;
         }
@@ -182,6 +184,7 @@ impl Formula<f64> {
         Formula::new(self.law, values.to_vec())
     }
 
+    /// Its parameters, in the order of `meta.parameters`, in SI.
     pub fn values(&self) -> &[f64] {
         &self.parameters
     }

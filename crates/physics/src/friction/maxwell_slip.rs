@@ -101,6 +101,7 @@ stribeck_parameters! {
 /// Always passive, as w_i has the sign of z_i. Sources: [albender2005], [lampaert2003].
 #[derive(Clone, Debug)]
 pub struct MaxwellSlip<P> {
+    /// What all elements share.
     pub common: Common<P>,
     /// In the order in which they slip.
     pub elements: Vec<Element<P>>,

@@ -57,7 +57,9 @@ impl<P: Real> Table<P> {
 /// periods are those of profile, band or tube, a table is what was measured. Source: [assumed].
 #[derive(Clone, Debug)]
 pub struct Position<P> {
+    /// Measured factors; without points: 1 everywhere.
     pub table: Table<P>,
+    /// Periodic terms.
     pub harmonics: Vec<Harmonic<P>>,
     /// Linear trend, 1/m.
     pub slope: P,
@@ -96,7 +98,7 @@ impl Position<f64> {
 
 impl<P: Real> Position<P> {
     #[inline(always)]
-    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>) -> Levels<S> {
+    pub(super) fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>) -> Levels<S> {
         let x = at.x - S::from(self.reference);
         let mut factor = S::from(self.slope).fma(x, S::one());
         for wave in &self.harmonics {

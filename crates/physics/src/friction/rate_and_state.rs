@@ -78,6 +78,7 @@ crate::parameters! {
         /// Velocity vc that slip stays below
         slip_velocity: "m/s", above(0.0), default 1000.0;
     } with {
+        /// How the inner state of the contact evolves
         evolution: Evolution,
     }
 }

@@ -25,7 +25,7 @@ crate::parameters! {
 
 impl<P: Real> SealLips<P> {
     #[inline(always)]
-    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>) -> Levels<S> {
+    pub(super) fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>) -> Levels<S> {
         let affine = |level: S, a: P, b: P| {
             let sum = S::from(a).fma(at.gauge_a, S::from(b).fma(at.gauge_b, level));
             sum.max(S::c(FLOOR) * level)

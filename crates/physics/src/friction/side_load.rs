@@ -15,7 +15,7 @@ crate::parameters! {
 
 impl<P: Real> SideLoad<P> {
     #[inline(always)]
-    pub fn apply<S: Over<P>>(&self, base: &Levels<S>) -> Levels<S> {
+    pub(super) fn apply<S: Over<P>>(&self, base: &Levels<S>) -> Levels<S> {
         base.plus(S::from(self.coefficient * self.force.abs()))
     }
 }

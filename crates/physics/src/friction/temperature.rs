@@ -36,7 +36,7 @@ pub(super) const STATE: InnerState = InnerState { name: "contact_warming_k", uni
 
 impl<P: Real> Heating<P> {
     #[inline(always)]
-    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, warming: S) -> Levels<S> {
+    pub(super) fn apply<S: Over<P>>(&self, base: &Levels<S>, warming: S) -> Levels<S> {
         let above = S::from(self.ambient - self.reference) + warming;
         let levels = base.times(S::from(self.levels).fma(above, S::one()).max(S::c(FLOOR)));
         Levels { viscous: base.viscous * (-(S::from(self.viscous) * above)).exp(), ..levels }

@@ -29,7 +29,7 @@ pub(super) const STATE: InnerState = InnerState { name: "sliding_distance_m", un
 
 impl<P: Real> Wear<P> {
     #[inline(always)]
-    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, way: S) -> Levels<S> {
+    pub(super) fn apply<S: Over<P>>(&self, base: &Levels<S>, way: S) -> Levels<S> {
         let slid = S::from(self.slid) + way;
         let new = S::from(self.run_in) * (-(slid / S::from(self.run_in_distance))).exp();
         base.times((S::one() + new + S::from(self.rate) * slid).max(S::c(FLOOR)))

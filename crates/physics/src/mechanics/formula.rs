@@ -33,6 +33,7 @@ const NO_JUMP: f64 = 1e-9;
 /// A force on a mass that is a formula of a user, in +x: F = f(x, v, command), N.
 #[derive(Clone, Debug)]
 pub struct ForceFormula<P> {
+    /// F, with the values of its parameters.
     pub formula: Formula<P>,
 }
 

@@ -9,9 +9,13 @@ use std::fmt::Write;
 /// A name that a formula finds there.
 #[derive(Clone, Copy, Debug)]
 pub struct Given {
+    /// Its name in formulas.
     pub name: &'static str,
+    /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
+    /// The values that a formula is made for.
     pub bounds: Bounds,
+    /// What it is, in words.
     pub meaning: &'static str,
 }
 
@@ -29,25 +33,34 @@ pub struct Role {
 /// A formula as its author writes it.
 #[derive(Clone, Debug, Default)]
 pub struct Text {
+    /// What messages and tables call it.
     pub name: String,
+    /// Its name for people.
     pub title: String,
     /// Key in references.bib; empty: none.
     pub source: String,
+    /// Its parameters, in their order.
     pub parameters: Vec<ParameterText>,
     /// Names and formulas, in their order.
     pub lets: Vec<(String, String)>,
+    /// The formula itself.
     pub output: String,
 }
 
 /// A formula that has been checked: what is the same for every set of its parameters. It stays until the process ends.
 #[derive(Debug)]
 pub struct OwnFormula {
+    /// What messages and tables call it.
     pub name: &'static str,
+    /// Its name for people.
     pub title: &'static str,
+    /// Key in references.bib; empty: none.
     pub source: &'static str,
+    /// In the order in which it takes their values.
     pub parameters: &'static [Parameter],
     /// What the author should know.
     pub warnings: Vec<String>,
+    /// What it gives, of what.
     pub role: &'static Role,
     /// Which of the variables of its role it is made of.
     pub uses: Vec<bool>,
@@ -112,6 +125,7 @@ fn compile(role: &'static Role, text: &Text) -> Compiled<OwnFormula> {
 /// variables.
 #[derive(Clone, Debug)]
 pub struct Formula<P> {
+    /// What is the same for every set of its parameters.
     pub own: &'static OwnFormula,
     values: Vec<P>,
     constants: Vec<P>,

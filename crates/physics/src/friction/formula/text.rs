@@ -4,13 +4,17 @@ pub use crate::written::{ParameterText, Problem, Refusal};
 /// A law as its author writes it, quantities in SI.
 #[derive(Clone, Debug, Default)]
 pub struct Text {
+    /// What messages and tables call it.
     pub name: String,
+    /// Its name for people.
     pub title: String,
     /// Key in references.bib; empty: none.
     pub source: String,
+    /// Its parameters, in their order.
     pub parameters: Vec<ParameterText>,
     /// Names of the parameters that are Fc, Fs and Fv.
     pub levels: [Option<String>; 3],
+    /// Its inner states, in their order.
     pub states: Vec<StateText>,
     /// Names and formulas, in their order.
     pub lets: Vec<(String, String)>,
@@ -26,16 +30,19 @@ pub struct Text {
     pub odd: bool,
 }
 
+/// An inner state of a law of one's own.
 #[derive(Clone, Debug)]
 pub struct StateText {
     /// What formulas call it.
     pub key: String,
     /// What a trajectory calls it.
     pub name: String,
+    /// Its unit in SI.
     pub unit: String,
     /// Absolute error scale, in the unit.
     pub scale: f64,
     /// Where the rate keeps it.
     pub bounds: Bounds,
+    /// Formula of its derivative by time, in the unit per second.
     pub rate: String,
 }
