@@ -74,9 +74,13 @@ NUMBERS: dict[str, tuple[str, str, str]] = {
 #: A leak that is given as none begins here, as a share of the line's conductance, or of volume over time and pressure.
 LEAK_SHARE = 1e-3
 RTOL = 1e-7
-#: What bends the course of the pressure, and how far apart its starts are, as logarithms.
-BENDS = ("line.critical_pressure_ratio", "volume.heat_transfer", "volume.leakage")
-STARTS_APART = 1.5
+#: What bends the course of the pressure, and how far apart its starts are, as logarithms: gas that keeps the
+#: temperature of the wall is another minimum than gas that does not.
+BENDS = {
+    "line.critical_pressure_ratio": (-1.5, 1.5),
+    "volume.heat_transfer": (-1.5, 1.5, 5.0),
+    "volume.leakage": (-1.5, 1.5),
+}
 ENOUGH_TO_START = 500
 #: What the start of a recording is believed to be before the fit: any pressure, Pa; the temperature is held, K.
 BELIEF = np.array([1e5, 1e-6])
@@ -215,9 +219,9 @@ def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], wa
     bends = [i for i, name in enumerate(names) if name in BENDS]
     problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
     found = []
-    for signs in [(0,) * len(bends), *product((-1, 1), repeat=len(bends))]:
+    for apart in [(0.0,) * len(bends), *product(*(BENDS[names[i]] for i in bends))]:
         eta = first.eta.copy()
-        eta[bends] += STARTS_APART * np.array(signs)
+        eta[bends] += apart
         try:
             point, at, _ = join_segments(problem, Iterate(eta, first.states), first.states, watcher)
         except FitError:

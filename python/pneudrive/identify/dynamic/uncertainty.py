@@ -24,6 +24,8 @@ LAG_SHARE = 0.1
 LEAST_BLOCKS = 8
 #: Steps in which an end of a profile is sought at most.
 PROFILE_STEPS = 8
+#: A side on which the cost has not grown so far away, of a logarithm, is open.
+FARTHEST = 50.0
 PROFILE_FITS = 6
 
 
@@ -180,7 +182,7 @@ def profile(solved: Solved, index: int) -> tuple[float, float]:
     allowed = reach**2 * (spread / plain) ** 2 if plain > 0.0 else reach**2
     ends = []
     for sign in (-1.0, 1.0):
-        away, last, root_last = reach * spread, 0.0, 0.0
+        away, last, root_last = reach * spread if spread > 0.0 else 1.0, 0.0, 0.0
         start = point
         for _ in range(PROFILE_STEPS):
             cost, start = _constrained(problem, start, solved.believed, point.eta[index] + sign * away, index)
@@ -193,6 +195,9 @@ def profile(solved: Solved, index: int) -> tuple[float, float]:
                 away = np.inf
                 break
             away = float(np.clip(last + (1.0 - root) / slope, 0.3 * last, 3.0 * last))
+            if away > FARTHEST:
+                away = np.inf
+                break
         eta = point.eta.copy()
         eta[index] += sign * away
         ends.append(float(problem.values(eta)[index]))
