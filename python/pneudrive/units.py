@@ -262,7 +262,6 @@ def needed(si_unit: str) -> str:
     return kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 
-@lru_cache(maxsize=4096)
 def parse(text: str, si_unit: str) -> float:
     """Convert a quantity to SI.
 
@@ -290,6 +289,13 @@ def parse(text: str, si_unit: str) -> float:
     >>> parse("20 degC", "K")
     293.15
     """
+    if not isinstance(text, str):
+        raise DescriptionError(f"{text!r} has no unit", rule=needed(si_unit))
+    return _parsed(text, si_unit)
+
+
+@lru_cache(maxsize=4096)
+def _parsed(text: str, si_unit: str) -> float:
     number, unit = _split(text, si_unit)
     value = _apply(number, *converter(unit, si_unit))
     if not abs(value) <= LARGEST:
@@ -481,8 +487,6 @@ def _canonical(unit: str) -> str:
 
 def _split(text: str, si_unit: str) -> tuple[str, str]:
     """Return the number, as written, and the unit."""
-    if not isinstance(text, str):
-        raise DescriptionError(f"{text!r} has no unit", rule=needed(si_unit))
     match = _NUMBER.match(text)
     if match is None:
         comma = re.match(r"\s*[+-]?\d+,\d", text)
@@ -522,11 +526,7 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
         raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit))
     registry = _registry()
     wanted = si_unit.removesuffix(" ANR")
-    target = registry.Unit(_pint_form(wanted))
-    try:
-        parsed = registry.Unit(_pint_form(unit.removesuffix(" ANR")))
-    except Exception:  # pint raises many kinds, down to tokenizer errors, for what it cannot read
-        raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit)) from None
+    target, parsed = (_pint_unit(registry, one, si_unit) for one in (wanted, unit.removesuffix(" ANR")))
     try:
         zero = registry.Quantity(0.0, parsed).to(target).magnitude
         one = registry.Quantity(1.0, parsed).to(target).magnitude
@@ -534,6 +534,13 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
         is_a = f"of dimension {parsed.dimensionality}"
         raise _wrong_dimension(unit, si_unit, is_a) from None
     return one - zero, zero
+
+
+def _pint_unit(registry: pint.UnitRegistry, unit: str, si_unit: str) -> pint.Unit:
+    try:
+        return registry.Unit(_pint_form(unit))
+    except Exception:  # pint raises many kinds, down to tokenizer errors, for what it cannot read
+        raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit)) from None
 
 
 def _pint_form(unit: str) -> str:

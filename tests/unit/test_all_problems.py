@@ -129,3 +129,23 @@ def test_a_rig_behind_opc_ua_and_a_node_map(tmp_path):
     said = told(lambda: load_map(path), RigError)
     assert "command.wish" in said
     assert "handshake.slits" in said
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('decimal = ";"', "delimiter = []"),
+        ('format = "csv"', "kind = []"),
+        ("{ column = 2 }", '{ column = 2, unit = "N", accuracy = {} }'),
+        ("{ column = 2 }", "{ column = [], unit = [] }"),
+        ('bore = "-25 mm"', "bore = [{}]"),
+    ],
+)
+def test_a_value_of_any_type_is_refused_in_words(old, new):
+    assert old in LAYOUT
+    told(lambda: Layout.loads(LAYOUT.replace(old, new)), LayoutError)
+
+
+def test_a_list_in_place_of_the_friction_of_a_rig_is_refused_in_words(tmp_path):
+    (tmp_path / "rig.toml").write_text('schema = 1\nextends = "default"\nfriction = []\n', encoding="utf-8")
+    assert "friction = [] is not a table" in told(lambda: read_description(tmp_path / "rig.toml"), DescriptionError)

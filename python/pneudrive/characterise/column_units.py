@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pneudrive.errors import DescriptionError
-from pneudrive.units import converter, parse, parse_pressure
+from pneudrive.units import converter, parse
 
 
 @dataclass(frozen=True)
@@ -69,17 +69,6 @@ def share(text: object) -> float:
     if not 0.0 <= value < 1.0:
         raise DescriptionError(f"{text!r} is not a share", rule='a share is needed, e.g. "0.5 %"')
     return value
-
-
-def pressure_range(text: str, ambient_pa: float) -> tuple[float, float]:
-    """Read ``"0 bar gauge .. 10 bar gauge"`` as two absolute pressures, the lower one first."""
-    ends = text.split("..")
-    if len(ends) != 2:
-        raise DescriptionError(f'"{text}" is not a range', remedy='Write "0 bar gauge .. 10 bar gauge".')
-    low, high = (parse_pressure(end.strip()).absolute_pa(ambient_pa) for end in ends)
-    if not low < high:
-        raise DescriptionError(f'range "{text}" is empty', rule="the first end lies below the second")
-    return low, high
 
 
 def uncertainty(text: str, si_unit: str) -> float:

@@ -287,7 +287,7 @@ class Layout(Shown):
             if not isinstance(override.get("match"), str):
                 what = "[[for]] does not say which files it is for"
                 problems.add(self.fail(what, f"for.{index}", remedy='match = "*257*"'))
-        if self.kind not in CHANNELS:
+        if self.kind not in list(CHANNELS):
             remedy = nearest(str(self.kind), CHANNELS)
             raise self.fail(f"kind = {self.kind!r} is not known", "kind", remedy=remedy)  # what it needs is not known
         for chosen in ([], *([index] for index in range(len(overrides)))):

@@ -72,9 +72,9 @@ def _one_character(given: object) -> str:
 
 
 def _delimiter(given: object) -> str | None:
-    if given not in DELIMITERS and (not isinstance(given, str) or len(given) != 1):
+    if not isinstance(given, str) or (given not in DELIMITERS and len(given) != 1):
         raise WrongValueError(f"{given!r} is not known", rule=f"one character, or one of {', '.join(DELIMITERS)}")
-    return DELIMITERS.get(given, given)  # type: ignore[arg-type,return-value]
+    return DELIMITERS.get(given, given)
 
 
 class ColumnTable(Described):

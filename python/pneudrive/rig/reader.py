@@ -142,12 +142,12 @@ def _table(content: dict[str, Any], name: str) -> dict[str, Any]:
 
 def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems) -> Any:  # noqa: ANN401
     """Take the sources off: what remains is written as in a drive file. A list, or pair, may say its source once."""
-    if isinstance(given, list):
-        return [_plain(f"{name}.{number}", one, sources, problems) for number, one in enumerate(given)]
     if name == "friction.law":
         if isinstance(given, str):
             return given
         raise wrong(name, f"{name} is a name alone", rule='law = "stribeck", without source')
+    if isinstance(given, list) and "." in name:
+        return [_plain(f"{name}.{number}", one, sources, problems) for number, one in enumerate(given)]
     if not isinstance(given, dict):
         if "." not in name:
             raise wrong(name, f"{name} = {given!r} is not a table")
@@ -159,7 +159,9 @@ def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems
         what = f"{name}: {unknown!r} is unknown" if unknown else f"{name} does not say its source"
         raise wrong(name, what, rule=RULE)
     if isinstance(given.get("value"), list):
-        return [_plain(f"{name}.{number}", one | said, sources, problems) for number, one in enumerate(given["value"])]
+        return [
+            _plain(f"{name}.{number}", _with(one, said), sources, problems) for number, one in enumerate(given["value"])
+        ]
     if "value" in given:
         text = str(given["value"])
         sources[name] = Source(text, str(said["source"]), str(said.get("reason", "")))
@@ -168,3 +170,8 @@ def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems
         key: problems.take(_plain, f"{name}.{key}", {"value": value} | said if said else value, sources, problems)
         for key, value in inner.items()
     }
+
+
+def _with(given: object, said: dict[str, Any]) -> dict[str, Any]:
+    """Give an entry of a list the source that the list says."""
+    return (given if isinstance(given, dict) else {"value": given}) | said
