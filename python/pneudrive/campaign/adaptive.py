@@ -235,7 +235,7 @@ def _again(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
 
 def _is_tight(planned: Planned, finished: Sequence[Finished], rules: Adaptive) -> bool:
     """Whether the mean of a point is known well enough without this repeat."""
-    from pneudrive.characterise.spread import student
+    from pneudrive.estimate.estimates import student
 
     if rules.interval_n is None or planned.cell is None:
         return False

@@ -26,9 +26,9 @@ from pneudrive.characterise.pressure_line import (
 )
 from pneudrive.characterise.recording import CHANNELS, Recording
 from pneudrive.characterise.settling import SampleChoice, Settled
-from pneudrive.characterise.spread import changed
 from pneudrive.characterise.trajectories import from_run, is_run
 from pneudrive.errors import RecordingError
+from pneudrive.estimate.estimates import changed
 from pneudrive.friction.friction_map import Row, rows_to_dataset
 from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.closure import MINIMUM_RANGE_PA
-from pneudrive.characterise.spread import changed, student
+from pneudrive.estimate.estimates import changed, student
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
 from pneudrive.show import Shown

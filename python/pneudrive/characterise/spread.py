@@ -12,22 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import straight_line
-from pneudrive.estimate.estimates import CONFIDENCE
-from pneudrive.estimate.estimates import NORMAL_95 as NORMAL_95
-from pneudrive.estimate.estimates import student as student
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
 TREND_LEVEL = 0.05
 MINIMUM_FOR_TREND = 5
 MOST_PAIRED = 1000  # strokes of which every pair gives a slope: of more, so many evenly spread ones
-CHANGED_SHARE = (
-    0.05  # of its mean: a quantity that differs by less was held, and nothing is said to depend on it (assumed)
-)
-SURE = 3.0  # standard errors of one value
 
 
 @dataclass(frozen=True)
@@ -51,39 +42,6 @@ class Spread:
     def has_trend(self) -> bool:
         """Whether the drift is beyond chance at 5 %."""
         return self.trend_p < TREND_LEVEL
-
-
-def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
-    """Whether a quantity took different values: by a share of its mean that matters, and beyond its own scatter.
-
-    Before a sentence says that one thing rises with another, both have to have changed: correlations of what was
-    held are those of noise.
-
-    Parameters
-    ----------
-    values
-        Shape (n,).
-    stderr
-        Standard error of one of them.
-
-    Examples
-    --------
-    >>> changed(np.array([149.9995, 149.9954, 150.0031])), changed(np.array([100.0, 150.0]))
-    (False, True)
-    """
-    span = float(np.ptp(values)) if values.size else 0.0
-    return span > max(CHANGED_SHARE * float(np.abs(values).mean() if values.size else 0.0), SURE * stderr)
-
-
-def robust_deviation(residual: NDArray[np.float64]) -> float:
-    """Return the standard deviation of normal residuals by their median absolute value: few outliers do not count."""
-    return float(np.median(np.abs(residual))) / 0.6745
-
-
-def intervals_of_draws(names: Sequence[str], draws: NDArray[np.float64]) -> dict[str, tuple[float, float]]:
-    """95 % interval of each column of `draws`, shape (m, p), by the quantiles of its values: name -> (lower, upper)."""
-    low, high = np.quantile(draws, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=0)
-    return {name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)}
 
 
 def spread_of(stroke_means_n: NDArray[np.float64]) -> Spread:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import robust_deviation
 from pneudrive.characteristics.smooth import curve_model
+from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.estimate.mixed import MOST_FOR_SEARCH
 
 if TYPE_CHECKING:

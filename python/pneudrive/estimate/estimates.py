@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 CONFIDENCE = 0.95  # of every interval
@@ -15,6 +17,8 @@ CONFIDENCE = 0.95  # of every interval
 NORMAL_95 = 1.959963984540054
 CHANCE = 0.05  # probability below which an effect is said to be beyond chance
 MOST_FREEDOM = 1e6  # beyond which Student's t is the normal distribution
+CHANGED_SHARE = 0.05  # of its mean: what differs by less was held, and nothing is said to depend on it (assumed)
+SURE = 3.0  # standard errors of one value
 
 
 def student(dof: float, confidence: float = CONFIDENCE) -> float:
@@ -155,3 +159,36 @@ class FTest:
     numerator: float
     denominator: float
     p: float
+
+
+def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
+    """Whether a quantity took different values: by a share of its mean that matters, and beyond its own scatter.
+
+    Before a sentence says that one thing rises with another, both have to have changed: correlations of what was
+    held are those of noise.
+
+    Parameters
+    ----------
+    values
+        Shape (n,).
+    stderr
+        Standard error of one of them.
+
+    Examples
+    --------
+    >>> changed(np.array([149.9995, 149.9954, 150.0031])), changed(np.array([100.0, 150.0]))
+    (False, True)
+    """
+    span = float(np.ptp(values)) if values.size else 0.0
+    return span > max(CHANGED_SHARE * float(np.abs(values).mean() if values.size else 0.0), SURE * stderr)
+
+
+def robust_deviation(residual: NDArray[np.float64]) -> float:
+    """Return the standard deviation of normal residuals by their median absolute value: few outliers do not count."""
+    return float(np.median(np.abs(residual))) / 0.6745
+
+
+def intervals_of_draws(names: Sequence[str], draws: NDArray[np.float64]) -> dict[str, tuple[float, float]]:
+    """95 % interval of each column of `draws`, shape (m, p), by the quantiles of its values: name -> (lower, upper)."""
+    low, high = np.quantile(draws, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=0)
+    return {name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)}

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import student
 from pneudrive.estimate.information import weak_coordinates
 from pneudrive.estimate.transforms import intervals
 from pneudrive.identify.assemble import covariance, statistics_of, systematic

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.describe import toml
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.identify.identified import Identified
 from pneudrive.numbers import places, plain
 from pneudrive.show import Shown

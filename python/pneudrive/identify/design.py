@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
+from pneudrive.estimate.estimates import student
 from pneudrive.identify.base import shown_in
 from pneudrive.identify.laws import CANDIDATES
 from pneudrive.identify.model import FrictionModel, at_conditions, unit_of

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import changed
 from pneudrive.estimate.information import weak_coordinates
 from pneudrive.estimate.levels import distinct_levels
 from pneudrive.identify.base import Undetermined

@@ -9,8 +9,8 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.characterise.pressure_line import CONFOUNDED
-from pneudrive.characterise.spread import changed
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.estimates import changed
 from pneudrive.estimate.losses import LOSSES
 from pneudrive.identify.assemble import assembled
 from pneudrive.identify.diagnose import choose_model, diagnose

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.identify.base import Intervals
 from pneudrive.show import Shown
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import student
 from pneudrive.identify.base import Fit
 from pneudrive.identify.dependences import Dependences
 from pneudrive.identify.friction_curve import Curve, CurveEntry, middle_of, speeds_over

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import robust_deviation
+from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.estimate.losses import LINEAR, LOSSES, Loss
 
 if TYPE_CHECKING:

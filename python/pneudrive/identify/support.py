@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
+from pneudrive.estimate.estimates import student
 from pneudrive.identify.diagnose import without_support
 from pneudrive.identify.profile import profile_intervals
 from pneudrive.identify.robust import RobustEstimate, deviance, estimate

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import DescriptionError
+from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import with_u
 from pneudrive.show import Shown
 from pneudrive.units import readable

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
+from pneudrive.estimate.estimates import NORMAL_95
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import NORMAL_95
 from pneudrive.errors import RecordingError
+from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.identify.friction_curve import steady_friction
 from pneudrive.show import Shown
 from pneudrive.trajectory import columns_in

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise.motion import noise_level
-from pneudrive.characterise.spread import robust_deviation
 from pneudrive.characteristics.stops.corner import corner_height, lag_loss
+from pneudrive.estimate.estimates import robust_deviation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.characterise.spread import student
+from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import intervals as intervals_at
 from pneudrive.identify.dynamic.model_error import model_errors
 from pneudrive.identify.dynamic.parameters import Parameter, numbers_of

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.characterise.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
-from pneudrive.characterise.spread import robust_deviation
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.identify.dynamic.assemble import assembled
 from pneudrive.identify.dynamic.parameters import Parameter, chosen, family_of, transforms_of
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.dragged import Dragged
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import student
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.dynamic.states import white_noise
 from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, unresolved_damping

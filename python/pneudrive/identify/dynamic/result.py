@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pneudrive.characterise.spread import intervals_of_draws
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import FitError, nearest, warn
+from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.identify.base import HASH_DIGITS, Fit, Intervals
 from pneudrive.identify.dynamic.recordings import CHANNELS
 from pneudrive.identify.friction_curve import Curve, curve_of_drive

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.spread import student
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import student
 from pneudrive.identify.dynamic.search import SINGULAR_SHARE, Joined, join_segments, reduced
 
 if TYPE_CHECKING:
