@@ -4,7 +4,8 @@ import inspect
 import re
 from pathlib import Path
 
-from pneudrive.characterise import extract, plausible, samples, text_table
+from pneudrive.characterise import extract, samples, text_table
+from pneudrive.friction import plausible
 from pneudrive.report.topics import Topic
 
 FLAGS = Topic("recordings", "flags").texts["meaning"]
@@ -18,12 +19,12 @@ def test_the_guide_explains_the_flags_of_the_report():
 
 def test_what_the_code_raises_is_explained():
     of_levels = set(re.findall(r'"(\w+)":', inspect.getsource(extract._level_flags)))
-    of_levels |= set(re.findall(r'found\["(\w+)"\]', inspect.getsource(plausible.doubts_of)))
+    of_levels |= set(re.findall(r'"(\w+)": .*(?:[<>]|any)', inspect.getsource(plausible.doubts_of)))
     of_samples = set(re.findall(r'_count\(counts, "(\w+)"', inspect.getsource(samples.clean)))
     of_samples |= set(
         re.findall(r'"(\w+)"', inspect.getsource(samples._bad_samples).split("masks = ")[1].split("}")[0])
     )
-    of_rows = set(re.findall(r'\{"(\w+)": len', inspect.getsource(text_table)))
+    of_rows = set(re.findall(r'\{"(\w+)": \w+', inspect.getsource(text_table)))
     assert len(of_levels) >= 14
     assert len(of_samples) >= 6
     assert of_rows == {"unreadable_row"}
