@@ -44,6 +44,7 @@ impl Path {
         Path { kind: part.kind, index: part.index, path, backward: false }
     }
 
+    /// The same path, whose flow counts in the other direction.
     #[must_use]
     pub fn backward(self) -> Self {
         Path { backward: !self.backward, ..self }
@@ -113,6 +114,7 @@ pub struct PistonSide<P = f64> {
 }
 
 impl<P> PistonSide<P> {
+    /// With an area, m2, a perimeter, m, and end faces, m2.
     pub fn new(area: P, perimeter: P, end_wall: P) -> Self {
         PistonSide { area, perimeter, end_wall }
     }
@@ -334,6 +336,7 @@ impl<R: Lane> Circuit<R> {
         self.topology.n_states
     }
 
+    /// The accounts that it keeps.
     pub fn channels(&self) -> &[Channel] {
         &self.topology.channels
     }

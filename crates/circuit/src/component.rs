@@ -67,7 +67,9 @@ pub use table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX, count, join};
 /// What may be joined to a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
+    /// Gas passes it.
     Gas,
+    /// A mass that moves along one line.
     Axis,
     /// Feels the pressure of the gas that it is joined to, and lets none of it pass.
     Pilot,
@@ -91,12 +93,15 @@ pub enum Holds {
 /// A port of a component.
 #[derive(Clone, Copy, Debug)]
 pub struct Port {
+    /// Its name within the component.
     pub name: &'static str,
+    /// What may be joined to it.
     pub kind: PortKind,
     /// Open to the ambient air where nothing is joined to it.
     pub exhaust: bool,
     /// Shut where nothing is joined to it.
     pub optional: bool,
+    /// What determines the state behind it.
     pub holds: Holds,
     /// Volume that it brings to a joint without a volume of its own, m3 (assumed).
     pub volume: f64,
@@ -142,8 +147,11 @@ const LEAST_VOLUME: f64 = 1e-7;
 /// A choice of a component: its options, the first being the default.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
+    /// Its key in a description.
     pub name: &'static str,
+    /// What can be chosen.
     pub options: &'static [&'static str],
+    /// What the choice is about, in words.
     pub meaning: &'static str,
 }
 
@@ -153,25 +161,33 @@ pub type Variable = (&'static str, &'static str, &'static str);
 /// What is known of a kind of component.
 #[derive(Clone, Copy, Debug)]
 pub struct Kind {
+    /// Its key in a description.
     pub key: &'static str,
+    /// Its name for people.
     pub title: &'static str,
     /// What it is, and its equation.
     pub text: &'static str,
     /// Keys in references.bib.
     pub sources: &'static [&'static str],
+    /// Its ports; [`Terminals`] has the nodes in this order.
     pub ports: &'static [Port],
+    /// Its parameters.
     pub parameters: &'static [Row],
+    /// Its choices, which are no numbers.
     pub choices: &'static [Choice],
     /// What it takes beside them.
     pub extra: Extra,
     /// Gas can always pass between its ports.
     pub open: bool,
-    /// It takes a friction table, and needs one.
+    /// It takes a friction table.
     pub friction: bool,
+    /// It has to be given one.
     pub needs_friction: bool,
     /// Keys of numbers that only the schedule sees, or that are rounded: no derivative is taken by them.
     pub discrete: &'static [&'static str],
+    /// What can be set while it runs.
     pub inputs: &'static [Variable],
+    /// What can be read while it runs.
     pub outputs: &'static [Variable],
     /// How it is drawn.
     pub symbol: Symbol,
@@ -208,7 +224,9 @@ impl Kind {
 /// One component of a circuit, its numbers in the order of its kind's parameters.
 #[derive(Clone, Debug)]
 pub struct Instance<P> {
+    /// Its name in the circuit.
     pub name: String,
+    /// The place of its kind in [`kinds`].
     pub kind: usize,
     pub(crate) extra: Given<P>,
     /// None where it is left out and has no default.
@@ -217,6 +235,7 @@ pub struct Instance<P> {
     pub free: Vec<bool>,
     /// Which option of each choice.
     pub choices: Vec<usize>,
+    /// Its friction, where it has been given any.
     pub friction: Option<Contact<P>>,
 }
 
@@ -227,6 +246,7 @@ impl<P> Instance<P> {
         each.find(|(own, _)| own.name == choice).map(|(own, option)| own.options[*option])
     }
 
+    /// What is known of its kind.
     pub fn kind(&self) -> &'static Kind {
         self.extra.kind(registry::kind(self.kind))
     }
@@ -319,6 +339,7 @@ impl<P: Lane> Instance<P> {
 }
 
 /// What a component brings to the joint at one of its ports.
+#[allow(missing_docs)] // of fields: each variant names its own, in their order
 #[derive(Clone, Debug)]
 pub enum Brings<P> {
     /// The volume of the port alone.
@@ -340,17 +361,24 @@ pub enum Brings<P> {
 /// A volume, m3, with a wall: m2, W/(m2 K), K.
 #[derive(Clone, Debug)]
 pub struct Vessel<P> {
+    /// The balance of its gas.
     pub law: ChamberLaw,
+    /// Volume that no piston takes, m3.
     pub dead_volume: P,
+    /// Wetted wall of that, m2.
     pub wall: P,
+    /// Heat-transfer coefficient to the wall, W/(m2 K).
     pub heat_transfer: P,
+    /// Temperature of the wall, K.
     pub wall_temperature: P,
 }
 
 /// The node at a port.
 #[derive(Clone, Copy, Debug)]
 pub enum Node {
+    /// A point where gas is.
     Gas(GasId),
+    /// A moving mass.
     Axis(AxisId),
     /// Nothing is joined to it.
     Shut,
@@ -373,6 +401,7 @@ impl Terminals<'_> {
 
 /// A kind of component.
 pub trait Component: 'static {
+    /// What is known of it.
     const KIND: Kind;
 
     /// What it brings to the joint at a port.

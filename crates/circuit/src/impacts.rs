@@ -7,16 +7,19 @@ use ode::Accepted;
 /// A contact with an end stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Impact {
+    /// What meets the stop.
     pub axis: AxisId,
     /// When it begins, s.
     pub time: f64,
     /// At the end of chamber b, else at that of chamber a.
     pub at_b: bool,
-    /// Closing speed at the first touch, m/s, and the kinetic energy then, J.
+    /// Closing speed at the first touch, m/s.
     pub speed: f64,
+    /// Kinetic energy then, J.
     pub energy: f64,
-    /// Largest depth, m, and largest force of the stop and of what is behind it, N.
+    /// Largest depth, m.
     pub depth: f64,
+    /// Largest force of the stop and of what is behind it, N.
     pub force: f64,
     /// The stop was pressed through: the piston met the cover.
     pub through: bool,

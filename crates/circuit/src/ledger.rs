@@ -20,7 +20,9 @@ pub enum Kind {
 /// One account.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Channel {
+    /// Of which part it is, and of what.
     pub name: String,
+    /// What it counts.
     pub kind: Kind,
 }
 

@@ -4,6 +4,8 @@
 //! and enthalpy flow; axes carry position, velocity and force. [`Drive`] and [`Tank`] are assemblies
 //! made of nothing but public parts.
 
+#![warn(missing_docs)]
+
 /// The crates that components of another crate are written with.
 pub use {math, ode, physics};
 
@@ -36,4 +38,4 @@ pub use part::{
     Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Given, Input, InputId, Link, Part, PartId,
     Reservoir, Restriction, Spring, Volume,
 };
-pub use run::{Error, Look, Recorder, Run, advance, budget, sample_times};
+pub use run::{Error, Look, Run, advance, budget, sample_times};

@@ -7,8 +7,9 @@ use std::ops::Index;
 /// A point where gas is: a volume or a reservoir.
 #[derive(Clone, Copy, Debug)]
 pub struct GasNode<S> {
-    /// Volume, m3, and its rate, m3/s.
+    /// Volume, m3.
     pub volume: S,
+    /// Rate of the volume, m3/s.
     pub volume_rate: S,
     /// Wetted wall, m2.
     pub wall: S,
@@ -29,8 +30,9 @@ pub struct GasNode<S> {
 /// A moving mass, or a carriage whose motion is prescribed.
 #[derive(Clone, Copy, Debug)]
 pub struct AxisNode<S> {
-    /// Position, m, and velocity, m/s.
+    /// Position, m.
     pub x: S,
+    /// Velocity, m/s.
     pub v: S,
     /// Sum of all forces in +x but friction, N.
     pub force: S,
@@ -40,8 +42,9 @@ pub struct AxisNode<S> {
     pub end_stop: S,
     /// Acceleration, m/s2.
     pub a: S,
-    /// Gauge pressures at the seals, Pa.
+    /// Gauge pressure at the seal of chamber a, Pa.
     pub gauge_a: S,
+    /// Gauge pressure at the seal of chamber b, Pa.
     pub gauge_b: S,
     /// What the friction law prepared for this velocity.
     pub prepared: S,
@@ -50,7 +53,9 @@ pub struct AxisNode<S> {
 /// All nodes of a circuit, and its gas constants in the scalar of the evaluation.
 #[derive(Clone, Debug)]
 pub struct Net<S> {
+    /// Nodes of gas; a [`GasId`] is the index of one.
     pub gas: Vec<GasNode<S>>,
+    /// Moving masses; an [`AxisId`] is the index of one.
     pub axis: Vec<AxisNode<S>>,
     /// Numbers that parts tell each other or themselves: written with the positions, read after the pressures.
     pub signal: Vec<S>,

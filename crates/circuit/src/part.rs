@@ -95,8 +95,9 @@ pub use wall::Wall;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Of {
     Part,
-    /// A node of gas, an axis.
+    /// A node of gas.
     Gas(usize),
+    /// An axis.
     Axis(usize),
 }
 
@@ -105,9 +106,11 @@ pub enum Of {
 pub struct State {
     /// Ends with its unit, as the name of a column does.
     pub name: &'static str,
+    /// Its unit in SI; `-` or `1` for a pure number.
     pub unit: &'static str,
     /// Absolute error scale, in the unit.
     pub scale: f64,
+    /// What it is a state of.
     pub of: Of,
 }
 
@@ -126,8 +129,11 @@ impl State {
 /// An input of a part: a number that may change at any time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Input {
+    /// Its name for people.
     pub name: &'static str,
+    /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
+    /// The values that it may take, in the unit.
     pub bounds: Bounds,
 }
 
@@ -193,8 +199,11 @@ impl<R: Copy> Given<'_, R> {
 /// What every part shares with the circuit.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<P> {
+    /// The gas of the circuit.
     pub gas: Gas<P>,
+    /// Pa absolute.
     pub ambient_pressure: P,
+    /// K.
     pub ambient_temperature: P,
 }
 
@@ -277,10 +286,13 @@ pub trait Part<P: Real> {
         unreachable!("there is no input {input}")
     }
 
+    /// First phase: what follows from states without a pressure, such as positions, velocities and signals.
     #[inline(always)]
     fn place<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
+    /// Second phase: what pistons leave of volumes.
     #[inline(always)]
     fn shape<S: Over<P>>(&self, _net: &mut Net<S>) {}
+    /// Third phase: pressures and temperatures.
     #[inline(always)]
     fn potential<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
     /// Its flow paths. What passes them is exchanged and booked for the part.
@@ -299,12 +311,14 @@ pub trait Part<P: Real> {
         unreachable!("a part without a force of its own")
     }
 
+    /// Fourth phase: gas and forces that pass between nodes; here those of its flow paths.
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
         for (path, ends) in self.paths().iter().enumerate() {
             path::post(net, *ends, self.flow(path, net));
         }
     }
+    /// Fifth phase: the rates of its states.
     #[inline(always)]
     fn rate<S: Over<P>>(&self, _y: Own<S>, _dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {}
 

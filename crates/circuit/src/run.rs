@@ -11,12 +11,18 @@ use ode::{Accepted, Failure, Output, Paused, Statistics, Stepper, System};
 /// Why a description or a run cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// The description, or what is asked of it, is refused: why.
     #[error("{0}")]
     Specification(String),
+    /// What has begun cannot go on: why.
     #[error("{0}")]
     Stopped(String),
+    /// The user wants to stop.
     #[error("interrupted at t = {t} s")]
-    Interrupted { t: f64 },
+    Interrupted {
+        /// Simulated time, s.
+        t: f64,
+    },
 }
 
 /// Attempts between two looks at whether the user wants to stop, fewer with derivatives: some 20 ms of work.
@@ -43,6 +49,7 @@ pub struct Look<'a> {
 }
 
 impl<'a> Look<'a> {
+    /// With a function that is given the simulated time, s, and says whether to stop.
     pub fn new(interrupted: &'a mut dyn FnMut(f64) -> bool) -> Self {
         Look { interrupted, left: ATTEMPTS_PER_LOOK }
     }
@@ -52,13 +59,16 @@ impl<'a> Look<'a> {
 pub struct Run {
     /// One vector for each column, in the order of the assembly's names.
     pub columns: Vec<Vec<f64>>,
+    /// Work of the integrator, by count.
     pub statistics: Statistics,
+    /// The accounts closed; none of a circuit that keeps none.
     pub balance: Option<Balance>,
+    /// Contacts with end stops.
     pub impacts: Vec<Impact>,
 }
 
 /// Turns states into columns while the integration runs.
-pub struct Recorder {
+pub(crate) struct Recorder {
     assembly: Assembly,
     times: Vec<f64>,
     next: usize,

@@ -6,10 +6,13 @@ pub use friction::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
+/// The gas of a circuit.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gas {
+    /// Ratio of the heat capacities cp/cv, -.
     pub heat_capacity_ratio: f64,
+    /// Specific gas constant, J/(kg K).
     pub gas_constant_j_kg_k: f64,
     /// An ideal gas has none.
     #[serde(default)]
@@ -20,8 +23,11 @@ pub struct Gas {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Virial {
+    /// Number a, m3/kg.
     pub a_m3_kg: f64,
+    /// Number b, m3/kg.
     pub b_m3_kg: f64,
+    /// Number c, K.
     pub c_k: f64,
 }
 
@@ -29,7 +35,9 @@ pub struct Virial {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GasState {
+    /// Pa absolute.
     pub pressure_pa: f64,
+    /// K.
     pub temperature_k: f64,
 }
 
@@ -38,9 +46,13 @@ pub struct GasState {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FixedVolume {
+    /// m3.
     pub volume_m3: f64,
+    /// Conductance of the whole wall, W/K.
     pub heat_transfer_w_k: f64,
+    /// Temperature of the wall, K.
     pub wall_temperature_k: f64,
+    /// Sonic conductance of the leak, m3/(s Pa); 0: none.
     #[serde(default)]
     pub leakage_m3_s_pa: f64,
 }
@@ -49,11 +61,17 @@ pub struct FixedVolume {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Line {
+    /// Sonic conductance, for air, m3/(s Pa).
     pub conductance_m3_s_pa: f64,
+    /// Pressure ratio at and below which the flow is choked, -.
     pub critical_pressure_ratio: f64,
+    /// Subsonic index, -.
     pub subsonic_index: f64,
+    /// Pressure ratio above which the flow is linear, -.
     pub linear_above: f64,
+    /// Pressure on the other side, Pa absolute.
     pub pressure_pa: f64,
+    /// Temperature on the other side, K.
     pub temperature_k: f64,
 }
 
@@ -61,28 +79,39 @@ pub struct Line {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tank {
+    /// The gas in it and around it.
     pub gas: Gas,
+    /// What the leak goes into.
     pub ambient: GasState,
+    /// What holds the gas.
     pub volume: FixedVolume,
+    /// None: it is shut.
     pub line: Option<Line>,
     /// Numbers of the tube with waves between line and volume.
     #[serde(default)]
     pub tube: Option<BTreeMap<String, f64>>,
 }
 
+/// Which of its sides the rod of a cylinder is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CylinderKind {
+    /// No rod.
     Rodless,
+    /// A rod through both chambers.
     ThroughRod,
+    /// A rod on the side of chamber b.
     SingleRod,
 }
 
+/// The balance that chambers obey: see [`crate::ChamberLaw`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ChamberLawName {
+    /// That of mass and energy.
     #[default]
     EnergyBalance,
+    /// That of the source paper; for reproducing the paper only.
     AsPrinted,
 }
 
@@ -90,64 +119,94 @@ pub enum ChamberLawName {
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EndStop {
+    /// Stiffness, N/m.
     pub stiffness_n_m: Option<f64>,
+    /// Damping at full depth, N s/m.
     pub damping_n_s_m: Option<f64>,
+    /// Depth from which the damper acts fully, m.
     pub damping_depth_m: Option<f64>,
 }
 
+/// A double-acting cylinder.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cylinder {
+    /// Which of its sides the rod is on.
     pub kind: CylinderKind,
+    /// Diameter of the bore, m.
     pub bore_m: f64,
+    /// Diameter of the rod, m.
     #[serde(default)]
     pub rod_diameter_m: f64,
+    /// Stroke, m.
     pub stroke_m: f64,
+    /// Volume of chamber a at x = 0, port and line included, m3.
     pub dead_volume_a_m3: f64,
+    /// Volume of chamber b at the end of the stroke, port and line included, m3.
     pub dead_volume_b_m3: f64,
+    /// Mass of piston, rod and carriage, kg.
     pub moving_mass_kg: f64,
+    /// Incline of the axis, rad; positive: x points up.
     #[serde(default)]
     pub incline_rad: f64,
+    /// Heat-transfer coefficient to the wall, W/(m2 K).
     pub heat_transfer_w_m2_k: f64,
+    /// Temperature of the wall, K.
     pub wall_temperature_k: f64,
+    /// What the piston meets at both ends of the stroke.
     #[serde(default)]
     pub end_stop: EndStop,
-    /// Leakage past the piston.
+    /// Sonic conductance of the leak past the piston, m3/(s Pa); 0: none.
     #[serde(default)]
     pub leakage_m3_s_pa: f64,
+    /// The balance that both chambers obey.
     #[serde(default)]
     pub chamber_law: ChamberLawName,
 }
 
+/// The valve of a drive, by its kind.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Valve {
+    /// A proportional 5/3 valve.
     #[serde(rename = "proportional-5/3")]
     Proportional53(ProportionalValve),
 }
 
+/// The flow through each edge of a proportional valve, by ISO 6358.
 #[derive(Clone, Debug, Deserialize)]
 pub struct ProportionalValve {
+    /// Sonic conductance of an edge that is fully open, for air, m3/(s Pa).
     pub conductance_m3_s_pa: f64,
+    /// Pressure ratio at and below which the flow is choked, -.
     pub critical_pressure_ratio: f64,
+    /// Subsonic index, -.
     pub subsonic_index: f64,
+    /// Pressure ratio above which the flow is linear, -.
     pub linear_above: f64,
 }
 
+/// A spring between the load and the frame.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoadSpring {
+    /// Stiffness, N/m.
     pub stiffness_n_m: f64,
+    /// Position without force, m.
     pub rest_position_m: f64,
 }
 
+/// What a cylinder moves beside its own mass.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Load {
+    /// Mass, kg.
     #[serde(default)]
     pub mass_kg: f64,
+    /// External force in +x, N.
     #[serde(default)]
     pub force_n: f64,
+    /// None: no spring acts on it.
     #[serde(default)]
     pub spring: Option<LoadSpring>,
 }
@@ -156,12 +215,19 @@ pub struct Load {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drive {
+    /// The gas of the drive, its supply and the ambient.
     pub gas: Gas,
+    /// What the exhaust goes into.
     pub ambient: GasState,
+    /// What feeds the valve.
     pub supply: GasState,
+    /// What the valve moves.
     pub cylinder: Cylinder,
+    /// What joins the chambers to supply and exhaust.
     pub valve: Valve,
+    /// Friction of the moving mass.
     pub friction: Friction,
+    /// What the cylinder moves.
     #[serde(default)]
     pub load: Load,
 }
@@ -170,14 +236,20 @@ pub struct Drive {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Initial {
+    /// m.
     pub position_m: f64,
+    /// m/s.
     #[serde(default)]
     pub velocity_m_s: f64,
+    /// Pa absolute.
     pub pressure_a_pa: f64,
+    /// Pa absolute.
     pub pressure_b_pa: f64,
+    /// K.
     pub temperature_a_k: f64,
+    /// K.
     pub temperature_b_k: f64,
-    /// For how long the contact has stood; for friction that remembers it.
+    /// For how long the contact has stood, s; for friction that remembers it.
     #[serde(default)]
     pub contact_age_s: f64,
 }
@@ -186,14 +258,20 @@ pub struct Initial {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Component {
+    /// Its name in the circuit, of which joints and columns are made.
     pub name: String,
+    /// Key of its kind.
     pub kind: String,
+    /// Values in SI by the keys of the parameters.
     #[serde(default)]
     pub numbers: BTreeMap<String, f64>,
+    /// Options by the names of the choices; what is left out has the first one.
     #[serde(default)]
     pub choices: BTreeMap<String, String>,
+    /// Where its kind takes friction.
     #[serde(default)]
     pub friction: Option<Friction>,
+    /// Where its kind takes a formula.
     #[serde(default)]
     pub formula: Option<ComponentFormula>,
     /// Rows of numbers in the order of the kind's columns.
@@ -205,12 +283,15 @@ pub struct Component {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ComponentFormula {
+    /// What messages and tables call it.
     pub name: String,
+    /// Its name for people.
     #[serde(default)]
     pub title: String,
     /// Key in references.bib, if there is one.
     #[serde(default)]
     pub source: String,
+    /// Its parameters, in their order.
     pub parameters: Vec<FormulaParameter>,
     /// Name and formula, in their order.
     #[serde(default)]
@@ -223,10 +304,15 @@ pub struct ComponentFormula {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Circuit {
+    /// The gas in all of it.
     pub gas: Gas,
+    /// What open exhausts and leaks go into.
     pub ambient: GasState,
+    /// What it is made of.
     pub components: Vec<Component>,
+    /// Each the ports that are joined.
     pub joints: Vec<Vec<String>>,
+    /// What becomes of joints of two restrictions.
     #[serde(default)]
     pub junctions: Junctions,
 }

@@ -30,9 +30,11 @@ pub const ALONG: [&str; 9] = [
 pub struct Record<'a> {
     /// s, rising.
     pub times: &'a [f64],
-    /// m, m/s, Pa absolute.
+    /// m.
     pub position: &'a [f64],
+    /// m/s.
     pub velocity: &'a [f64],
+    /// Pa absolute, in chambers a and b.
     pub pressure: [&'a [f64]; 2],
     /// Share of the full conductance that each edge of the valve has open: supply to a, a to exhaust,
     /// supply to b, b to exhaust. From each sample to the next.
@@ -135,9 +137,11 @@ impl Drive {
 pub struct Restart {
     /// s.
     pub t: f64,
-    /// m, m/s, Pa absolute.
+    /// m.
     pub position: f64,
+    /// m/s.
     pub velocity: f64,
+    /// Pa absolute, in chambers a and b.
     pub pressure: [f64; 2],
 }
 

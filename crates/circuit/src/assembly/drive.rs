@@ -444,12 +444,15 @@ pub(super) fn later(
 /// Proportional-derivative position control of a sine, u clipped to [-1, 1].
 #[derive(Clone, Copy, Debug)]
 pub struct Servo {
-    /// Gains, 1/m and s/m.
+    /// Proportional gain, 1/m.
     pub kp: f64,
+    /// Derivative gain, s/m.
     pub kd: f64,
-    /// Middle, amplitude, m, and frequency, Hz, of the reference.
+    /// Middle of the reference, m.
     pub middle: f64,
+    /// Amplitude of the reference, m.
     pub amplitude: f64,
+    /// Frequency of the reference, Hz.
     pub frequency: f64,
 }
 

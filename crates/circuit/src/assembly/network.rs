@@ -233,6 +233,7 @@ impl Network {
         })
     }
 
+    /// The circuit with its names.
     pub fn assembly(&self) -> &Assembly {
         &self.assembly
     }

@@ -21,13 +21,19 @@ type Seeded = Dual<f64, DIRECTIONS>;
 /// x' = A x + B u, y = C x + D u about the present state: rows one after the other.
 #[derive(Clone, Debug)]
 pub struct Linear {
+    /// A: derivatives of the rates by the states.
     pub a: Vec<f64>,
+    /// B: derivatives of the rates by the inputs.
     pub b: Vec<f64>,
+    /// C: derivatives of the outputs by the states.
     pub c: Vec<f64>,
+    /// D: derivatives of the outputs by the inputs.
     pub d: Vec<f64>,
-    /// The state, its rates, and the outputs there.
+    /// The state there.
     pub state: Vec<f64>,
+    /// Its rates.
     pub rates: Vec<f64>,
+    /// The outputs there.
     pub outputs: Vec<f64>,
 }
 
@@ -75,14 +81,17 @@ impl<R: Lane> Session<R> {
         }
     }
 
+    /// The present time, s.
     pub fn time(&self) -> f64 {
         self.stepper.time(0)
     }
 
+    /// Work of the integrator, by count.
     pub fn statistics(&self) -> Statistics {
         self.stepper.statistics(0)
     }
 
+    /// The equations with their present inputs and modes.
     pub fn circuit(&self) -> &Circuit<R> {
         self.stepper.system()
     }

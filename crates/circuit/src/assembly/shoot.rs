@@ -26,7 +26,9 @@ const STACK: usize = 16 << 20;
 /// By which numbers of the starts to differentiate.
 #[derive(Clone, Debug)]
 pub enum ByStart {
+    /// By none of them.
     None,
+    /// By each of them.
     All,
     /// These, by their place in [`Drive::start_names`].
     Of(Vec<usize>),
@@ -54,10 +56,11 @@ impl ByStart {
 /// What is asked: segments of a record, each from a start of its own.
 #[derive(Clone, Debug)]
 pub struct Shooting {
-    /// The command is constant from each of these times to the next.
+    /// The command is constant from each of these times, s, to the next.
     pub times: Vec<f64>,
+    /// The command from each of these times on, in the unit of the first input.
     pub commands: Vec<f64>,
-    /// Increasing; the first is the start of the first segment, the last the end of the last one.
+    /// s, increasing; the first is the start of the first segment, the last the end of the last one.
     pub sample_times: Vec<f64>,
     /// Which samples begin a segment.
     pub starts: Vec<usize>,
@@ -69,7 +72,9 @@ pub struct Shooting {
     pub with_initial: ByStart,
     /// Columns of a run.
     pub outputs: Vec<String>,
+    /// Of the integrator.
     pub options: Options,
+    /// The most threads that run segments at once.
     pub threads: usize,
 }
 
@@ -86,6 +91,7 @@ pub struct Shot {
     pub end_sensitivities: Vec<f64>,
     /// Why a segment could not be finished; its numbers from there on are not finite.
     pub failures: Vec<Option<String>>,
+    /// How many derivatives each value has.
     pub directions: usize,
 }
 

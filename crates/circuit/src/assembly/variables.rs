@@ -11,6 +11,7 @@ use std::sync::Arc;
 /// What a named input acts on.
 #[derive(Clone, Copy, Debug)]
 pub enum Target {
+    /// An input of a part.
     Input(InputId),
     /// The edges of a proportional 5/3 valve: supply to a, a to exhaust, supply to b, b to exhaust.
     Edges([InputId; 4]),
@@ -21,10 +22,15 @@ pub enum Target {
 /// A named input.
 #[derive(Clone, Debug)]
 pub struct Settable {
+    /// What a user calls it.
     pub name: String,
+    /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
+    /// The values that it may take, in the unit.
     pub bounds: Bounds,
+    /// What it is, in words.
     pub meaning: &'static str,
+    /// What it acts on.
     pub target: Target,
 }
 
@@ -45,15 +51,21 @@ impl Settable {
 /// What a column holds.
 #[derive(Clone, Copy, Debug)]
 pub enum Quantity {
+    /// s.
     Time,
+    /// m.
     Position(AxisId),
+    /// m/s.
     Velocity(AxisId),
+    /// m/s2.
     Acceleration(AxisId),
     /// Positive where it opposes v > 0.
     Friction(AxisId),
     /// Positive where it pushes towards -x.
     EndStop(AxisId),
+    /// Pa absolute.
     Pressure(GasId),
+    /// K.
     Temperature(GasId),
     /// Net, into the node.
     MassFlow(GasId),
@@ -93,7 +105,9 @@ pub enum Starting {
 pub struct Variables {
     /// The first is what a plan of commands sets.
     pub inputs: Vec<Settable>,
+    /// Names of the columns of a run.
     pub columns: Vec<String>,
+    /// What each column holds.
     pub quantities: Vec<Quantity>,
     /// Each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,
@@ -112,7 +126,9 @@ impl Variables {
 /// A circuit and its names.
 #[derive(Clone, Debug)]
 pub struct Assembly<P = f64> {
+    /// The equations.
     pub circuit: Arc<Circuit<P>>,
+    /// What can be set, what is read, from what it starts.
     pub variables: Arc<Variables>,
     /// What follows from commands later on.
     pub timings: Arc<[Timing]>,
@@ -136,7 +152,7 @@ fn command<R: Lane>(circuit: &Circuit<R>, edges: [InputId; 4]) -> R {
 }
 
 impl<P: Lane> Assembly<P> {
-    pub fn new(circuit: Circuit<P>, variables: Variables) -> Self {
+    pub(crate) fn new(circuit: Circuit<P>, variables: Variables) -> Self {
         Assembly { circuit: Arc::new(circuit), variables: Arc::new(variables), timings: Arc::new([]) }
     }
 

@@ -199,6 +199,7 @@ impl<R: Lane> Circuit<R> {
         self.parts.faces.push((Place::default(), part));
     }
 
+    /// End stops of an axis, one at x = 0 and one at x = `stroke`, m.
     pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<R>, stroke: R) {
         let part = EndStops { law, covers: None, stroke, axis: axis.0, follows: None };
         self.parts.end_stops.push((Place::default(), part));
@@ -219,6 +220,7 @@ impl<R: Lane> Circuit<R> {
         self.stops_of(axis).covers = Some(covers);
     }
 
+    /// A spring between an axis and the ground: stiffness, N/m, and the position where it has no force, m.
     pub fn spring(&mut self, axis: AxisId, stiffness: R, rest_position: R) {
         self.parts.springs.push((Place::default(), Spring { stiffness, rest_position, axis: axis.0 }));
     }

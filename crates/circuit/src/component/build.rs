@@ -12,6 +12,7 @@ use physics::{Bounds, Gas};
 /// What an input acts on, known once the circuit is built.
 #[derive(Clone, Copy, Debug)]
 pub enum Acts {
+    /// An input of a part.
     On(InputId),
     /// The edges of a valve.
     Command([InputId; 4]),
@@ -19,39 +20,47 @@ pub enum Acts {
     Force(AxisId),
     /// What follows from a command later on, and the bounds of that.
     Timed(Timing, Bounds),
-    /// Pressure and temperature of a reservoir.
+    /// The pressure of a reservoir.
     Pressure(GasId),
+    /// The temperature of a reservoir.
     Temperature(GasId),
 }
 
 /// The piston of a cylinder.
 #[derive(Clone, Debug)]
 pub struct Piston<P> {
+    /// What moves.
     pub axis: AxisId,
     /// The name of its cylinder.
     pub name: String,
     /// m.
     pub stroke: P,
     pub(crate) ends: Ends<P>,
-    /// Areas on both sides, m2, and what an end stop may take up there, m3.
+    /// Areas on the sides of chambers a and b, m2.
     pub areas: [P; 2],
+    /// What an end stop may take up there, m3.
     pub dead_volumes: [P; 2],
 }
 
 /// A circuit that is being made of components.
 pub struct Build<P> {
+    /// The parts so far.
     pub circuit: Circuit<P>,
+    /// The gas of the circuit.
     pub gas: Gas<P>,
+    /// Whether that is air.
     pub is_air: bool,
     /// Pressure, Pa, and temperature, K, of the ambient air.
     pub ambient: [P; 2],
-    /// The highest pressure of a supply, Pa absolute, and the highest temperature of it or the ambient air, K.
+    /// The highest pressure of a supply, Pa absolute.
     pub highest: Option<P>,
+    /// The highest temperature of a supply or of the ambient air, K.
     pub hottest: P,
     /// Mass, kg, and external force, N, of each axis.
     pub masses: Vec<(P, P)>,
     /// Stiffness, N/m, and rest position, m, of springs on axes.
     pub springs: Vec<(AxisId, P, P)>,
+    /// Those of all cylinders so far.
     pub pistons: Vec<Piston<P>>,
     /// What masses run into: its name, its position, m, and the axis.
     pub met: Vec<(String, P, AxisId)>,
@@ -63,7 +72,9 @@ pub struct Build<P> {
     pub paths: Vec<(P, GasId, GasId)>,
     /// Nothing is named: a circuit of the same parts has the names.
     pub is_like: bool,
+    /// Name, meaning, and what it acts on.
     pub inputs: Vec<(String, &'static str, Acts)>,
+    /// Name, and what it holds.
     pub columns: Vec<(String, Quantity)>,
     /// Each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,

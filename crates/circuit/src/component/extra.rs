@@ -11,6 +11,7 @@ use physics::written::Role;
 /// What a kind takes beside its parameters.
 #[derive(Clone, Copy, Debug)]
 pub enum Extra {
+    /// It has parameters alone.
     Nothing,
     /// A formula, which gives this and has parameters of its own.
     Formula(&'static Role),
@@ -21,7 +22,9 @@ pub enum Extra {
 /// Points: numbers in columns, of which those of the first rise. What has a default may be left out of a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
+    /// Their key in the table of a component.
     pub key: &'static str,
+    /// What the numbers of a point are, in their order.
     pub columns: &'static [Parameter],
     /// A component does without where they are not given, else it has to have them.
     pub optional: bool,

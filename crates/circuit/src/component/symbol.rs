@@ -22,6 +22,7 @@ pub enum Stroke {
 /// How a component is drawn, after ISO 1219: supply below, consumers above.
 #[derive(Clone, Copy, Debug)]
 pub struct Symbol {
+    /// Strokes that are always drawn.
     pub strokes: &'static [Stroke],
     /// Strokes that are drawn where a choice has this option, or where the number with this key is given.
     pub when: &'static [(&'static str, &'static [Stroke])],

@@ -6,6 +6,7 @@ use std::ops::Deref;
 /// A parameter of a component.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
+    /// Key, unit, bounds, default and meaning.
     pub parameter: Parameter,
     /// What its default is assumed of; empty where it is none, or stands in a source of the component.
     pub assumed: &'static str,

@@ -24,6 +24,7 @@ pub struct Axis<P> {
     pub weight: P,
     /// External force in +x, N: an input.
     pub external_force: P,
+    /// None: it moves without friction.
     pub friction: Option<Contact<P>>,
     /// What moves along by a ratio that depends on the position.
     pub(crate) moves: Vec<Inertia<P>>,
@@ -31,6 +32,7 @@ pub struct Axis<P> {
     pub mode: P,
     /// Largest error scale of each inner state, in its unit: see [`largest_scales`].
     pub(crate) largest_scales: Vec<f64>,
+    /// Its place among the axes of the net.
     pub node: usize,
 }
 

@@ -36,9 +36,13 @@ physics::parameters! {
         /// 1 while it gives way, else 0: an input
         giving_way: "-", physics::at_least(0.0), default 0.0;
     } with {
+        /// Place among the axes of the net
         node: usize,
+        /// It follows its command and is not the command itself
         follows: bool,
+        /// Its velocity ripples
         ripples: bool,
+        /// Its input may let it give way
         can_give_way: bool,
     }
 }

@@ -16,10 +16,13 @@ use physics::constants::P_0;
 /// an ordinary drive does not pay for them with registers.
 #[derive(Clone, Debug)]
 pub struct Cylinder<P, const USUAL: bool = true> {
+    /// Piston, rod and load.
     pub axis: Axis<P>,
     /// Chambers a and b.
     pub volumes: [Volume<P>; 2],
+    /// The sides of the piston in chambers a and b.
     pub faces: [Face<P>; 2],
+    /// What the piston meets at both ends.
     pub stops: EndStops<P>,
     /// Share of each dead volume that must be left: before the piston meets what lies far behind the end of its stroke,
     /// the share that is left there.

@@ -7,11 +7,13 @@ use physics::mechanics::EndStop;
 /// An end stop at x = 0 and one at x = stroke.
 #[derive(Clone, Debug)]
 pub struct EndStops<P> {
+    /// The force of either stop.
     pub law: EndStop<P>,
     /// What lies behind stops that can be pressed through.
     pub covers: Option<Covers<P>>,
     /// Stroke, m.
     pub stroke: P,
+    /// Place of what meets them among the axes of the net.
     pub axis: usize,
     /// What a stop follows from that the description leaves open.
     pub(crate) follows: Option<Box<Follows<P>>>,

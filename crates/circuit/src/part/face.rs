@@ -20,7 +20,9 @@ physics::parameters! {
         /// Stroke at which the chamber's length is zero (side b), or zero (side a)
         offset: "m", physics::at_least(0.0);
     } with {
+        /// Place among the gas nodes of the net
         gas: usize,
+        /// Place among the axes of the net
         axis: usize,
         /// The chamber grows with x (side a)
         grows: bool,

@@ -11,6 +11,7 @@ use std::marker::PhantomData;
 
 /// A part as a struct over every scalar: [`own_part!`](crate::own_part) makes one.
 pub trait Family: 'static {
+    /// The part with numbers of a type.
     type Of<R: Lane>: Part<R> + Clone + Debug + Send + Sync + 'static;
 
     /// One of lanes from one for each lane.
@@ -19,6 +20,7 @@ pub trait Family: 'static {
 
 /// A struct of a family.
 pub trait Member {
+    /// What it is of.
     type Family: Family;
 }
 

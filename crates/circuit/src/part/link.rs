@@ -13,7 +13,9 @@ physics::parameters! {
         /// Damping c
         damping: "N s/m", physics::at_least(0.0), default 0.0;
     } with {
+        /// Place among the axes of the net
         from: usize,
+        /// Place among the axes of the net
         to: usize,
     }
 }

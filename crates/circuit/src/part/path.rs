@@ -14,7 +14,9 @@ use physics::Virial;
 /// comes from.
 #[derive(Clone, Copy, Debug)]
 pub struct Between {
+    /// Flow from here counts positive.
     pub from: GasId,
+    /// Flow to here counts positive.
     pub to: GasId,
     /// An end is a reservoir: what passes it crosses the boundary.
     pub(crate) boundary: [bool; 2],

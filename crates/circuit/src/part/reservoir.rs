@@ -10,7 +10,10 @@ physics::parameters! {
         pressure: "Pa", physics::above(0.0);
         /// Temperature
         temperature: "K", physics::above(0.0);
-    } with { node: usize }
+    } with {
+        /// Place among the gas nodes of the net
+        node: usize,
+    }
 }
 
 impl<P: Real> Reservoir<P> {

@@ -8,11 +8,13 @@ use std::slice;
 /// A component that throttles the flow between two gas nodes: an edge of a valve, a fitting, a leak.
 #[derive(Clone, Debug)]
 pub struct Restriction<P> {
+    /// The flow at full opening.
     pub law: Iso6358<P>,
     /// Opening, 0 to 1: the share of the full conductance. An input: it may change at any time.
     pub opening: P,
     /// Nothing passes it in any lane.
     pub(crate) closed: bool,
+    /// Its ends.
     pub path: Between,
 }
 

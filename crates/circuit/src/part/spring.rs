@@ -9,7 +9,10 @@ physics::parameters! {
         stiffness: "N/m", physics::at_least(0.0);
         /// Position without force
         rest_position: "m", physics::any(), default 0.0;
-    } with { axis: usize }
+    } with {
+        /// Place among the axes of the net
+        axis: usize,
+    }
 }
 
 impl<P: Real> Part<P> for Spring<P> {

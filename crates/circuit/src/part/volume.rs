@@ -34,9 +34,11 @@ physics::parameters! {
         /// Wall temperature
         wall_temperature: "K", physics::above(0.0);
     } with {
+        /// Place among the gas nodes of the net
         node: usize,
         /// The node with whose gas it starts.
         starts_as: usize,
+        /// The balance that it obeys
         law: ChamberLaw,
         /// Absolute error scales of the two states
         scales: [f64; 2],

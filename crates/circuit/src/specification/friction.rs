@@ -3,15 +3,20 @@
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
+/// See [`physics::friction::SealLips`].
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SealPressure {
+    /// Coulomb force per gauge pressure in chamber a, N/Pa.
     #[serde(default)]
     pub coulomb_a: f64,
+    /// Coulomb force per gauge pressure in chamber b, N/Pa.
     #[serde(default)]
     pub coulomb_b: f64,
+    /// Breakaway force per gauge pressure in chamber a, N/Pa.
     #[serde(default)]
     pub breakaway_a: f64,
+    /// Breakaway force per gauge pressure in chamber b, N/Pa.
     #[serde(default)]
     pub breakaway_b: f64,
 }
@@ -20,8 +25,11 @@ pub struct SealPressure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Growth {
+    /// See [`physics::friction::Growth::Saturating`].
     Saturating,
+    /// See [`physics::friction::Growth::Logarithmic`].
     Log,
+    /// See [`physics::friction::Growth::Hyperbolic`].
     Hyperbolic,
 }
 
@@ -29,15 +37,21 @@ pub enum Growth {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dwell {
+    /// Psi, how the increment grows with the age.
     pub growth: Growth,
+    /// Increment b0, N.
     pub increment_n: f64,
+    /// Time tau of the growth, s.
     pub time_s: f64,
+    /// Exponent m of the saturating growth, -.
     #[serde(default = "kato_exponent")]
     pub exponent: f64,
+    /// Sliding distance that renews the contact, m.
     pub distance_m: f64,
-    /// Per Pa of gauge pressure in chamber a.
+    /// Share by which the increment grows with the gauge pressure in chamber a, 1/Pa.
     #[serde(default)]
     pub pressure_a: f64,
+    /// The same for chamber b, 1/Pa.
     #[serde(default)]
     pub pressure_b: f64,
 }
@@ -50,8 +64,11 @@ fn kato_exponent() -> f64 {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Relaxation {
+    /// Share of the elastic force that relaxes, -.
     pub share: f64,
+    /// Time constant, s.
     pub time_s: f64,
+    /// Sliding distance that renews the bristles, m.
     pub distance_m: f64,
 }
 
@@ -59,13 +76,18 @@ pub struct Relaxation {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Temperature {
+    /// Temperature at which the law's parameters hold, K.
     pub reference_k: f64,
+    /// Decrease of the viscous coefficient, 1/K.
     #[serde(default)]
     pub viscous_per_k: f64,
+    /// Relative change of Coulomb and breakaway force, 1/K.
     #[serde(default)]
     pub levels_per_k: f64,
+    /// Thermal resistance from the contact to its surroundings, K/W.
     #[serde(default)]
     pub resistance_k_w: f64,
+    /// Time constant of warming, s.
     pub time_s: f64,
 }
 
@@ -73,20 +95,28 @@ pub struct Temperature {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wear {
+    /// Share by which friction of a new seal is more, -.
     #[serde(default)]
     pub run_in: f64,
+    /// Sliding distance of the run-in, m.
     pub run_in_distance_m: f64,
+    /// Relative change of friction for each distance slid, 1/m.
     #[serde(default)]
     pub rate_per_m: f64,
+    /// Distance slid before the start, m.
     #[serde(default)]
     pub slid_m: f64,
 }
 
+/// See [`physics::friction::Harmonic`].
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Harmonic {
+    /// m.
     pub period_m: f64,
+    /// Share of the levels, -.
     pub amplitude: f64,
+    /// Phase at the reference position, rad.
     #[serde(default)]
     pub phase_rad: f64,
 }
@@ -95,7 +125,9 @@ pub struct Harmonic {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PositionPoint {
+    /// m.
     pub position_m: f64,
+    /// -.
     pub factor: f64,
 }
 
@@ -106,10 +138,13 @@ pub struct Position {
     /// Positions rise; empty: none.
     #[serde(default)]
     pub table: Vec<PositionPoint>,
+    /// Periodic terms.
     #[serde(default)]
     pub harmonics: Vec<Harmonic>,
+    /// Linear trend, 1/m.
     #[serde(default)]
     pub slope_per_m: f64,
+    /// Position at which the trend is nil, m.
     #[serde(default)]
     pub reference_m: f64,
 }
@@ -118,7 +153,9 @@ pub struct Position {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Direction {
+    /// For v > 0, -.
     pub positive: f64,
+    /// For v < 0, -.
     pub negative: f64,
 }
 
@@ -126,7 +163,9 @@ pub struct Direction {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SideLoad {
+    /// Force across the axis, N.
     pub force_n: f64,
+    /// Coefficient of friction of the guide, -.
     pub coefficient: f64,
 }
 
@@ -134,9 +173,13 @@ pub struct SideLoad {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StribeckShape {
+    /// exp(-(v/vs)^2).
     Gaussian,
+    /// exp(-|v/vs|).
     Exponential,
+    /// 1/(1 + (v/vs)^2).
     Lorentzian,
+    /// exp(-|v/vs|^n), with the exponent n of the law.
     Free,
 }
 
@@ -144,12 +187,16 @@ pub enum StribeckShape {
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
+    /// It is greater than this.
     #[serde(default)]
     pub above: Option<f64>,
+    /// It is not less than this.
     #[serde(default)]
     pub at_least: Option<f64>,
+    /// It is less than this.
     #[serde(default)]
     pub below: Option<f64>,
+    /// It is not more than this.
     #[serde(default)]
     pub at_most: Option<f64>,
 }
@@ -158,12 +205,17 @@ pub struct Bounds {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaParameter {
+    /// Its name in formulas.
     pub key: String,
+    /// Its unit in SI; `-` for a pure number.
     pub unit: String,
+    /// The values that it may take, in the unit.
     #[serde(default)]
     pub bounds: Bounds,
+    /// Value where a description gives none, if there is one.
     #[serde(default)]
     pub default: Option<f64>,
+    /// What it is, in words.
     #[serde(default)]
     pub meaning: String,
 }
@@ -172,12 +224,18 @@ pub struct FormulaParameter {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaState {
+    /// What formulas call it.
     pub key: String,
+    /// What a trajectory calls it.
     pub name: String,
+    /// Its unit in SI.
     pub unit: String,
+    /// Absolute error scale, in the unit.
     pub scale: f64,
+    /// Where the rate keeps it, in the unit.
     #[serde(default)]
     pub bounds: Bounds,
+    /// Formula of its derivative by time, in the unit per second.
     pub rate: String,
 }
 
@@ -185,10 +243,13 @@ pub struct FormulaState {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaLevels {
+    /// Name of the parameter that is Fc.
     #[serde(default)]
     pub coulomb: Option<String>,
+    /// Name of the parameter that is Fs.
     #[serde(default)]
     pub breakaway: Option<String>,
+    /// Name of the parameter that is Fv.
     #[serde(default)]
     pub viscous: Option<String>,
 }
@@ -197,27 +258,37 @@ pub struct FormulaLevels {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Formula {
+    /// What messages and tables call it.
     pub name: String,
+    /// Its name for people.
     #[serde(default)]
     pub title: String,
     /// Key in references.bib, if there is one.
     #[serde(default)]
     pub source: String,
+    /// Its parameters, in their order.
     pub parameters: Vec<FormulaParameter>,
+    /// Which of them dependences act on.
     #[serde(default)]
     pub levels: FormulaLevels,
+    /// Its inner states, in their order.
     #[serde(default)]
     pub states: Vec<FormulaState>,
     /// Name and formula, in their order.
     #[serde(default)]
     pub lets: Vec<(String, String)>,
+    /// Formula of the friction force, N, positive where it opposes v > 0.
     pub force: String,
+    /// Formula of the energy stored in the inner states, J.
     #[serde(default)]
     pub energy: Option<String>,
+    /// Formula of the rate at which the contact slips for good, m/s.
     #[serde(default)]
     pub slip: Option<String>,
+    /// Formula of the force in steady sliding, N.
     #[serde(default)]
     pub steady: Option<String>,
+    /// F(-v, -z) = -F(v, z).
     #[serde(default)]
     pub odd: bool,
 }
@@ -226,6 +297,7 @@ pub struct Formula {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SlipElement {
+    /// Stiffness of the spring, N/m.
     pub stiffness_n_m: f64,
     /// Of the level of the law.
     pub share: f64,
@@ -235,7 +307,9 @@ pub struct SlipElement {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Evolution {
+    /// See [`physics::friction::Evolution::Ageing`].
     Ageing,
+    /// See [`physics::friction::Evolution::Slip`].
     Slip,
 }
 
@@ -243,7 +317,9 @@ pub enum Evolution {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
+    /// Its key.
     pub law: String,
+    /// Values in SI by the keys of its parameters.
     pub parameters: BTreeMap<String, f64>,
     /// A law of one's own, by the name of `law`.
     #[serde(default)]
@@ -254,22 +330,31 @@ pub struct Friction {
     /// Empty: those that the law makes of its stiffness.
     #[serde(default)]
     pub elements: Vec<SlipElement>,
+    /// How the state of a law of rate and state evolves; absent: by ageing.
     #[serde(default)]
     pub evolution: Option<Evolution>,
+    /// Dependence on the pressures in the chambers.
     #[serde(default)]
     pub pressure: Option<SealPressure>,
+    /// Growth with the age of the contact.
     #[serde(default)]
     pub dwell: Option<Dwell>,
+    /// Relaxation of the bristles.
     #[serde(default)]
     pub relaxation: Option<Relaxation>,
+    /// Dependence on the position along the stroke.
     #[serde(default)]
     pub position: Option<Position>,
+    /// Dependence on the direction of motion.
     #[serde(default)]
     pub direction: Option<Direction>,
+    /// A force across the axis.
     #[serde(default)]
     pub side_load: Option<SideLoad>,
+    /// Dependence on the temperature of the contact.
     #[serde(default)]
     pub temperature: Option<Temperature>,
+    /// Run-in and wear.
     #[serde(default)]
     pub wear: Option<Wear>,
 }
