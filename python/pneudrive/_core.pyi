@@ -20,6 +20,8 @@ __all__ = [
     "formula_component",
     "formula_law",
     "friction_laws",
+    "seal_factors",
+    "seal_warming",
     "steady_friction",
     "steady_friction_sensitivity",
 ]
@@ -317,6 +319,15 @@ def dwell_growth(growth: str, age: NDArray[float64], time: float, exponent: floa
 def friction_laws() -> list[dict[str, Any]]: ...
 def formula_component(kind: str, json: str) -> dict[str, Any]: ...
 def formula_law(json: str) -> dict[str, Any]: ...
+def seal_factors(
+    levels_per_k: float,
+    viscous_per_k: float,
+    above_k: float,
+    run_in: float,
+    run_in_distance_m: float,
+    slid_m: float,
+) -> tuple[float, float]: ...
+def seal_warming(resistance_k_w: float, time_s: float, warming_k: float, heat_w: float, duration_s: float) -> float: ...
 def steady_friction(
     law: str,
     parameters: Mapping[str, float],

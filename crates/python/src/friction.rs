@@ -4,7 +4,7 @@ use crate::convert::{Table, detached, parse, to_python};
 use circuit::{friction_law, own_law, specification, steady_sensitivity};
 use math::Dual;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
-use physics::friction::{At, Growth, LAWS, Meta};
+use physics::friction::{At, Growth, Heating, LAWS, Levels, Meta, Wear};
 use physics::written::Refusal;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -102,6 +102,33 @@ pub fn steady_friction<'py>(
         friction.steady(&place.pressed(gauge_a_pa, gauge_b_pa))
     };
     Ok(PyArray1::from_iter(py, velocity.as_array().iter().map(|&v| force(v))))
+}
+
+/// What warming and wear make of a friction: the factor on its levels Fc and Fs, and that on Fv. `above_k` is what the
+/// contact is warmer than where the law's parameters hold.
+#[pyfunction]
+pub fn seal_factors(
+    levels_per_k: f64,
+    viscous_per_k: f64,
+    above_k: f64,
+    run_in: f64,
+    run_in_distance_m: f64,
+    slid_m: f64,
+) -> (f64, f64) {
+    let heating = heated(viscous_per_k, levels_per_k, 0.0, 1.0);
+    let wear = Wear { run_in, run_in_distance: run_in_distance_m, rate: 0.0, slid: 0.0 };
+    let levels = wear.apply(&heating.apply(&Levels::new(1.0, 1.0, 1.0), above_k), slid_m);
+    (levels.coulomb, levels.viscous)
+}
+
+/// What a contact is warmer than its surroundings, K, after a constant heat of friction, W, for a duration, s.
+#[pyfunction]
+pub fn seal_warming(resistance_k_w: f64, time_s: f64, warming_k: f64, heat_w: f64, duration_s: f64) -> f64 {
+    heated(0.0, 0.0, resistance_k_w, time_s).after(warming_k, heat_w, duration_s)
+}
+
+fn heated(viscous: f64, levels: f64, resistance: f64, time: f64) -> Heating<f64> {
+    Heating { reference: 0.0, viscous, levels, resistance, time, ambient: 0.0 }
 }
 
 /// The friction of a description as JSON, without its parameters: they may be infinite.

@@ -53,6 +53,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;
     m.add_function(wrap_pyfunction!(friction::formula_law, m)?)?;
     m.add_function(wrap_pyfunction!(friction::dwell_growth, m)?)?;
+    m.add_function(wrap_pyfunction!(friction::seal_factors, m)?)?;
+    m.add_function(wrap_pyfunction!(friction::seal_warming, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction_sensitivity, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;

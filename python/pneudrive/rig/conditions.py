@@ -97,9 +97,12 @@ class Past:
 
     def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
         """Let time pass in which friction heats the seal with this power."""
+        from pneudrive import _core
+
         thermal = d.thermal
-        final = thermal["seal_rise"] * power_w
-        self.seal_rise_k = final + (self.seal_rise_k - final) * math.exp(-duration_s / thermal["seal_time"])
+        self.seal_rise_k = _core.seal_warming(
+            thermal["seal_rise"], thermal["seal_time"], self.seal_rise_k, power_w, duration_s
+        )
         self.clock_s += duration_s
 
     def room_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
@@ -124,12 +127,11 @@ def stream(seed: int, *words: str) -> np.random.Generator:
     return np.random.default_rng([seed, int.from_bytes(digest[:8], "little")])
 
 
-def level(d: RigDescription, past: Past, seed: int) -> float:
-    """Level of friction relative to the rig file: what cycle, day, mounting and seal make of it, and run-in.
+def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
+    """Draw what cycle, day, mounting and seal make of the friction: relative to the rig file, of all its forces.
 
-    Random factors are lognormal, each drawn from the seed and what it belongs to.
+    The factors are lognormal, each drawn from the seed and what it belongs to.
     """
-    spread, run_in = d.repeatability, d.run_in
     changed = {factor: past.changes.get(factor, 0) for factor in ("mounting", "seal")}
     drawn = {
         "cycle": past.key,
@@ -139,27 +141,30 @@ def level(d: RigDescription, past: Past, seed: int) -> float:
     }
     exponent = 0.0
     for factor, words in drawn.items():
-        if spread[factor] > 0.0:
-            exponent += spread[factor] * float(stream(seed, factor, words).standard_normal())
-    return math.exp(exponent) * (1.0 + run_in["excess"] * math.exp(-past.travel_m / run_in["distance"]))
+        if d.repeatability[factor] > 0.0:
+            exponent += d.repeatability[factor] * float(stream(seed, factor, words).standard_normal())
+    return math.exp(exponent)
 
 
 def friction_in_force(d: RigDescription, past: Past, seed: int) -> dict[str, Any]:
-    """Return the friction of the present cycle, as the core takes it.
+    """Return the friction of the present step, as the core takes it.
 
-    All forces carry the `level`; dry friction and viscous friction change with the temperature of the seal as
-    exp(coefficient * difference).
+    Run-in and temperature act as on a drive: on Coulomb and breakaway force, and on viscous friction by temperature
+    alone. Both are those at the beginning of the step (assumed: a step is short against the time of warming).
     """
-    table = core_friction(d, d.mountings[past.levels.get("mounting", RIGID)])
+    from pneudrive import _core
+
+    table, thermal, run_in = core_friction(d, d.mountings[past.levels.get("mounting", RIGID)]), d.thermal, d.run_in
     warmer = float(past.room_k(d)) - d.ambient_temperature_k + past.seal_rise_k
-    all_of_it = level(d, past, seed)
-    dry = all_of_it * math.exp(d.thermal["coulomb"] * warmer)
-    wet = all_of_it * math.exp(d.thermal["viscous"] * warmer)
-    factor = {"coulomb": dry, "breakaway": dry, "viscous": wet}
+    levels, viscous = _core.seal_factors(
+        thermal["coulomb"], -thermal["viscous"], warmer, run_in["excess"], run_in["distance"], past.travel_m
+    )
+    scale = friction_scale(d, past, seed)
+    factor = {"coulomb": scale * levels, "breakaway": scale * levels, "viscous": scale * viscous}
     out = dict(table)
     out["parameters"] = {name: value * factor.get(name, 1.0) for name, value in d.parameters.items()}
     if d.pressure is not None:
-        out["pressure"] = {name: value * dry for name, value in d.pressure.items()}
+        out["pressure"] = {name: value * scale * levels for name, value in d.pressure.items()}
     if table.get("dwell") is not None:
-        out["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * dry}
+        out["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * scale}
     return out

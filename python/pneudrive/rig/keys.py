@@ -96,7 +96,7 @@ TABLES: dict[str, str] = {
     "pressure_sensor": "One in each chamber, or at each regulator.",
     "temperature_sensor": "On the barrel.",
     "encoder": "On the carriage.",
-    "thermal": "Temperatures of room and seal, and what they do to friction: exp(coefficient * difference).",
+    "thermal": "Temperatures of room and seal: Fc and Fs times 1 + coulomb * rise, Fv times exp(viscous * rise).",
     "run_in": "Friction that a new seal loses with its way.",
     "repeatability": "Relative standard deviation of the level of all friction; the deviates are lognormal.",
     "supply": "The air before the regulators.",

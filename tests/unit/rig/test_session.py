@@ -264,11 +264,11 @@ def test_slow_changes_follow_from_what_was_done():
     assert truth["travel_m"] > 75.0
     rise = truth["seal_temperature_k"] - truth["room_temperature_k"]
     assert 1.0 < rise < 10.0
-    # Run in and warm: what is left of the excess, times what the temperature makes of it.
+    # Run in and warm, as on a drive: what is left of the excess, and what the temperature makes of it.
     left = 1.0 + 0.04 * np.exp(-truth["travel_m"] / 60.0)
     warmer = truth["seal_temperature_k"] - 293.15
-    assert worn["coulomb"] == pytest.approx(9.0 * left * np.exp(-0.003 * warmer), rel=1e-3)
-    assert worn["viscous"] == pytest.approx(3.0 * left * np.exp(-0.03 * warmer), rel=5e-3)
+    assert worn["coulomb"] == pytest.approx(9.0 * left * (1.0 - 0.003 * warmer), rel=1e-3)
+    assert worn["viscous"] == pytest.approx(3.0 * np.exp(-0.03 * warmer), rel=5e-3)
     # A quarter of a day later the room is an amplitude warmer, the seal as warm as the room, the zero has drifted.
     rig.hold(21600.0 - rig.past.clock_s)
     assert rig.past.seal_rise_k < 1e-3

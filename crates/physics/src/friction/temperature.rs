@@ -35,11 +35,18 @@ crate::parameters! {
 pub(super) const STATE: InnerState = InnerState { name: "contact_warming_k", unit: "K", scale: 10.0 };
 
 impl<P: Real> Heating<P> {
+    /// The levels of a contact that is this much warmer than its surroundings, K.
     #[inline(always)]
-    pub(super) fn apply<S: Over<P>>(&self, base: &Levels<S>, warming: S) -> Levels<S> {
+    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, warming: S) -> Levels<S> {
         let above = S::from(self.ambient - self.reference) + warming;
         let levels = base.times(S::from(self.levels).fma(above, S::one()).max(S::c(FLOOR)));
         Levels { viscous: base.viscous * (-(S::from(self.viscous) * above)).exp(), ..levels }
+    }
+
+    /// theta after `duration`, s, of a constant heat of friction, W: the solution of [`Heating::rate`].
+    pub fn after(&self, warming: P, heat: P, duration: P) -> P {
+        let last = self.resistance * heat;
+        last + (warming - last) * (-(duration / self.time)).exp()
     }
 
     /// dtheta/dt with the heat of friction, W.

@@ -28,8 +28,9 @@ crate::parameters! {
 pub(super) const STATE: InnerState = InnerState { name: "sliding_distance_m", unit: "m", scale: 1.0 };
 
 impl<P: Real> Wear<P> {
+    /// The levels of a contact that has slid this way since the start, m.
     #[inline(always)]
-    pub(super) fn apply<S: Over<P>>(&self, base: &Levels<S>, way: S) -> Levels<S> {
+    pub fn apply<S: Over<P>>(&self, base: &Levels<S>, way: S) -> Levels<S> {
         let slid = S::from(self.slid) + way;
         let new = S::from(self.run_in) * (-(slid / S::from(self.run_in_distance))).exp();
         base.times((S::one() + new + S::from(self.rate) * slid).max(S::c(FLOOR)))

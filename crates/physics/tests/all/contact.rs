@@ -203,6 +203,12 @@ fn a_contact_warms_by_its_own_heat_and_by_no_more() {
     implicit(&warm, &mut p, 1e9, 1.0, &mut |_, _| {});
     let rise = p.inner[0];
     assert!((rise - 2.7 * by_hand(rise, 0.4) * 0.4).abs() < 1e-6 && rise > 50.0, "{rise} K");
+    // At constant heat in closed form: the beginning, its slope, and the end.
+    let alone = heating.clone();
+    assert_eq!(alone.after(5.0, 20.0, 0.0), 5.0);
+    let slope = (alone.after(5.0, 20.0, 1e-6) - 5.0) / 1e-6;
+    assert!((slope - alone.rate(5.0, 20.0)).abs() < 1e-3, "{slope} K/s");
+    assert!((alone.after(5.0, 20.0, 40.0) - 54.0).abs() < 1e-9);
     // Surroundings at the reference: the law as it is.
     let cold = contact(heating).surrounded(290.0);
     assert!((evaluate(&cold, &at(0.1, 0.0)).0 - 50.0).abs() < 1e-12);
