@@ -37,13 +37,14 @@ test-rust: setup
 test-python: setup
 	$(PY) -m pytest -n $(PYTEST_WORKERS)
 
-check: setup  ## what CI runs before the tests: format, lint, types, layers, stub, spelling, locks
+check: setup  ## what CI runs before the tests: format, lint, types, layers, repetition, stub, spelling, locks
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked --quiet -- -D warnings
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/basedpyright
 	PYTHONPATH=python $(BIN)/lint-imports
+	$(PY) tools/measure.py --check
 	MYPYPATH=python $(PY) -m mypy.stubtest pneudrive._core --concise --ignore-disjoint-bases
 	$(BIN)/typos
 	$(PY) tools/lock.py --check

@@ -12,7 +12,7 @@ from pneudrive.campaign.protocol_tables import (
     BeforeBlock,
     Conditions,
     Count,
-    Design,
+    DesignTable,
     DriveUnderTest,
     Filter,
     Fraction,
@@ -82,7 +82,7 @@ class Protocol(Described):
     conditions: Conditions = Conditions()
     limits: Tightened = Tightened()
     position: Range = Range()
-    design: Design = Design()
+    design: DesignTable = DesignTable()
     fraction: Fraction | None = None
 
     _text: str = PrivateAttr(default="")

@@ -376,7 +376,7 @@ class Range(Described):
     )
 
 
-class Design(Described):
+class DesignTable(Described):
     """What a fraction of the campaign must still be able to tell."""
 
     table_name: ClassVar[str] = "design"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from pneudrive.identify.export.convert import Exported
-    from pneudrive.identify.friction_curve import Curve
+    from pneudrive.identify.friction_curve import SlidingCurve
 
     Array = NDArray[np.float64]
 
@@ -204,7 +204,7 @@ class Fit(Shown):
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
-    ) -> Curve:
+    ) -> SlidingCurve:
         """Return the sliding friction that is exported.
 
         Raises

@@ -39,7 +39,7 @@ class CurveEntry:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Curve(Shown):
+class SlidingCurve(Shown):
     """Steady friction over speed at given pressures.
 
     Attributes
@@ -79,7 +79,7 @@ class HasCurve(Protocol):
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
-    ) -> Curve:
+    ) -> SlidingCurve:
         """Return its curve."""
         ...
 
@@ -119,7 +119,7 @@ def curve_of_fit(
     gauge_a_pa: float | None = None,
     gauge_b_pa: float | None = None,
     speeds_m_s: tuple[float, float] | None = None,
-) -> Curve:
+) -> SlidingCurve:
     """Take the curve of a fit, at the middle of the measured pressures and over the measured speeds if nothing is said.
 
     Raises
@@ -146,7 +146,7 @@ def curve_of_drive(
     speeds_m_s: tuple[float, float] | None,
     gauge_a_pa: float | None = None,
     gauge_b_pa: float | None = None,
-) -> Curve:
+) -> SlidingCurve:
     """Take the steady curve of a drive's friction law; its speeds have to be said.
 
     Raises
@@ -170,7 +170,7 @@ def curve_of_drive(
 
 def curve_of_friction(
     friction: Friction, title: str, speed: Array, gauges_pa: tuple[float, float], entries: Sequence[CurveEntry]
-) -> Curve:
+) -> SlidingCurve:
     """Take the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
     sides = [steady_friction(friction, sign * speed, *gauges_pa) for sign in (1.0, -1.0)]
     lost = [text for key, text in _TABLES.items() if getattr(friction, key) is not None]
@@ -181,7 +181,7 @@ def curve_of_friction(
     exponent = 1.0 if shape == "exponential" else exponent
     plain = friction.law == "coulomb" or (exponent == 1.0 and shape not in ("gaussian", "lorentzian"))
     curve = 0.5 * (sides[0] + sides[1])
-    return Curve(title, friction.law, shape, speed, curve, *gauges_pa, tuple(entries), tuple(lost), plain)
+    return SlidingCurve(title, friction.law, shape, speed, curve, *gauges_pa, tuple(entries), tuple(lost), plain)
 
 
 def steady_friction(

@@ -13,7 +13,7 @@ from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.errors import FitError
 from pneudrive.identify.base import Fit
 from pneudrive.identify.core_law import AnyLaw
-from pneudrive.identify.friction_curve import Curve, CurveEntry, curve_of_friction, middle_of, speeds_over
+from pneudrive.identify.friction_curve import CurveEntry, SlidingCurve, curve_of_friction, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
 from pneudrive.identify.model import at_conditions
 
@@ -121,7 +121,7 @@ class LawFit(Fit):
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
-    ) -> Curve:
+    ) -> SlidingCurve:
         """Return the law's curve, with what is determined of it; see `FrictionFit.curve`."""
         said = self.provenance
         speed = speeds_over(speeds_m_s or said.get("speed_m_s"), "fit")

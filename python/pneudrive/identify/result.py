@@ -11,7 +11,7 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.base import Fit
 from pneudrive.identify.dependences import Dependences
-from pneudrive.identify.friction_curve import Curve, CurveEntry, middle_of, speeds_over
+from pneudrive.identify.friction_curve import CurveEntry, SlidingCurve, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
 from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, Observations, at_conditions, unit_of
 from pneudrive.show import Shown
@@ -253,7 +253,7 @@ class FrictionFit(Fit):
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
-    ) -> Curve:
+    ) -> SlidingCurve:
         """Return the curve, at the middle of the measured pressures and over the measured speeds if nothing is said.
 
         Raises
@@ -275,7 +275,7 @@ class FrictionFit(Fit):
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
         held = f"the curve holds at {gauges[0] / 1e5:.3g} bar gauge in a and {gauges[1] / 1e5:.3g} bar gauge in b"
-        return Curve(
+        return SlidingCurve(
             f"friction fit, law {self.law}",
             self.model.law,
             shape if self.model.stribeck else "none",

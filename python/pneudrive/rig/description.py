@@ -13,7 +13,7 @@ from pneudrive.describe.geometry import piston_areas
 from pneudrive.errors import Problems
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.keys import KEYS, NEEDED, RIGID
-from pneudrive.rig.motion import Limits
+from pneudrive.rig.motion import MotionLimits
 from pneudrive.rig.reader import Source, read_tables
 from pneudrive.rig.sensors import CLOCKS, AnalogSensor, Encoder, EncoderClock, TimeClock
 
@@ -79,7 +79,7 @@ class RigDescription:
     incline_rad: float
     ambient_pressure_pa: float
     ambient_temperature_k: float
-    limits: Limits
+    limits: MotionLimits
     margin_m: float
     clock: TimeClock | EncoderClock
     sampling: Sampling
@@ -178,7 +178,7 @@ def _build(
         incline_rad=cylinder["incline"],
         ambient_pressure_pa=ambient["pressure"],
         ambient_temperature_k=ambient["temperature"],
-        limits=Limits(servo["acceleration"], servo["jerk"]),
+        limits=MotionLimits(servo["acceleration"], servo["jerk"]),
         margin_m=servo["margin"],
         clock=CLOCKS[sampling["clock"]](int(sampling["samples_per_cycle"])),
         sampling=Sampling(

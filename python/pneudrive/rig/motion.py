@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Limits:
+class MotionLimits:
     """What the servo axis can do.
 
     Parameters
@@ -55,6 +55,9 @@ class Limits:
             half = 0.5 * a * a / j
             speed = (half * half + a * distance_m) ** 0.5 - half
         return speed
+
+
+Limits = MotionLimits  # its name in pneudrive.rig
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,7 @@ class Motion:
         )
 
 
-def move(distance_m: float, speed_m_s: float, limits: Limits, start_m: float = 0.0) -> Motion:
+def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: float = 0.0) -> Motion:
     """Straight move from rest to rest in the shortest time within the limits.
 
     Parameters
@@ -117,7 +120,7 @@ def move(distance_m: float, speed_m_s: float, limits: Limits, start_m: float = 0
         Signed distance, not zero.
     speed_m_s : float
         Largest speed, > 0; a move too short to reach it stays below.
-    limits : Limits
+    limits : MotionLimits
     start_m : float
         Position at the start.
 
@@ -133,7 +136,7 @@ def move(distance_m: float, speed_m_s: float, limits: Limits, start_m: float = 0
 
     Examples
     --------
-    >>> motion = move(0.1, 0.05, Limits(2.0, 100.0))
+    >>> motion = move(0.1, 0.05, MotionLimits(2.0, 100.0))
     >>> float(round(motion.at(motion.duration_s)[0], 12))
     0.1
     """
@@ -160,14 +163,14 @@ def dwell(duration_s: float, start_m: float = 0.0) -> Motion:
     return Motion(np.array([duration_s]), np.array([0.0]), start_m)
 
 
-def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits: Limits) -> Motion:
+def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits: MotionLimits) -> Motion:
     """Come to rest from any velocity and acceleration, as soon as the limits allow.
 
     Parameters
     ----------
     position_m, speed_m_s, acceleration_m_s2 : float
         Where the axis is now; the acceleration within its limit.
-    limits : Limits
+    limits : MotionLimits
 
     Returns
     -------
@@ -176,7 +179,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
 
     Examples
     --------
-    >>> round(brake(0.0, 0.5, 0.0, Limits(5.0, 1000.0)).duration_s, 12)
+    >>> round(brake(0.0, 0.5, 0.0, MotionLimits(5.0, 1000.0)).duration_s, 12)
     0.105
     """
     a, j = limits.acceleration_m_s2, limits.jerk_m_s3
@@ -194,7 +197,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
 
 
 def cycles(
-    low_m: float, high_m: float, speed_m_s: float, limits: Limits, *, count: int = 1, dwell_s: float = 0.0
+    low_m: float, high_m: float, speed_m_s: float, limits: MotionLimits, *, count: int = 1, dwell_s: float = 0.0
 ) -> Motion:
     """Go out and back `count` times between two positions, at one speed.
 
@@ -204,7 +207,7 @@ def cycles(
         Positions of the reversals, low < high; the motion starts at `low_m`.
     speed_m_s : float
         Speed between the ramps.
-    limits : Limits
+    limits : MotionLimits
     count : int
         Number of cycles, >= 1.
     dwell_s : float

@@ -14,7 +14,7 @@ from pneudrive.errors import FitError, nearest, warn
 from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.identify.base import HASH_DIGITS, Fit, Intervals
 from pneudrive.identify.dynamic.recordings import CHANNELS
-from pneudrive.identify.friction_curve import Curve, curve_of_drive
+from pneudrive.identify.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import apply_identified
 from pneudrive.numbers import plain
 from pneudrive.trajectory import meaning
@@ -199,7 +199,7 @@ class DriveFit(Fit):
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
-    ) -> Curve:
+    ) -> SlidingCurve:
         """Return the curve of the friction of `apply()`; see `curve_of_drive`."""
         return curve_of_drive(self.apply(), speeds_m_s, gauge_a_pa, gauge_b_pa)
 

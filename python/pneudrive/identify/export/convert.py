@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.friction_curve import Curve
+    from pneudrive.identify.friction_curve import SlidingCurve
 
     Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class Exported(Shown):
     tool : str
     parameters : tuple of ToolParameter
         Empty where the tool takes our parameters as they are.
-    curve : Curve
+    curve : SlidingCurve
         Ours.
     converted_n : ndarray, shape (n,)
         The other tool's curve at the speeds of ours.
@@ -72,7 +72,7 @@ class Exported(Shown):
 
     tool: str
     parameters: tuple[ToolParameter, ...]
-    curve: Curve
+    curve: SlidingCurve
     converted_n: Array
     lost: tuple[str, ...]
     suffix: str
@@ -110,7 +110,7 @@ class Exported(Shown):
         return target
 
 
-def _remarks(curve: Curve, converted: Array, lost: tuple[str, ...]) -> list[str]:
+def _remarks(curve: SlidingCurve, converted: Array, lost: tuple[str, ...]) -> list[str]:
     error = np.abs(converted - curve.friction_n)
     worst = int(error.argmax())
     share = 100.0 * float((error / np.abs(curve.friction_n)).max())
@@ -126,12 +126,14 @@ def _remarks(curve: Curve, converted: Array, lost: tuple[str, ...]) -> list[str]
     ]
 
 
-def best_scale(curve: Curve, columns: Callable[[float], Array], lowest: float, highest: float) -> tuple[float, Array]:
+def best_scale(
+    curve: SlidingCurve, columns: Callable[[float], Array], lowest: float, highest: float
+) -> tuple[float, Array]:
     """Find the scale between two and the non-negative weights of its columns that come closest to a curve.
 
     Parameters
     ----------
-    curve : Curve
+    curve : SlidingCurve
     columns : callable
         Scale -> array of shape (n, k) at the curve's speeds.
     lowest, highest : float
@@ -161,7 +163,7 @@ def simscape_columns(speed: Array, v_brk: float) -> Array:
     return np.column_stack([stribeck, np.tanh(speed / v_c), speed])
 
 
-def _simscape(curve: Curve) -> Exported:
+def _simscape(curve: SlidingCurve) -> Exported:
     speed = curve.speed_m_s
     v_brk, (excess, coulomb, viscous) = best_scale(
         curve, lambda v: simscape_columns(speed, v), speed[0] / BEYOND, speed[-1]
@@ -197,7 +199,7 @@ def modelica_columns(speed: Array, fexp: float) -> Array:
 TABLE_POINTS = 40
 
 
-def _modelica(curve: Curve) -> Exported:
+def _modelica(curve: SlidingCurve) -> Exported:
     speed = curve.speed_m_s
     scale, weights = best_scale(
         curve, lambda v: modelica_columns(speed, 1.0 / v), speed[0] / BEYOND, BEYOND * speed[-1]
@@ -230,14 +232,14 @@ def _modelica(curve: Curve) -> Exported:
     return Exported("modelica", parameters, curve, converted, lost, ".mo", "\n".join(text) + "\n")
 
 
-def friction_table(curve: Curve) -> tuple[Array, Array]:
+def friction_table(curve: SlidingCurve) -> tuple[Array, Array]:
     """Speeds from 0 on and friction at them; the value at 0 is that of the lowest measured speed."""
     knots = np.geomspace(curve.speed_m_s[0], curve.speed_m_s[-1], TABLE_POINTS)
     level = np.interp(np.log(knots), np.log(curve.speed_m_s), curve.friction_n)
     return np.r_[0.0, knots], np.r_[level[0], level]
 
 
-def _csv(curve: Curve) -> Exported:
+def _csv(curve: SlidingCurve) -> Exported:
     import csv
     import io
 
@@ -253,7 +255,7 @@ def _csv(curve: Curve) -> Exported:
 
 
 #: Tool -> conversion.
-TOOLS: dict[str, Callable[[Curve], Exported]] = {"simscape": _simscape, "modelica": _modelica, "csv": _csv}
+TOOLS: dict[str, Callable[[SlidingCurve], Exported]] = {"simscape": _simscape, "modelica": _modelica, "csv": _csv}
 
 
 def check_tool(to: str) -> None:
@@ -274,12 +276,12 @@ def check_tool(to: str) -> None:
     raise FitError(f"there is no export to {to!r}", remedy=nearest(to, TOOLS))
 
 
-def export(curve: Curve, to: str) -> Exported:
+def export(curve: SlidingCurve, to: str) -> Exported:
     """Convert a curve.
 
     Parameters
     ----------
-    curve : Curve
+    curve : SlidingCurve
     to : str
         ``simscape``, ``modelica`` or ``csv``.
 
