@@ -36,8 +36,6 @@ class LawFit(Fit):
     ----------
     model : AnyLaw
         The law as it was given, with guesses, and the names of its free parameters.
-    parameters : dict
-        Free parameter -> value, SI.
     intervals : dict
         Free parameter that the data determine -> 95 % interval, statistical, first order in the logarithm of what is
         positive; nothing else has one.
@@ -66,7 +64,7 @@ class LawFit(Fit):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The values."""
+        """Free parameter -> value, SI."""
         return self.values
 
     @property

@@ -58,8 +58,6 @@ class Compared(Shown):
         Its dependence on pressure.
     fit : FrictionFit
         From all values.
-    free : int
-        Free parameters, with the knee.
     aicc, bic : float
     error_n, error : float
         Root mean square of predicted minus measured values of held-out conditions, N, and over that of the friction.

@@ -63,8 +63,6 @@ class FrictionFit(Fit):
     ----------
     law : str
         Law that was asked for. Where the data cannot carry it, `model` is the smaller law that was fitted.
-    parameters : dict
-        Name as in the drive file -> value in SI; NaN where the data do not determine it in number.
     free : tuple of str
         Order of `covariance`.
     covariance : ndarray, shape (p, p)
@@ -107,7 +105,7 @@ class FrictionFit(Fit):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The values."""
+        """Name as in the drive file -> value in SI; NaN where the data do not determine it in number."""
         return self.values
 
     def correlated(self) -> list[str]:
