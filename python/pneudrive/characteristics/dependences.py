@@ -66,7 +66,7 @@ def dependences_of(
         *_position(found, viscous_n_s_m, levels),
         *(() if age is None else _dwell(age, notes)),
         *(() if series is None else _relaxation(series.stops, notes)),
-        *_temperature(found),
+        *_temperature(found, viscous_n_s_m),
     ]
     estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
     tables = {key: table for key, table, _ in parts}
@@ -213,7 +213,10 @@ def _relaxation(stops: Iterable[Stop], notes: list[str]) -> Iterator[Part]:
         notes.append("relaxation: the force does not fall with one time constant, as that of a drive does; not applied")
         return
     shares = np.array([one.amplitudes_n[0] / (one.held_n + one.amplitudes_n[0]) for one in of_one_time])
-    share = mean_estimate(shares[(shares > 0.0) & (shares < MOST_RELAXED)], "1")
+    shares = shares[(shares > 0.0) & (shares < MOST_RELAXED)]
+    if shares.size < FEWEST_STOPS:
+        return
+    share = mean_estimate(shares, "1")
     time = mean_estimate(np.log([one.times_s[0] for one in of_one_time]), "1")
     middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
     seconds = Estimate(middle, low, high, float("nan"), "s")
@@ -226,14 +229,15 @@ def _relaxation(stops: Iterable[Stop], notes: list[str]) -> Iterator[Part]:
     yield "relaxation", table, {"share": share, "time": seconds}
 
 
-def _temperature(found: CampaignCharacteristics) -> Iterator[Part]:
-    """Change of friction with temperature, over its mean."""
+def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
+    """Change of friction with temperature, over the mean level."""
     per_kelvin = None if found.drift is None else found.drift.per_kelvin
     if per_kelvin is None or not per_kelvin.differs:
         return
     sliding = [one for one in found.cycles if np.isfinite(one.friction_n) and np.isfinite(one.temperature_k)]
-    friction, kelvin = (
-        float(np.mean([getattr(one, name) for one in sliding])) for name in ("friction_n", "temperature_k")
-    )
-    share = per_kelvin.scaled(1.0 / friction, "1/K")
+    level = float(np.mean([one.friction_n - viscous_n_s_m * one.speed_m_s for one in sliding]))
+    kelvin = float(np.mean([one.temperature_k for one in sliding]))
+    if level <= 0.0:
+        return
+    share = per_kelvin.scaled(1.0 / level, "1/K")
     yield "temperature", {"reference": f"{kelvin:.6g} K", "levels": f"{share.value:.6g} 1/K"}, {"levels": share}

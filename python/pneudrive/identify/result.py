@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pneudrive.errors import FitError
+from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.base import Fit
 from pneudrive.identify.dependences import Dependences
@@ -194,7 +194,7 @@ class FrictionFit(Fit):
         -----
         PneudriveWarning
             A breakaway force that the data do not determine lies below the fitted Coulomb force, or the other way
-            round: it is set to that limit.
+            round: it is set to that limit. What a campaign measured beside and cannot be applied, or is assumed.
         """
         known = {p["key"] for p in drive.friction.entry["parameters"]}
         forces = {n for n in self.determined if n not in PRESSURE_NAMES}
@@ -213,6 +213,8 @@ class FrictionFit(Fit):
         if takes_curve and self.model.lorentzian:
             changes["friction.stribeck_shape"] = "lorentzian"
         found = self.identified(curve=takes_curve and not self.model.lorentzian)
+        for note in self.dependences.notes:
+            warn(note)
         law = str(changes.get("friction.law", drive.friction.law))
         return apply_identified(found, drive, changes, self.dependences.for_law(law))
 
