@@ -102,10 +102,10 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """The package, in which a public function outranks the module of the same name.
+    """Package in which a public function takes precedence over the module of the same name.
 
-    Importing ``pneudrive.simulate`` would otherwise bind the module over ``pn.simulate``, so that whether
-    ``pn.simulate(...)`` works depended on what was imported before.
+    Importing ``pneudrive.simulate`` would otherwise bind the module to ``pn.simulate``, and ``pn.simulate(...)``
+    would work or fail depending on earlier imports.
     """
 
     def __setattr__(self, name: str, value: object) -> None:

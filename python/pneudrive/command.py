@@ -35,11 +35,11 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Signal
     Parameters
     ----------
     command : number, str, path, sequence of pairs or callable
-        A number holds throughout. ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s and command, or pairs
-        of time and command; a time is in s, or a quantity such as ``"20 ms"``. A function of the time in s is asked
-        at `times` and held from each to the next, as a digital controller would.
+        A number holds for the whole run. ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s and command, or
+        pairs of time and command; a time is in s, or a quantity such as ``"20 ms"``. A function of the time in s is
+        evaluated at `times` and held from each to the next, as by a digital controller.
     times : sequence of float, optional
-        s; when a function is asked: rising from 0.
+        Times in s, rising from 0, at which a function is evaluated.
     signal : Signal, optional
         Electrical input of the valve (``drive.valve.command``), for commands such as ``"0 s: 7.5 V"``.
 
@@ -106,7 +106,7 @@ def plans(
     Raises
     ------
     CommandError
-        No such component, none named where there are several, or a command is not valid.
+        The component does not exist or is not named although there are several, or a command is not valid.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def plans(
 
 
 def _named(given: Command) -> tuple[str, Command]:
-    """Split the name of a component from a command; it is empty where none is given."""
+    """Split the name of a component from a command; the name is empty where the command has none."""
     found = _NAMED.fullmatch(given) if isinstance(given, str) else None
     return (found[1], found[2].strip()) if found else ("", given)
 
@@ -146,7 +146,7 @@ def _one_of(name: str, commandable: Mapping[str, Signal | None]) -> str:
         raise CommandError("no component of the circuit takes a command", remedy="Leave the command out.")
     if not name and len(known) > 1:
         remedy = f'Name one: "{known[0]}: 0 s: 1".'
-        raise CommandError(f"the command does not say for which of {', '.join(known)} it is", remedy=remedy)
+        raise CommandError(f"the command names no component; commands are taken by {', '.join(known)}", remedy=remedy)
     if name and name not in commandable:
         raise CommandError(f'no component "{name}" takes a command', remedy=nearest(name, known))
     return name or known[0]
@@ -236,13 +236,13 @@ def _time(text: str) -> float:
 
 
 def _opening(given: object, signal: Signal | None) -> float:
-    """Read one command: a number, or a voltage or current where the valve says what that means."""
+    """Read one command: a number, or a voltage or current where the valve describes its electrical input."""
     unit = given.split()[1:] if isinstance(given, str) else []
     if not unit:
         return _number(given, "command")
     if signal is None:
-        what = f'command "{given}" has a unit, and the drive does not say what it means'
-        remedy = 'Write command = "0 V .. 10 V" under [valve], or give the share of full opening, -1 .. 1.'
+        what = f'command "{given}" has a unit, but the valve describes no electrical input'
+        remedy = 'Write command = "0 V .. 10 V" under [valve], or give the command as a share of full opening, -1 .. 1.'
         raise CommandError(what, remedy=remedy)
     return signal.opening(str(given))
 

@@ -1,4 +1,4 @@
-"""Numbers of nature and of standards, each once in Python; those that the core has too equal the core's by a test."""
+"""Physical constants and numbers of standards; a test holds them equal to the core's."""
 
 #: Standard acceleration of gravity, exact by definition [bipm2019].
 STANDARD_GRAVITY_M_S2 = 9.80665

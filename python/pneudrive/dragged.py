@@ -1,4 +1,4 @@
-"""A carriage drags a piston through a force sensor: the circuit of a rig, and motions of it."""
+"""Circuit of a rig whose carriage drags a piston through a force sensor, and its motions."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _OTHERS = {
 
 
 class MotionResult(NamedTuple):
-    """What came of a motion.
+    """Result of a motion.
 
     Attributes
     ----------
@@ -44,11 +44,11 @@ class MotionResult(NamedTuple):
         ``time_s``, ``carriage_position_m``, ``position_m``, ``sensor_force_n``, ``friction_force_n``,
         ``pressure_a_pa``, ``supply_pressure_a_pa``, ..., and the inner states of friction.
     statistics : dict
-        Of the integration.
+        Counts of the integration: steps, attempts, events.
     state : list of float
-        At its end; another motion can begin from it.
+    State at the end; the next motion can begin from it.
     commanded_m : float
-        Commanded position of the carriage at its end.
+        Commanded position of the carriage at the end, m.
     """
 
     columns: dict[str, Array]
@@ -63,11 +63,11 @@ class Dragged:
     Parameters
     ----------
     friction : dict
-        Of the piston, as the core takes it.
+        Friction of the piston, in the core's form.
     piston, sensor, carriage : dict
-        Numbers of these components, by the keys of their kinds, in SI; the carriage gives way to the sensor.
+        Parameters of these components, by the keys of their kinds, in SI.
     ambient_pa, temperature_k : float
-        Of the room; air and walls start at its temperature.
+        Of the room, Pa and K; air and walls start at this temperature.
     """
 
     def __init__(
@@ -84,8 +84,8 @@ class Dragged:
         self.joints: dict[str, list[str]] = {name: [] for name in ("a", "b", "rod")}
         self.joints[AMBIENT] = [AMBIENT]
         self.start: dict[str, float] = {}
-        self.sources: dict[str, str] = {}  # chamber -> joint that its air comes from
-        self.shutters: list[str] = []  # paths that shutting off the supply closes
+        self.sources: dict[str, str] = {}  # chamber -> joint of its supply
+        self.shutters: list[str] = []  # flow paths that close when the supply is shut off
         release = {"release_stiffness": sensor["stiffness"], **(carriage or {})}
         self.add("carriage", "carriage", release, {"1": "servo"})
         self.add("sensor", "force-sensor", sensor, {"1": "servo", "2": "rod"})
@@ -104,16 +104,16 @@ class Dragged:
         self.add(name, "fitting", numbers, dict(zip("12", ends, strict=True)))
 
     def hold(self, name: str, pressure_pa: float) -> None:
-        """Keep a joint at an absolute pressure."""
+        """Fix the absolute pressure of a joint."""
         self.add(name, "reservoir", {"pressure": pressure_pa}, {"1": name})
 
     def volume(self, name: str, pressure_pa: float, **numbers: float) -> None:
-        """Give a joint the volume of a tank that starts at an absolute pressure."""
+        """Add a tank to a joint, with its volume and its absolute pressure at the start."""
         self.add(name, "tank", numbers, {"1": name})
         self.start |= {f"{name}.pressure_pa": pressure_pa, f"{name}.temperature_k": self.ambient["temperature_k"]}
 
     def core_json(self) -> str:
-        """Return the circuit as the core takes it."""
+        """Return the circuit in the core's form."""
         air = {"heat_capacity_ratio": AIR_HEAT_CAPACITY_RATIO, "gas_constant_j_kg_k": AIR_GAS_CONSTANT_J_KG_K}
         joints = list(self.joints.values())
         return json.dumps({"gas": air, "ambient": self.ambient, "components": self.components, "joints": joints})
@@ -135,23 +135,23 @@ class Dragged:
         Parameters
         ----------
         durations_s, jerks_m_s3 : sequence of float
-            The jerk of the carriage's command, and for how long.
+            Jerk of the carriage's commanded motion, m/s3, and its duration, s.
         times_s : sequence of float
-            Of the samples, ascending.
+            Times of the samples, s, ascending.
         begin : float or sequence of float
             A position at rest, the sensor unstressed, or the state at the end of an earlier motion.
         rtol : float
         released : bool
-            The axis gives way until the sensor shows no force; then its command is where it stands.
+            The carriage moves freely until the sensor shows no force; then its actual position becomes the command.
         shut : bool
-            The supply is shut off.
+            Whether the supply is shut off.
         look : callable, optional
-            Called with the simulated time now and then; what it raises ends the run.
+            Called with the simulated time now and then; an exception that it raises ends the run.
 
         Raises
         ------
         ValueError, RuntimeError
-            The core refuses the rig, or cannot go on.
+            The core rejects the rig, or the integration cannot go on.
         """
         from pneudrive import _core
 
@@ -178,7 +178,7 @@ class Dragged:
         return MotionResult(columns, result["statistics"], state, commanded)
 
     def _columns(self, known: Sequence[str]) -> dict[str, str]:
-        """Return the columns that a rig has, and what the circuit calls each."""
+        """Return the columns of a rig, each with its name in the circuit."""
         of_piston = {short_name(name, "piston"): name for name in known if name.startswith("piston.")}
         sources = {side: self.sources.get(side, f"piston.{side}") for side in "ab"}
         fed = {f"supply_pressure_{side}_pa": f"{source}.pressure_pa" for side, source in sources.items()}
@@ -186,9 +186,9 @@ class Dragged:
 
 
 def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:
-    """Return the state where the next motion begins, and the commanded position there.
+    """Return the state in which the next motion begins, and the commanded position there.
 
-    The command ends at rest exactly where rounding has left less; after giving way it is where the carriage stands.
+    At the end of a command, remainders of rounding are removed; a released carriage has its actual position as command.
     """
     position, *rates = [name for name in state if name.startswith("carriage.")][:3]
     if released:

@@ -1,4 +1,4 @@
-"""What goes wrong on the way from a description to a result, as one clear message each."""
+"""Errors from the description to the result: one class for each source, one form of message for all."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 _NOT_THE_CALLER = ("pneudrive", "pydantic")
 
 Wrong = TypeVar("Wrong", bound="PneudriveError")
-MOST_TOLD = 30  # errors of one file that are shown after the first one
+MOST_SHOWN = 30  # further errors of one file in a message
 LONGEST_QUOTE, LONGEST_PART = 300, 800  # characters: what a file holds, and what we say about it
 #: Control signs but the end of a line, and signs that turn the direction of text: with them a text says another thing.
 _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
 
 
 def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
-    r"""Return a text of a file or a user as messages and reports show it: hidden signs as escapes, cut in the middle.
+    r"""Return a text of a file or a user for messages and reports: hidden characters as escapes, cut in the middle.
 
     Examples
     --------
@@ -74,10 +74,10 @@ class PneudriveError(Exception):
     ) -> None:
         super().__init__(what)
         self.what, self.where, self.value, self.rule, self.remedy = what, where, value, rule, remedy
-        self.others: tuple[Any, ...] = ()  # what is wrong beside this
+        self.others: tuple[Any, ...] = ()  # further errors
 
     def __str__(self) -> str:
-        """Return the one message: first line what and where, then value, rule and remedy; then what else is wrong."""
+        """Return the message: what and where in the first line, then value, rule and remedy, then further errors."""
         first = f"{shown(self.what.rstrip('.'), LONGEST_PART)}."
         lines = [f"{first}   {shown(self.where, LONGEST_PART)}" if self.where else first]
         if self.value is not None:
@@ -86,17 +86,17 @@ class PneudriveError(Exception):
             lines.append(f"    Rule: {shown(self.rule, LONGEST_PART)}")
         if self.remedy:
             lines.append(f"    Hint: {shown(self.remedy, LONGEST_PART)}")
-        lines += map(str, self.others[:MOST_TOLD])
-        if len(self.others) > MOST_TOLD:
-            lines.append(f"... and {len(self.others) - MOST_TOLD} more.")
+        lines += map(str, self.others[:MOST_SHOWN])
+        if len(self.others) > MOST_SHOWN:
+            lines.append(f"... and {len(self.others) - MOST_SHOWN} more.")
         return "\n".join(lines)
 
     def each(self: Wrong) -> list[Wrong]:
-        """Give this error and the others that it carries, each alone."""
+        """Yield this error and the others that it carries."""
         return [self, *self.others]
 
     def turned(self, kind: type[Wrong]) -> Wrong:
-        """Give the same message as an error of another kind."""
+        """Return the same message as an error of another kind."""
         return together([kind(e.what, where=e.where, value=e.value, rule=e.rule, remedy=e.remedy) for e in self.each()])
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -119,14 +119,14 @@ def _rebuild(
 
 
 def together(errors: Sequence[Wrong]) -> Wrong:
-    """Give several errors as one that shows them all, the first one first."""
+    """Combine several errors into one that shows them all, in their order."""
     first = errors[0]
     first.others = tuple(errors[1:])
     return first
 
 
 class Problems:
-    """What is wrong with a file, gathered until all of it was looked at, so that its author mends it in one go.
+    """Errors of a file, gathered until the whole file is checked, so that its author can correct them all at once.
 
     Examples
     --------
@@ -145,42 +145,42 @@ class Problems:
 
     @contextmanager
     def caught(self) -> Iterator[None]:
-        """Keep what is raised within; what comes after the block is looked at too."""
+        """Keep an error that is raised in the block, and go on after the block."""
         try:
             yield
         except PneudriveError as error:
             self.add(error)
 
     def take(self, read: Callable[..., Any], *arguments: object, otherwise: Any = None) -> Any:  # noqa: ANN401
-        """Give what a part is read as; where it is wrong, keep that, and give something to go on with."""
+        """Read a part and return it; on an error, keep the error and return `otherwise`."""
         with self.caught():
             return read(*arguments)
         return otherwise
 
     def add(self, error: PneudriveError) -> None:
-        """Take note of an error and of those that it carries, each once."""
+        """Add an error and those that it carries, each once."""
         for one in error.each():
             one.others = ()
             self.found.setdefault((one.what, one.where), one)
 
     def tell(self) -> None:
-        """Raise all of it as one error, where there is any."""
+        """Raise all errors as one, if there are any."""
         if self.found:
             raise together(list(self.found.values()))
 
 
 class DescriptionError(PneudriveError, ValueError):
-    """A drive description (file or Python) is not valid; pydantic gathers what is a `ValueError`."""
+    """A drive description (file or Python) is not valid; a `ValueError`, so that pydantic gathers it."""
 
-    key: str | None = None  # dotted name of the key at fault: whoever knows the file finds the line by it
+    key: str | None = None  # dotted name of the wrong key, by which a reader of the file finds the line
 
 
 class LayoutError(PneudriveError):
-    """A layout file, which says how a foreign recording is read, is not valid."""
+    """A layout file, which describes the columns of a foreign recording, is not valid."""
 
 
 class RecordingError(PneudriveError):
-    """A recording cannot be read or does not hold what is needed."""
+    """A recording cannot be read or lacks data that are needed."""
 
 
 class CommandError(PneudriveError):
@@ -188,7 +188,7 @@ class CommandError(PneudriveError):
 
 
 class SimulationError(PneudriveError):
-    """A simulation could not go on; the message says when, in which state and what to try."""
+    """A simulation cannot go on; the message gives the time, the state and a remedy."""
 
 
 class FitError(PneudriveError):
@@ -196,34 +196,34 @@ class FitError(PneudriveError):
 
 
 class ProtocolError(PneudriveError):
-    """A campaign protocol is not valid, or asks of a rig what it must not do."""
+    """A campaign protocol is not valid, or violates a limit of the rig."""
 
 
 class RigError(PneudriveError):
-    """A rig cannot do what it was asked to do: a fault, a limit, a lost connection."""
+    """A rig cannot carry out a request: a fault, a limit, a lost connection."""
 
 
 class ConnectionLostError(RigError):
-    """The connection to a rig was lost and is back: the rig stands still without pressure, its memory may be gone.
+    """The connection to a rig was lost and is back: the rig is at rest without pressure, its saved state may be lost.
 
-    What ran is lost. Whoever runs cycles sets the rig's memory (`Reproducible.restore`) and runs the cycle again.
+    The running cycle is lost. The caller restores the rig's saved state (`Reproducible.restore`) and repeats the cycle.
     """
 
 
 class CampaignError(PneudriveError):
-    """A campaign folder cannot be used: locked, read-only, full, not a campaign, files that do not fit together."""
+    """A campaign folder cannot be used: locked, read-only, disk full, not a campaign, or files that do not match."""
 
 
-class Cancelled(PneudriveError):  # noqa: N818 - nothing went wrong
+class Cancelled(PneudriveError):  # noqa: N818 - not an error
     """A long call ended because its cancel flag was set."""
 
 
 class PneudriveWarning(UserWarning):
-    """A result is there, but something about it should be known: a friction law that is not passive, for instance."""
+    """A result has a limitation that its user should know, for instance a friction law that is not passive."""
 
 
 def warn(message: str) -> None:
-    """Warn of something about a result, at the line of the caller's own code that asked for it."""
+    """Issue a warning about a result, located at the calling line of the user's own code."""
     frame, level = sys._getframe(1), 2
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _NOT_THE_CALLER:
         frame, level = frame.f_back, level + 1
@@ -231,7 +231,7 @@ def warn(message: str) -> None:
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:
-    """Say which names there are and which one was probably meant.
+    """Return a hint: the name that was probably meant, and the known names.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Where the water in the gas of a run may condense or freeze, as text. Nothing here moves a state."""
+"""Warnings where the water in the gas of a run may condense or freeze; they do not change the simulation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SATURATED = 1.01
 
 
 def saturation_pressure(temperature_k: np.ndarray | float) -> np.ndarray:
-    """Return the vapour pressure of water, Pa, at which it condenses: over water, below 0 degC over ice.
+    """Return the saturation pressure of water vapour, Pa: over water, below 0 degC over ice.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def saturation_pressure(temperature_k: np.ndarray | float) -> np.ndarray:
 
 
 def dew_point(vapour_pressure_pa: float) -> float:
-    """Return the temperature, K, at which that is the saturation pressure: the frost point below 0 degC.
+    """Return the dew point, K, of a vapour pressure in Pa; below 0 degC the frost point.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def dew_point(vapour_pressure_pa: float) -> float:
 
 @dataclass(frozen=True)
 class _Place:
-    """Gas of one volume over a run, and the wall beside it."""
+    """Gas of one volume over a run, and its wall."""
 
     name: str
     pressure_pa: np.ndarray
@@ -68,13 +68,13 @@ class _Place:
     wall_k: np.ndarray | float
 
 
-def told(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> list[str]:
-    """Return what to say of water in a run: of each volume at most once of its wall and once of its gas.
+def warnings(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> list[str]:
+    """Return the warnings on water in a run: for each volume at most one for its wall and one for its gas.
 
     Parameters
     ----------
     drive : Drive or Circuit
-        What was run; nothing is said where its gas has no dew point. All gas counts as coming from the supply.
+        The simulated object; a gas without a dew point gives no warnings. All gas counts as coming from the supply.
     columns : mapping
         Columns of the trajectory.
     """
@@ -82,11 +82,13 @@ def told(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> list[str]
     if share is None:
         return []
     ambient = drive.ambient.pressure_pa
-    return [line for place in _places(drive, columns) for line in _said(place, share, ambient, columns["time_s"])]
+    return [
+        line for place in _places(drive, columns) for line in _warnings_of(place, share, ambient, columns["time_s"])
+    ]
 
 
 def water_share(drive: Drive | Circuit) -> float | None:
-    """Return the share of water vapour in the gas, in molecules; None where no dew point is given."""
+    """Return the molar share of water vapour in the gas; None where no dew point is given."""
     pressure, dew = drive.dew_point_pressure_pa, drive.gas.dew_point_k
     return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
 
@@ -99,7 +101,7 @@ def _places(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> Iterat
         wall: Any
         if is_circuit(drive):
             name, own = column.removesuffix(".pressure_pa"), column.partition(".")[0]
-            wall = columns.get(f"{own}.wall_temperature_k")  # where it stores heat
+            wall = columns.get(f"{own}.wall_temperature_k")  # of a wall that stores heat
             wall = getattr(drive.components[own], "wall_temperature_k", None) if wall is None else wall
         else:
             name = f"chamber {column.removeprefix('pressure_').removesuffix('_pa')}"
@@ -107,7 +109,7 @@ def _places(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> Iterat
         yield _Place(name, pressure, temperature, drive.ambient.temperature_k if wall is None else wall)
 
 
-def _said(place: _Place, share: float, ambient_pa: float, time_s: np.ndarray) -> Iterator[str]:
+def _warnings_of(place: _Place, share: float, ambient_pa: float, time_s: np.ndarray) -> Iterator[str]:
     import numpy as np
 
     vapour = share * place.pressure_pa
@@ -118,8 +120,8 @@ def _said(place: _Place, share: float, ambient_pa: float, time_s: np.ndarray) ->
         wall = float(np.broadcast_to(place.wall_k, vapour.shape)[at])
         what = "ice may form" if wall < FREEZING_K else "water may condense"
         yield (
-            f"{what} on the wall of {place.name}: {_when(time_s[at], place.pressure_pa[at])} the gas has "
-            f"its {_point(vapour[at])}, and the wall has {_celsius(wall)}"
+            f"{what} on the wall of {place.name}: {_when(time_s[at], place.pressure_pa[at])} the gas has its "
+            f"{_point(vapour[at])}, the wall is at {_celsius(wall)}"
         )
     in_gas = vapour / saturated
     at = int(in_gas.argmax())
@@ -128,7 +130,7 @@ def _said(place: _Place, share: float, ambient_pa: float, time_s: np.ndarray) ->
         what = "fog or ice" if gas < FREEZING_K else "fog"
         outside = " and in the air that leaves it" if (share * ambient_pa / saturated).max() > SATURATED else ""
         yield (
-            f"{what} may form in {place.name}{outside}: {_when(time_s[at], place.pressure_pa[at])} the gas has "
+            f"{what} may form in {place.name}{outside}: {_when(time_s[at], place.pressure_pa[at])} the gas is at "
             f"{_celsius(gas)}, below its {_point(vapour[at])}"
         )
 

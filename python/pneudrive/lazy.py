@@ -1,4 +1,4 @@
-"""Names of a package that are imported when they are first asked for, so that a command loads what it uses."""
+"""Lazy names of a package: each is imported at its first use, so that a command loads only what it uses."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 
 def lazy(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], object]:
-    """Make the ``__getattr__`` of a package.
+    """Return the ``__getattr__`` of a package.
 
     Parameters
     ----------
     package : str
-        Its ``__name__``.
+        ``__name__`` of the package.
     homes : mapping
-        Module within the package, or its full name -> public names that it holds. Other modules of the package are
-        found by their name.
+        Module within the package, or its full name -> public names that it holds. Other modules of the package keep
+        their own names.
     """
     home = {name: module for module, names in homes.items() for name in names}
 

@@ -1,4 +1,4 @@
-"""What the tubes between valve and cylinder cost: speed and stroke time of a drive against their length and bore."""
+"""Study of the tubes between valve and cylinder: speed and stroke time of a drive over their length and bore."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
     from pneudrive.watch import Flag
 
 LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
-SAMPLES = 1000.0  # for the time that a stroke should take
-LONGEST = 64.0  # times that: a drive that is not there by then does not arrive
+SAMPLES = 1000.0  # m/s; gives the expected time of a stroke
+LONGEST = 64.0  # times the expected time of a stroke: a slower drive counts as not arriving
 SETTLED_S = 5.0  # after that the flow through a line is steady
-VACUUM = 1e-4  # pressure behind a valve whose flow is choked, over that before the line
+VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the line
 #: Variable -> unit and meaning.
 _MEANING = {
-    "vent_conductance": ("m3/(s Pa)", "sonic conductance of chamber b's way out: line and valve in series"),
-    "vent_speed": ("m/s", "speed at which that way out, choked, lets the piston go"),
+    "vent_conductance": ("m3/(s Pa)", "sonic conductance of the exhaust path of chamber b: line and valve in series"),
+    "vent_speed": ("m/s", "piston speed at choked flow through the exhaust path of chamber b"),
     "stroke_time_out": ("s", "from the command to the end of chamber b, from rest, chamber b at supply pressure"),
-    "stroke_time_back": ("s", "the same towards the end of chamber a"),
+    "stroke_time_back": ("s", "from the command to the end of chamber a, from rest, chamber a at supply pressure"),
     "mean_speed": ("m/s", "stroke over stroke_time_out"),
     "end_speed": ("m/s", "speed at the end of chamber b"),
 }
 
 
 class _Row(NamedTuple):
-    """What one drive does, in the order of `_MEANING`."""
+    """Results of one drive, in the order of `_MEANING`."""
 
     vent_conductance: float
     vent_speed: float
@@ -61,7 +61,7 @@ def lines(
     Parameters
     ----------
     drive : Drive
-        With `[tubing]` or without: the tubes of this study take its place.
+        The tubes of this study replace its `[tubing]`, if it has any.
     lengths, diameters : sequence of str or float
         Quantities, or numbers in m.
     progress, cancel : optional
@@ -71,15 +71,15 @@ def lines(
     -------
     xarray.Dataset
         Dimensions diameter and length (m). Variables vent_conductance, vent_speed, stroke_time_out, stroke_time_back,
-        mean_speed, end_speed; not a number where the piston does not arrive. ``attrs["without_tubes"]`` and
-        ``attrs["as_described"]`` hold the same of the drive without tubes and with its own.
+        mean_speed, end_speed; NaN where the piston does not arrive. ``attrs["without_tubes"]`` and
+        ``attrs["as_described"]`` hold the same values for the drive without tubes and with its own.
 
     Raises
     ------
     CommandError
-        A length or a diameter is no such quantity.
+        A length or a diameter is not a positive length.
     DescriptionError
-        `drive` is no drive.
+        `drive` is not a `Drive`.
     Cancelled
         `cancel` was set.
 
@@ -94,13 +94,13 @@ def lines(
 
 
 def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str | float], watch: Watch) -> xr.Dataset:
-    """Do what `lines` does, under a watch."""
+    """Run the study of `lines` under a watch."""
     import numpy as np
     import xarray as xr
 
     if not hasattr(drive, "has_lines"):
         remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
-        raise DescriptionError(f"lines takes a drive, and this is a {type(drive).__name__}", remedy=remedy)
+        raise DescriptionError(f"lines needs a drive, but got a {type(drive).__name__}", remedy=remedy)
     long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
     rows: list[_Row] = []
     for diameter, length in watch.each([(d, n) for d in wide for n in long], "tubes"):
@@ -124,7 +124,7 @@ def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str 
 def _metres(given: Sequence[str | float], what: str) -> list[float]:
     """Return lengths in m, rising, each once."""
     if isinstance(given, str) or not given:
-        raise CommandError(f"{what} = {given!r} is no list of quantities", remedy='For instance ["0.5 m", "2 m"].')
+        raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
     out = []
     for one in given:
         try:
@@ -144,7 +144,7 @@ def _with_tubes(drive: Drive, tubing: dict[str, Any] | None) -> Drive:
 
 def _row(drive: Drive) -> _Row:
     conductance = _vent_conductance(drive)
-    flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * ANR_TEMPERATURE_K  # C times this over A is a speed
+    flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * ANR_TEMPERATURE_K  # times C/A: speed at choked flow
     speed = conductance * flow / drive.cylinder.area_b_m2
     out, end_speed = _stroke(drive, speed, 1)
     back, _ = _stroke(drive, speed, -1)
@@ -152,10 +152,10 @@ def _row(drive: Drive) -> _Row:
 
 
 def _vent_conductance(drive: Drive) -> float:
-    """Return C of the way out of chamber b with the valve open, from the steady flow of a circuit of it.
+    """Return the sonic conductance C of the exhaust path of chamber b with the valve open, from its steady flow.
 
-    The equations are those of the drive; the pressure between line and valve settles by itself. Behind the valve lies
-    next to no pressure: a conductance is that of choked flow.
+    The equations are those of the drive; the pressure between line and valve settles during the run. The pressure
+    behind the valve is so low that the flow is choked.
     """
     from pneudrive.describe import Ambient
 
@@ -181,7 +181,7 @@ def _vent_conductance(drive: Drive) -> float:
 
 
 def _stroke(drive: Drive, speed: float, direction: int) -> tuple[float, float]:
-    """Return the time of a full stroke from rest, s, and the speed at its end, m/s; nan where it does not arrive."""
+    """Return the time of a full stroke from rest, s, and the speed at its end, m/s; NaN where it does not arrive."""
     import warnings
 
     import numpy as np
@@ -196,7 +196,7 @@ def _stroke(drive: Drive, speed: float, direction: int) -> tuple[float, float]:
     while times <= LONGEST:
         duration = times * expected
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PneudriveWarning)  # impacts, which a study of tubes does not brake
+            warnings.simplefilter("ignore", PneudriveWarning)  # the study ignores cushions and impacts
             run = simulate(drive, float(direction), duration, initial=start, sample_rate=SAMPLES / expected)
         end = "b" if direction > 0 else "a"
         hit = next((one for one in run.attrs["impacts"] if one["end"] == end), None)
@@ -204,7 +204,7 @@ def _stroke(drive: Drive, speed: float, direction: int) -> tuple[float, float]:
             return hit["time_s"], hit["speed_m_s"]
         x = run.position.to_numpy() if direction > 0 else stroke - run.position.to_numpy()
         there = np.flatnonzero(x >= stroke)
-        if there.size:  # so slow that it counts as no impact
+        if there.size:  # too slow to count as an impact
             return float(run.time[there[0]]), abs(float(run.velocity[there[0]]))
         times *= 4.0
     return math.nan, math.nan

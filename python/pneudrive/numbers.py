@@ -1,4 +1,4 @@
-"""Numbers in sentences and tables, as people write them."""
+"""Numbers with units and uncertainty as text, for sentences and tables."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def with_interval(e: Any, factor: float = 1.0, unit: str | None = None) -> str:  # noqa: ANN401
-    """Write what has a value with its 95 % interval; an upper end that lies nowhere as "…".
+    """Write a value with its 95 % interval; an unbounded upper end as "…".
 
     Examples
     --------
@@ -43,14 +43,14 @@ def with_u(value: float, expanded: float, unit: str = "N") -> str:
 
 
 def places(uncertainty: float) -> int:
-    """Decimal places at which an uncertainty has two digits."""
+    """Return the decimal places at which an uncertainty has two digits."""
     if not uncertainty > 0.0:
         return 2
     return min(max(1 - math.floor(math.log10(uncertainty)), 0), 9)
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Write a number with some digits, without an exponent where people would not use one, and never "-0".
+    """Write a number with `digits` digits, in ordinary notation where that is usual, and never "-0".
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""Python of the user's own: who may have it run. One rule, for everything that can be written in Python.
+"""Python code of users: one rule for when it may run.
 
-Code runs because the command or call of this run names it. A file that is read (a campaign folder, a description) may
-say which code was used, but that alone never runs anything: whoever goes on names the code again, or allows it by the
-SHA-256 of its file, which no other file has.
+Code runs only if the command or call of this run names it. A file that is read (a campaign folder, a description) may
+name the code that was used, but that alone never runs it: the user names the code again, or allows it by the SHA-256
+of its file.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def split(source: str) -> tuple[str, str] | None:
-    """Split ``own.py:make`` or ``package.module:Class`` into module and name; None where it names no code."""
+    """Split ``own.py:make`` or ``package.module:Class`` into module and name; None where the text has another form."""
     module, _, name = source.rpartition(":")
     return (module, name) if module and name.isidentifier() else None
 
 
 def sha256(source: str) -> str:
-    """Give the SHA-256 of the file in which code stands; empty where it is named as a module or cannot be read."""
+    """Return the SHA-256 of the file that holds the code; empty for a module name or an unreadable file."""
     module, _ = split(source) or ("", "")
     try:
         return hashlib.sha256(Path(module).read_bytes()).hexdigest() if module.endswith(".py") else ""
@@ -49,7 +49,7 @@ def load(source: str, kind: type[PneudriveError]) -> Callable[..., Any]:
     Raises
     ------
     PneudriveError
-        Of that kind: there is no such file, module or name, or its code fails, which the message says with file and
+        An error of `kind`: the file, module or name does not exist, or its code fails; the message gives file and
         line.
     """
     module, name = split(source) or (source, "")
@@ -68,45 +68,45 @@ def load_allowed(
     source : str
         As for `load`.
     allowed : str or None
-        SHA-256 that the user has given in this run.
+        SHA-256 that the user gave in this run.
     found_in : str
-        The file that names it.
+        File that names the code.
     option : str
-        By which a user names code: ``--rig``.
+        Option by which a user names code: ``--rig``.
     kind : type
         Of the errors.
 
     Raises
     ------
     PneudriveError
-        As for `load`; or the code is not allowed, has changed, or is no file. Modules beside the file are not found:
-        their hash was not given.
+        As for `load`; or the code is not allowed, has changed, or is not a file. Modules beside the file are not
+        imported: their hash was not given.
     """
     module, name = split(source) or (source, "")
     there = sha256(source)
     remedy = f"Look at the code. Then name it: {option} {source}"
     if allowed is None or not there:
         raise kind(
-            "the code that this file names was not named in this run, so it does not run",
+            "the file names code that this run was not told to run",
             where=found_in,
             value=f"{source}{f', SHA-256 {there}' if there else ''}",
-            rule="a file does not decide what is imported",
+            rule="only the user decides which code runs",
             remedy=f"{remedy}{f', or allow it: --allow-code {there}' if there else ''}",
         )
     if allowed.strip().lower() != there:
         raise kind(
-            "the code is not the one that was allowed",
+            "the code differs from the allowed one",
             where=module,
             value=f"SHA-256 {there}",
             rule=f"--allow-code {allowed}",
-            remedy=f"It has changed. {remedy}",
+            remedy=f"The file has changed. {remedy}",
         )
     found = guarded(source, kind, lambda: _from_file(module, there, kind))
     return _named(found, source, name, kind)
 
 
-def guarded(source: str, kind: type[PneudriveError], work: Callable[[], Any]) -> Any:  # noqa: ANN401 - what `work` gives
-    """Call foreign code; what it raises becomes one message with file and line."""
+def guarded(source: str, kind: type[PneudriveError], work: Callable[[], Any]) -> Any:  # noqa: ANN401 - result of `work`
+    """Call a user's code; turn an exception into one message with file and line."""
     try:
         return work()
     except PneudriveError:
@@ -119,23 +119,23 @@ def _named(found: ModuleType, source: str, name: str, kind: type[PneudriveError]
     made = getattr(found, name, None)
     if not callable(made):
         known = [key for key, value in vars(found).items() if callable(value) and not key.startswith("_")]
-        raise kind(f"{source}: there is no function or class of that name", remedy=nearest(name, known))
+        raise kind(f"{source}: the module has no function or class of this name", remedy=nearest(name, known))
     return made
 
 
 def _from_file(file: str, expected: str | None, kind: type[PneudriveError]) -> ModuleType:
-    """Run a file as a module: its own bytes, never a compiled copy beside it, which could be of something else."""
+    """Run a file as a module, from its own bytes: a compiled copy beside it could come from other code."""
     path = Path(file)
     if not path.is_file():
         raise kind(f"there is no file {path}")
     data = path.read_bytes()
     if expected is not None and hashlib.sha256(data).hexdigest() != expected:
-        raise kind(f"{path} has just changed")
+        raise kind(f"{path} changed while it was read")
     module = ModuleType(path.stem)
     module.__file__ = str(path)
-    sys.modules[path.stem] = module  # dataclasses look their module up
+    sys.modules[path.stem] = module  # dataclasses look up their module there
     folder = str(path.resolve().parent)
-    if expected is None and folder not in sys.path:  # as when Python runs it: modules beside it can be imported
+    if expected is None and folder not in sys.path:  # as for a script: modules beside it can be imported
         sys.path.insert(0, folder)
     exec(compile(data, str(path), "exec", dont_inherit=True), vars(module))
     return module

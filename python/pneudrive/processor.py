@@ -1,11 +1,11 @@
-"""Whether this processor can run the compiled core, asked before the core is loaded."""
+"""Check that this processor can run the compiled core, before the core is loaded."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-# What x86-64-v3 has and an older processor may lack; the core is built for it (ARCHITECTURE.md).
+# Instruction sets of x86-64-v3, for which the core is built (ARCHITECTURE.md); older processors lack some.
 NEEDED = ("avx2", "fma", "bmi1", "bmi2", "f16c", "movbe")
 
 
@@ -21,7 +21,7 @@ def require() -> None:
     Raises
     ------
     ImportError
-        One message, where an x86-64 processor is too old. Elsewhere nothing is checked.
+        The x86-64 processor is too old; other architectures are not checked.
     """
     info = Path("/proc/cpuinfo")
     if os.name != "posix" or os.uname().machine != "x86_64" or not info.exists():

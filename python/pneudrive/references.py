@@ -26,7 +26,7 @@ def bibtex(key: str) -> str:
     Raises
     ------
     PneudriveError
-        There is none of that key.
+        The key has no entry.
     """
     if key not in entries():
         raise PneudriveError(f"references.bib has no entry '{key}'")

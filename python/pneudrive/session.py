@@ -1,4 +1,4 @@
-"""A drive or a circuit that runs: its inputs are set, it is advanced and read, saved and put back, and linearised."""
+"""Running drives and circuits: set inputs, advance, read outputs, save, restore, linearise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pneudrive._core import Session as CoreSession
     from pneudrive.watch import Flag
 
-_DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # by which a drive is linearised
+_DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
 #: What a drive calls inputs of its circuit that are not of the cylinder.
 _OF_A_DRIVE = {
     "valve.command": "command",
@@ -39,7 +39,7 @@ class Variable(NamedTuple):
     kind : str
         ``"input"``, ``"output"`` or ``"state"``.
     bounds : str
-        Of an input, in words.
+        Bounds of an input, in words.
     meaning : str
     """
 
@@ -52,17 +52,17 @@ class Variable(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Linear(Shown):
-    """A drive about one of its states x0 and inputs u0: ``x' = rates + A (x - x0) + B (u - u0)``, outputs by C and D.
+    """Linearised drive about a state x0 and inputs u0: ``x' = rates + A (x - x0) + B (u - u0)``, outputs by C and D.
 
     Attributes
     ----------
     A, B, C, D : numpy.ndarray
         Shapes (states, states), (states, inputs), (outputs, states), (outputs, inputs); exact derivatives, in SI.
     states, inputs, outputs : tuple of str
-        Their names; a state is called as a column is, by the component and what it is of: ``"position_m"``,
-        ``"mass_a_kg"``, of a circuit ``"left.position_m"``, ``"hose.cell_3.internal_energy_j"``.
+        Names. A state has the name of its column: ``"position_m"``, ``"mass_a_kg"``; in a circuit with its component:
+        ``"left.position_m"``, ``"hose.cell_3.internal_energy_j"``.
     state, rates, output : numpy.ndarray
-        The state, its rates and the outputs where the derivatives are taken.
+        State x0, its rates and its outputs.
     """
 
     A: np.ndarray
@@ -80,9 +80,9 @@ class Linear(Shown):
 class Session:
     """A running drive or circuit. `Drive.start` and `Circuit.start` make it.
 
-    What it feels is set by name and holds until it is set again; the integration goes exactly to the times of
-    `advance` and `schedule`, with the step size kept. Driven with the command of a simulation it gives its bits. A call
-    that is wrong raises and leaves the session as it was.
+    An input is set by name and holds until it is set again. The integration ends exactly on the times of `advance` and
+    `schedule` and keeps its step size. With the command of a simulation, a session gives the same bits. A wrong call
+    raises an error and leaves the session unchanged.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class Session:
 
     def __init__(self, core: CoreSession) -> None:
         self._core = core
-        # Bound once: a control loop calls them a thousand times a second.
+        # Bound once, for speed: a control loop calls them a thousand times a second.
         self._set, self._read, self._advance = core.set, core.read, core.advance
 
     @property
@@ -111,7 +111,7 @@ class Session:
 
     @property
     def statistics(self) -> dict[str, int]:
-        """Work done since the start: steps, rejected, right_hand_sides, jacobians, factorisations, events."""
+        """Counts since the start: steps, rejected, right_hand_sides, jacobians, factorisations, events."""
         return self._core.statistics
 
     @property
@@ -132,14 +132,14 @@ class Session:
         ----------
         name : str
             Of an input in `variables`: ``"command"``, ``"load_force_n"``, ``"supply_pressure_pa"`` (absolute),
-            ``"opening_supply_a"``, ... Edges of the valve that are set by themselves stay so until the next command.
+            ``"opening_supply_a"``, ... An opening of the valve that is set alone holds until the next command.
         value : float
             In the unit of the input.
 
         Raises
         ------
         CommandError
-            There is no such input, or the value is no number or out of bounds.
+            The input does not exist, or the value is not a number or out of bounds.
         SimulationError
             The session cannot go on.
         """
@@ -149,25 +149,26 @@ class Session:
             self._refuse(error, [name], value)
 
     def schedule(self, name: str, entries: Iterable[tuple[float, float]]) -> None:
-        """Set an input at times to come; the integration ends on each of them exactly.
+        """Set an input at future times; the integration ends on each of them exactly.
 
         Parameters
         ----------
         name : str
             Of an input.
         entries : iterable of (float, float)
-            Time in s, not before the present, and value. Of entries at one time the one given last holds.
+            Time in s, not before the present, and value. Of several entries at one time, the last one holds.
 
         Raises
         ------
         CommandError, SimulationError
-            As for `set`; a time has passed.
+            As for `set`; or a time has passed.
         """
         try:
             times, values = zip(*entries, strict=True)
         except (TypeError, ValueError):
             raise CommandError(
-                f"the schedule of {name} is no list of (time, value)", remedy="For instance [(0.1, 0.5), (0.2, 0.0)]."
+                f"the schedule of {name} is not a list of (time, value)",
+                remedy="For instance [(0.1, 0.5), (0.2, 0.0)].",
             ) from None
         try:
             self._core.schedule(name, times, values)
@@ -181,25 +182,25 @@ class Session:
         progress: Callable[[float, float, str], None] | None = None,
         cancel: Flag | None = None,
     ) -> None:
-        """Go on until a time, under the inputs as they are set and scheduled; `read` tells what came of it.
+        """Integrate until a time, with the inputs as set and scheduled; then `read` the outputs.
 
         The integration ends on `until` exactly and keeps its step size, so that many short calls give the bits of one
-        long one. Nothing is returned. A call costs under 2 us beside the integration, which takes about 1 us of a
-        processor for each attempt at a step of a drive, more for circuits; `statistics` counts the attempts.
+        long one. A call costs under 2 us beside the integration, which takes about 1 us of processor time for each
+        attempted step of a drive, more for circuits; `statistics` counts the attempts.
 
         Parameters
         ----------
         until : float
             A time of the session in s, not a duration, and not before the present one (`time`).
         progress, cancel : optional
-            See `pneudrive.watch.Watch`. A session that was cancelled stands somewhere before `until` and can go on.
+            See `pneudrive.watch.Watch`. A cancelled session has a time before `until` and can go on.
 
         Raises
         ------
         CommandError
-            The time is no number or has passed.
+            The time is not a number or has passed.
         SimulationError
-            The solver cannot go on; the session ends here, and `restore` alone brings it back.
+            The solver cannot go on; the session ends here, and only `restore` revives it.
         Cancelled
             `cancel` was set.
         """
@@ -214,18 +215,17 @@ class Session:
             self._refuse(error, [], until)
 
     def read(self, name: str) -> float:
-        """Return an output, or what an input is set to, at the present time.
+        """Return the present value of an output or an input.
 
         Parameters
         ----------
         name : str
-            Of a variable that is an output or an input. ``"command"`` is not a number while the edges of the valve
-            stand as no command puts them.
+            Of an output or an input. ``"command"`` is NaN while openings of the valve are set that no command gives.
 
         Raises
         ------
         CommandError
-            There is no such variable.
+            The variable does not exist.
         """
         try:
             return self._read(name)
@@ -233,7 +233,7 @@ class Session:
             self._refuse(error, [name], name, readable=True)
 
     def save(self) -> bytes:
-        """Return the session as bytes: state, inputs, schedule, and what the solver remembers.
+        """Return the session as bytes: state, inputs, schedule and the solver's history.
 
         Raises
         ------
@@ -246,20 +246,20 @@ class Session:
             self._refuse(error, [], None)
 
     def restore(self, saved: bytes) -> None:
-        """Go back to where `save` was called; what follows has the same bits as it had then.
+        """Return to the state at `save`; the session continues from there with the same bits.
 
         Parameters
         ----------
         saved : bytes
-            Of this session, or of another one of the same drive, tolerance and version of pneudrive.
+            From `save` of this session, or of another one with the same drive, tolerance and version of pneudrive.
 
         Raises
         ------
         CommandError
-            The bytes are of something else, or damaged.
+            The bytes are not from such a session, or damaged.
         """
         if not isinstance(saved, bytes):
-            raise CommandError(f"a {type(saved).__name__} is no saved session", rule="bytes, as `save` returns them")
+            raise CommandError(f"a {type(saved).__name__} is not a saved session", rule="bytes, as `save` returns them")
         try:
             self._core.restore(saved)
         except (TypeError, ValueError, RuntimeError) as error:
@@ -268,18 +268,18 @@ class Session:
     def linearise(self, inputs: Sequence[str] | None = None) -> Linear:
         """Return the exact derivatives of the drive's rates and outputs about the present state.
 
-        Friction is taken in its present mode: what sticks does not move, bristles are springs.
+        Friction keeps its present mode: a sticking contact does not move, bristles are springs.
 
         Parameters
         ----------
         inputs : sequence of str, optional
-            By which inputs; all states are taken. Where nothing is said, those of a circuit but its commands, and of
-            a drive command, force of the load and pressure of the supply.
+            Inputs for B and D. By default, for a circuit, all but its commands; for a drive, the command, the force of
+            the load and the pressure of the supply. A always covers all states.
 
         Raises
         ------
         CommandError
-            There is no such input. The command is 0: a shut valve has one slope to each side.
+            The input does not exist, or the command is 0: a shut valve has a different slope to each side.
         SimulationError
             The session cannot go on.
         """
@@ -298,7 +298,7 @@ class Session:
         )
 
     def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
-        """Raise what the core refused, in words of a user; outputs too are known where they are `readable`."""
+        """Raise the core's error in words of a user; `readable` says whether names of outputs are valid too."""
         if "borrowed" in str(error):  # the core lends a session to one call at a time
             raise SimulationError("another thread advances the session", remedy="Let one thread hold it.") from None
         known = list(
@@ -307,20 +307,20 @@ class Session:
         for name in names:
             if name not in known:
                 what = "variable" if readable else "input"
-                raise CommandError(f"a session has no {what} {name!r}", remedy=nearest(str(name), known)) from None
+                raise CommandError(f"the session has no {what} {name!r}", remedy=nearest(str(name), known)) from None
         if isinstance(error, TypeError):
             raise CommandError(
                 f"{names[0] if names else 'until'} = {value!r} is a {type(value).__name__}", rule="a number"
             ) from None
         what, _, rule = str(error).partition(_RULE)
         if what.startswith(_ENDED):
-            raise SimulationError(what, remedy="Restore what it saved before, or start another.") from None
+            raise SimulationError(what, remedy="Restore a saved state, or start another session.") from None
         kind: type[PneudriveError] = CommandError if isinstance(error, ValueError) else SimulationError
         raise kind(what, rule=rule or None) from None
 
 
 def short_name(name: str, piston: str = "cylinder") -> str:
-    """Return the name that a drive has for a variable of its circuit; of what a drive has not, the same.
+    """Return a drive's name for a variable of its circuit; unchanged where a drive has no such variable.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""How results and descriptions look where somebody types their bare name: a short table, plain and in a notebook.
+"""Display of results and descriptions at the prompt: a short table, as plain text and in a notebook.
 
-One mechanism for all: a class derives from `Shown` and says what is on its `Card`. Whatever is long is cut, and the
-card says how much was left out; texts are escaped in one place.
+A class derives from `Shown` and gives the content of its `Card`. Long content is cut, and the card says how much is
+left out; texts are escaped in one place.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ MOST_ROWS, MOST_NOTES, MOST_LETTERS, MOST_ENTRIES = 30, 8, 200, 6
 
 
 class Card(NamedTuple):
-    """What is shown of an object.
+    """Content of the display of an object.
 
     Attributes
     ----------
     title : str
     head : sequence of str
-        Names of the columns; empty where they need none.
+        Names of the columns; may be empty.
     rows : sequence of sequences of str
     notes : sequence of str
         Sentences below the table.
@@ -37,10 +37,10 @@ class Card(NamedTuple):
 
 
 class Shown:
-    """Shows the card of an object as its ``repr`` and in a notebook."""
+    """Base of classes that show their card as ``repr`` and in a notebook."""
 
     def _card(self) -> Card:
-        """Return what is shown: by default the lines of ``str``, the first one as the title, or else the fields."""
+        """Return the card: by default the lines of ``str`` with the first one as the title, or else the fields."""
         if type(self).__str__ is not object.__str__:
             return card_of(str(self))
         values = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
@@ -55,7 +55,7 @@ class Shown:
 
 
 def card_of(text: str) -> Card:
-    r"""Make a card of lines: the first is the title, columns are told apart by two spaces, the rest are notes.
+    r"""Make a card of lines: the first is the title, lines with columns separated by two spaces are rows, others notes.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def card_of(text: str) -> Card:
 
 
 def brief(value: object) -> str:
-    """Write a value in a few words: long ones by their kind and size.
+    """Write a value in a few words: a long one by its type and size.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def text_of(card: Card) -> str:
 
 
 def aligned(rows: Iterable[Sequence[str]], right_from: int | None = None, indent: str = "  ") -> str:
-    """Return rows as lines, each column as wide as its widest entry, those from `right_from` on set to the right.
+    """Return rows as lines, each column as wide as its widest entry, columns from `right_from` on aligned right.
 
     Examples
     --------

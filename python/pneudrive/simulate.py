@@ -1,4 +1,4 @@
-"""A drive or a circuit, commands and a start in; a trajectory out. The equations and their solution are the core's."""
+"""Simulation of drives and circuits: the core integrates, this module prepares the call and labels the trajectory."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.watch import Flag
 
-MOST_SAMPLES = 50_000_000  # a trajectory of that many rows takes about 6 GB
+MOST_SAMPLES = 50_000_000  # rows; such a trajectory takes about 6 GB
 MOST_BUDGET = 10**15
 #: A ledger that closes worse than this and than so many times the tolerance is told (assumed).
 ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0
@@ -39,14 +39,14 @@ SOLVER = "Rodas5P"
 
 @dataclass(frozen=True, repr=False)
 class Run(Shown):
-    """A trajectory as it comes from the core: columns of a file (SI, absolute pressure) and where they come from."""
+    """Trajectory as the core returns it: columns of a file (SI, absolute pressure) and provenance."""
 
     columns: dict[str, np.ndarray]
     provenance: dict[str, Any]
     meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
 
     def dataset(self) -> xr.Dataset:
-        """Label the columns: dimension time, a unit and a long name for each variable."""
+        """Return a labelled dataset: dimension time, a unit and a long name for each variable."""
         import xarray as xr
 
         variables, coordinates = {}, {}
@@ -76,31 +76,31 @@ def simulate(
     Parameters
     ----------
     drive : Drive or Circuit
-        What is simulated; for a circuit commands and the start state have names, see `Circuit.simulate`.
+        Object to simulate; commands and start state of a circuit have names, see `Circuit.simulate`.
     command : number, str, path, sequence of (time, command) or callable
-        Valve command in [-1, 1]: a number that holds throughout, ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s,
+        Valve command in [-1, 1]: a number for the whole run, ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s,
         command) or pairs with the time in s; each entry holds until the next, the first is at 0 s. A function of the
-        time in s is asked at every sample and held until the next one, as by a controller at `sample_rate`.
+        time in s is evaluated at every sample and held until the next one, as by a controller at `sample_rate`.
     duration : str or float
         ``"2 s"``, or a number of seconds.
     initial : Initial, dict or str, optional
-        Start state, ``{"position": "50 mm", "pressure_a": "3 bar abs"}``; where nothing is said mid stroke, at rest,
-        ambient pressure and temperature.
+        Start state, ``{"position": "50 mm", "pressure_a": "3 bar abs"}``; the default is mid stroke, at rest, ambient
+        pressure and temperature.
     sample_rate : str or float
-        ``"1 kHz"``, or a number of samples a second.
+        ``"1 kHz"``, or a number of samples per second.
     rtol : float
         Relative tolerance of the solver.
     ledger : bool
-        Integrate the accounts of mass, energy and entropy along, without changing a bit of the states;
-        ``attrs["ledger"]`` then says how well they close. Not for the chamber law ``as-printed``, which does not
-        conserve energy.
+        Integrate the accounts of mass, energy and entropy too; the states keep the same bits, and
+        ``attrs["ledger"]`` says how well the accounts close. Not for the chamber law ``as-printed``, which does
+        not conserve energy.
     budget : int, optional
-        Attempts at a step after which the run is given up. Where nothing is said 220,000 for the run, 100,000 for each
-        second of motion and 100 for each entry of the command, more below rtol = 1e-6, and down to half as many above
-        11 states. Ordinary drives take 200 to 10,000 a second.
+        Attempted steps after which the run is given up. The default is 220,000 for the run, 100,000 for each second of
+        motion and 100 for each entry of the command; more below rtol = 1e-6, down to half as many above 11 states.
+        Ordinary drives take 200 to 10,000 per second.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`: a callback that is told how many of the seconds are simulated, and a flag that
-        ends the run.
+        See `pneudrive.watch.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
+        run.
 
     Returns
     -------
@@ -110,7 +110,8 @@ def simulate(
         pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings, citations, assumed,
         and impacts: each contact with an end stop as a dict of time_s, end ("a" or "b"), speed_m_s (at first touch),
         energy_j (kinetic, of the moving mass and load), depth_m and peak_force_n (the largest until it leaves), and
-        met_cover: whether the stop was pressed through. Contacts slower than 1 mm/s that do not are none.
+        met_cover: whether the stop was pressed through. A contact slower than 1 mm/s that does not press the stop
+        through is not listed.
 
     Raises
     ------
@@ -156,7 +157,7 @@ def run(
     budget: int | None = None,
     watch: Watch = UNWATCHED,
 ) -> Run:
-    """Simulate without labelling the result, which would import xarray.
+    """Simulate and return unlabelled columns, without importing xarray.
 
     Arguments and errors are those of `simulate`.
     """
@@ -187,14 +188,14 @@ def run(
     meanings = drive.meanings if is_circuit(drive) else drive.circuit.meanings if drive.has_lines else {}
     if meanings and not is_circuit(drive):
         _in_short(result)
-    result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.told(drive, result["columns"])
+    result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
     for message in result["warnings"]:
         warn(message)
     return Run(result["columns"], _provenance(drive, result, rtol), meanings)
 
 
 def _plan(drive: Drive | Circuit, command: Any, asked: list[float] | None) -> tuple[Any, ...]:  # noqa: ANN401
-    """Read the command, as the core takes it: steps of a drive, or plans by the names of a circuit's inputs."""
+    """Read the command into the core's form: steps of a drive, or plans by the names of a circuit's inputs."""
     if is_circuit(drive):
         named = commands.plans(command, drive.commandable, asked)
         return ([(f"{name}.command", list(times), list(values)) for name, (times, values) in named],)
@@ -203,7 +204,7 @@ def _plan(drive: Drive | Circuit, command: Any, asked: list[float] | None) -> tu
 
 
 def _in_short(result: SimulationResult) -> None:
-    """Give columns of a drive's circuit the names of a drive, those that a drive has first."""
+    """Rename columns of a drive's circuit to those of a drive; the drive's own columns come first."""
     columns = {short_name(name): values for name, values in result["columns"].items()}
     order = [name for name in MEANING if name in columns] + [name for name in columns if name not in MEANING]
     result["columns"] = {name: columns[name] for name in order}
@@ -212,12 +213,12 @@ def _in_short(result: SimulationResult) -> None:
 
 
 def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
-    """Return what to say of energy that does not close."""
+    """Return a warning if the account of energy does not close."""
     if ledger is None or abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):
         return []
     return [
-        f"energy closes only to {abs(ledger['energy_error']):.1e} of what is turned over, so friction or flow is not "
-        f"resolved: a smaller rtol than {rtol:.1e} resolves it, or bristles with less damping"
+        f"energy closes only to {abs(ledger['energy_error']):.1e} of the throughput: friction or flow is not "
+        f"resolved; choose rtol below {rtol:.1e}, or bristles with less damping"
     ]
 
 
@@ -248,7 +249,7 @@ def _label(column: str, said: str | None) -> tuple[str, tuple[tuple[str, str], .
 
 
 def _require(given: object, has: str, what: str, instead: str) -> None:
-    """Refuse a path or a dict where the described object is needed; that it is one is told without importing it."""
+    """Raise an error for a path or a dict in place of the described object; the check does not import its class."""
     if not hasattr(given, has):
         raise DescriptionError(f"{what} is a {type(given).__name__}", remedy=f"Write {instead}.")
 
@@ -264,7 +265,7 @@ def _positive(given: str | float, si_unit: str, what: str) -> float:
 
 
 def citations(run: xr.Dataset) -> str:
-    """Return the BibTeX entries of exactly the laws and methods that made a trajectory.
+    """Return the BibTeX entries of the laws and methods that a trajectory used.
 
     Parameters
     ----------
@@ -274,9 +275,11 @@ def citations(run: xr.Dataset) -> str:
     Raises
     ------
     PneudriveError
-        The dataset does not say what made it, or a source is missing.
+        The dataset has no citations, or a source is missing.
     """
     keys = run.attrs.get("citations")
     if keys is None:
-        raise PneudriveError("this dataset does not say what made it", remedy="Pass what pn.simulate returned.")
+        raise PneudriveError(
+            "this dataset has no list of citations", remedy="Pass a dataset that pn.simulate returned."
+        )
     return "\n\n".join(bibtex(key) for key in keys)

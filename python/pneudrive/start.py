@@ -1,4 +1,4 @@
-"""From a description to what runs: the core's form of it, its start state in SI, and a session."""
+"""Start of a simulation: a description in the core's form, its start state in SI, and its session."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def start(
 
 
 def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreDrive | CoreCircuit, dict[str, float]]:  # noqa: ANN401
-    """Return the core's form of a drive or a circuit, and the start state in SI; a drive with lines is its circuit.
+    """Return the core's form of a drive or a circuit, and the start state in SI; a drive with lines becomes a circuit.
 
     Raises
     ------
     CommandError, DescriptionError
-        The start state is not valid, or does not fit.
+        The start state is not valid, or does not fit the drive.
     """
     from pneudrive.describe.circuit import compiled as compiled_circuit
 
@@ -54,13 +54,13 @@ def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreDrive | CoreCir
 
 
 class _Short:
-    """A session of a drive's circuit under the names that a drive has."""
+    """Session of a drive's circuit with the names of a drive."""
 
     def __init__(self, core: CoreSession) -> None:
         self._core = core
         self._names = {short_name(name): name for name in (*(i[0] for i in core.inputs), *core.columns)}
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as the core has it
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any attribute of the core's session
         return getattr(self._core, name)
 
     def _full(self, name: str) -> str:
@@ -87,12 +87,12 @@ class _Short:
     def schedule(self, name: str, *entries: Any) -> None:  # noqa: ANN401 - times and values
         self._core.schedule(self._full(name), *entries)
 
-    def linearise(self, names: Sequence[str]) -> Any:  # noqa: ANN401 - as the core gives it
+    def linearise(self, names: Sequence[str]) -> Any:  # noqa: ANN401 - the core's own type
         return self._core.linearise([self._full(name) for name in names])
 
 
 def is_circuit(described: Drive | Circuit) -> TypeIs[Circuit]:
-    """Whether what is described is a circuit; its class is not imported for that."""
+    """Return whether a description is a circuit, without importing its class."""
     return hasattr(described, "wiring")
 
 
@@ -102,9 +102,9 @@ def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial 
     Raises
     ------
     CommandError
-        It is none of these, or an entry of a text is not ``key = quantity``, or comes twice.
+        The argument has another type, or an entry of a text is not ``key = quantity`` or is repeated.
     DescriptionError
-        Unknown key, or a quantity that does not fit.
+        Unknown key, or a quantity of another dimension.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def start_values(given: object) -> Mapping[str, object]:
     Raises
     ------
     CommandError
-        It is neither, or an entry of a text is not ``key = quantity``, or comes twice.
+        The argument has another type, or an entry of a text is not ``key = quantity`` or is repeated.
 
     Examples
     --------
@@ -146,7 +146,7 @@ def start_values(given: object) -> Mapping[str, object]:
 
 
 def _entries(text: str) -> dict[str, str]:
-    """Read ``key = quantity`` entries, by key."""
+    """Read ``key = quantity`` entries into a dict."""
     given: dict[str, str] = {}
     for entry in filter(None, map(str.strip, text.split(","))):
         key, equals, value = (part.strip() for part in entry.partition("="))
@@ -161,7 +161,7 @@ def _entries(text: str) -> dict[str, str]:
 
 
 def check_tolerance(rtol: float) -> None:
-    """Refuse a relative tolerance that no run keeps."""
+    """Raise an error for a relative tolerance that no simulation can keep."""
     low, high = RTOL_BOUNDS
     if isinstance(rtol, bool) or not low <= rtol <= high:
         raise CommandError(f"rtol = {rtol} is out of bounds", rule=f"{low:g} <= rtol <= {high:g}")
@@ -169,12 +169,12 @@ def check_tolerance(rtol: float) -> None:
 
 @lru_cache(maxsize=256)
 def compiled(core_json: str) -> CoreDrive:
-    """Return the core's form of a drive, made once for each description.
+    """Return the core's form of a drive; each description is compiled once.
 
     Raises
     ------
     DescriptionError
-        The core refuses it.
+        The core rejects the description.
     """
     from pneudrive import _core
 

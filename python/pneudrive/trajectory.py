@@ -1,7 +1,7 @@
-"""Trajectories: what their columns mean, how they become files, and how files with such columns are read.
+"""Trajectories: meaning of their columns, and their files written and read.
 
-In memory a trajectory is an `xarray.Dataset` whose names carry no unit (each variable has one in its attributes); in
-a file the column names carry it. Files appear whole or not at all.
+In memory a trajectory is an `xarray.Dataset`: each variable has its unit in its attributes. In a file the names of the
+columns carry the unit. A file is written whole or not at all.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ MEANING: dict[str, tuple[str, str, str]] = {
     "contact_warming_k": ("contact_warming", "K", "temperature of the contact above ambient"),
     "sliding_distance_m": ("sliding_distance", "m", "distance that the contact has slid since the start"),
     "presliding_deflection_m": ("presliding_deflection", "m", "deflection of the presliding spring"),
-    "remembered_velocity_m_s": ("remembered_velocity", "m/s", "velocity that friction remembers"),
-    "stop_time_s": ("stop_time", "s", "length of the present stop, nought in slip"),
-    "lost_share": ("lost_share", "1", "share of breakaway above Coulomb force that was lost as stop or slip began"),
+    "remembered_velocity_m_s": ("remembered_velocity", "m/s", "delayed velocity in the friction law"),
+    "stop_time_s": ("stop_time", "s", "duration of the present stop, zero in slip"),
+    "lost_share": ("lost_share", "1", "share of breakaway minus Coulomb force lost as stop or slip began"),
 }
 _SUFFIXES = {
     "_kg_s": "kg/s",
@@ -67,7 +67,7 @@ TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
 
 def meaning(column: str) -> tuple[str, str, str]:
-    """Return (variable, units, long name) of a column; inner states that the table does not list follow their suffix.
+    """Return (variable, units, long name) of a column; an inner state outside the table is named by its suffix.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def meaning(column: str) -> tuple[str, str, str]:
     ('tank.pressure', 'Pa', 'tank: pressure')
     """
     of, dot, last = column.rpartition(".")
-    if dot:  # a column of a circuit: the component and what it is of
+    if dot:  # a column of a circuit: component and quantity
         name, unit, what = meaning(last)
         return f"{of}.{name}", unit, f"{of}: {what}"
     known = MEANING.get(column)
@@ -99,12 +99,12 @@ def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-    """Refuse a file that could not be written, before any work is done.
+    """Raise an error for a file that cannot be written, before any work is done.
 
     Raises
     ------
     CommandError
-        Unknown suffix, or a folder that is not there or not writable.
+        Unknown suffix, or a folder that does not exist or is not writable.
     """
     path = Path(path)
     if path.suffix.lower() not in suffixes:
@@ -113,7 +113,7 @@ def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
         )
     folder = path.parent
     if not folder.is_dir():
-        what = "is not a folder" if folder.exists() else "is not there"
+        what = "is not a folder" if folder.exists() else "does not exist"
         raise CommandError(f"the output folder {folder} {what}", remedy=f"mkdir -p {folder}")
     if not os.access(folder, os.W_OK) or path.is_dir():
         raise CommandError(f"{path} cannot be written", remedy="Choose another folder or name.")
@@ -122,12 +122,12 @@ def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside `path`, renamed to it at the end: a reader never meets half a file.
+    """Yield a temporary name beside `path`, and rename it to `path` at the end: a reader never sees half a file.
 
     Raises
     ------
     CommandError
-        The disk is full, the folder not writable, ...; nothing is left behind.
+        The disk is full, the folder not writable, ...; the temporary file is removed.
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -149,7 +149,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
         From `pneudrive.simulate`.
     path : path-like
         ``.parquet``, ``.csv`` or ``.nc``. Provenance goes into Parquet's metadata and netCDF's attributes; CSV has no
-        place for it.
+        place for provenance.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
 
 
 def save_columns(table: Mapping[str, np.ndarray], provenance: Mapping[str, Any], path: str | Path) -> Path:
-    """Write columns as Parquet or CSV (what `save` does once the names carry their units)."""
+    """Write columns, whose names carry their units, as Parquet or CSV."""
     import polars as pl
 
     target = check_target(path, (".parquet", ".csv"))
@@ -180,7 +180,7 @@ def save_columns(table: Mapping[str, np.ndarray], provenance: Mapping[str, Any],
 
 
 def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | None = None) -> None:
-    """Write a table as Parquet or CSV, by the suffix of `target`; the metadata go into Parquet only.
+    """Write a table as Parquet or CSV, by the suffix of `target`; only Parquet keeps the metadata.
 
     Raises
     ------
@@ -200,12 +200,12 @@ def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | No
 
 
 def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
-    """Give those of some columns that a file as `save` writes it has; none where it is another kind of file.
+    """Return which of some columns a file written by `save` has; empty for another kind of file.
 
     Raises
     ------
     RecordingError
-        There is no such file, or a Parquet or netCDF file is damaged.
+        The file does not exist, or a Parquet or netCDF file is damaged.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:
@@ -215,13 +215,13 @@ def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
 
 
 def read_columns(path: str | Path, wanted: Iterable[str]) -> dict[str, np.ndarray]:
-    """Read columns of a file as `save` writes it.
+    """Read columns of a file that `save` wrote.
 
     Parameters
     ----------
     path : path-like
     wanted : iterable of str
-        Names of columns that are there, as in CSV and Parquet, for netCDF too.
+        Names of existing columns, in the form of CSV and Parquet, for netCDF too.
 
     Returns
     -------
@@ -250,7 +250,7 @@ def read_columns(path: str | Path, wanted: Iterable[str]) -> dict[str, np.ndarra
 
 
 def _name_in(path: Path, column: str) -> str:
-    """Give the name that a column has in the file: netCDF has variables, whose names carry no unit."""
+    """Return the name of a column in the file: names of netCDF variables carry no unit."""
     return meaning(column)[0] if path.suffix == ".nc" else column
 
 

@@ -1,8 +1,8 @@
 """Quantities with units, converted to SI once, at the boundary.
 
-A quantity is written as a number and a unit, ``"25 mm"``; a pressure also says against what, ``"3 bar abs"`` or
-``"2 bar gauge"``. Units of daily use are converted by the table below, every other one by pint, which is imported
-only then: its import and its first parse cost more than a whole simulation. A test proves the table equal to pint.
+A quantity is written as a number and a unit, ``"25 mm"``; a pressure also as absolute or gauge, ``"3 bar abs"`` or
+``"2 bar gauge"``. The table below converts common units, pint all others. pint is imported only then: its import and
+its first parse cost more than a whole simulation. A test proves the table equal to pint.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ _TABLE: dict[str, tuple[str, float, float]] = {
     "dm3/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
     "l/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
     "m3/(s Pa)": ("m^3/(s Pa)", 1.0, 0.0),
-    # volume flow stated at the standard reference atmosphere: not a plain volume flow, so a dimension of its own
+    # volume flow at the standard reference atmosphere: not a plain volume flow, so a dimension of its own
     **{f"{u} ANR": ("m^3/s ANR", f, 0.0) for u, f in {"l/min": _L_MIN, "l/s": 1e-3, "dm3/min": _L_MIN}.items()},
     **{f"{u} ANR": ("m^3/s ANR", f, 0.0) for u, f in {"dm3/s": 1e-3, "m3/h": 1 / 3600.0, "m3/s": 1.0}.items()},
 }
 
-# SI unit -> what a message calls it, with an example that a user can copy
+# SI unit -> its quantity in messages, with an example that a user can copy
 KINDS: dict[str, tuple[str, str]] = {
     "m": ("a length", "25 mm"),
     "m^2": ("an area", "4.9 cm2"),
@@ -87,7 +87,7 @@ KINDS: dict[str, tuple[str, str]] = {
     "N/m": ("a stiffness", "1e6 N/m"),
     "N s/m": ("a viscous coefficient", "40 N s/m"),
     "kg m^2": ("a moment of inertia", "0.02 kg m2"),
-    "kg/m": ("a damping by the square of speed", "100 kg/m"),
+    "kg/m": ("a damping proportional to the square of speed", "100 kg/m"),
     "N/Pa": ("a force per pressure", "1.0 N/bar"),
     "1/Pa": ("a share per pressure", "10 %/bar"),
     "1/m": ("a share per length", "5 %/m"),
@@ -106,21 +106,21 @@ KINDS: dict[str, tuple[str, str]] = {
 _NUMBER = re.compile(
     r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:infinity|inf|nan)\b)(?![\d.,])\s*(.*?)\s*$", re.IGNORECASE
 )
-LARGEST = 1e30  # in SI: squares and products of what a drive or a rig has stay finite
+LARGEST = 1e30  # in SI: squares and products of quantities of a drive or a rig stay finite
 LONGEST_UNIT = 40
 _ZERO_CELSIUS_LITRE = re.compile(r"\b(Nl|NL|Nm3|sl|slm|slpm|scfm|SCFM|NLPM|nl)\b")
 
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure and what it is measured against.
+    """Pressure, absolute or gauge.
 
     Parameters
     ----------
     value_pa : float
-        Pa, as stated.
+        Value as stated, Pa.
     gauge : bool
-        Above ambient pressure rather than above vacuum.
+        Whether the value is above ambient pressure rather than above vacuum.
     """
 
     value_pa: float
@@ -137,7 +137,7 @@ class Pressure:
         return self.value_pa + ambient_pa if self.gauge else self.value_pa
 
     def to(self, unit: str) -> float:
-        """Return the value in another unit, against what it was stated.
+        """Return the value in another unit, absolute or gauge as stated.
 
         Examples
         --------
@@ -147,24 +147,23 @@ class Pressure:
         return _in_unit(self.value_pa, "Pa", unit)
 
     def __str__(self) -> str:
-        """Write it so that `parse_pressure` gives the same bits."""
+        """Return a text that `parse_pressure` reads back to the same bits."""
         return f"{write(self.value_pa, 'Pa', 'bar')} {'gauge' if self.gauge else 'abs'}"
 
     __repr__ = __str__
 
 
 class UnitFloat(float):
-    """A number in SI that shows itself in the unit of daily use.
+    """Number in SI that is displayed in its common unit.
 
-    It computes as the plain SI number that it is; only what is shown has the unit, so that neither can be mistaken
-    for the other.
+    Arithmetic uses the plain SI number; only the displayed text has the common unit.
 
     Attributes
     ----------
     si_unit : str
-        Of the plain number, which ``si`` gives.
+        SI unit of the plain number ``si``.
     unit : str
-        In which it is shown.
+        Unit of the displayed text.
 
     Examples
     --------
@@ -177,7 +176,7 @@ class UnitFloat(float):
     unit: str
 
     def __new__(cls, si: float, si_unit: str, unit: str | None = None) -> UnitFloat:
-        """Make it from the SI value."""
+        """Make a number from its SI value."""
         made = super().__new__(cls, si)
         made.si_unit = si_unit
         made.unit = unit or si_unit.replace("^", "")
@@ -204,7 +203,7 @@ class UnitFloat(float):
         Raises
         ------
         DescriptionError
-            It is of another dimension.
+            The quantity has another dimension.
         """
         if self.si_unit != si_unit:
             raise _wrong_dimension(self.si_unit, si_unit, kind(self.si_unit).partition(",")[0])
@@ -216,7 +215,7 @@ class UnitFloat(float):
     __repr__ = __str__
 
     def __format__(self, spec: str) -> str:
-        """Write it with its unit, the number as `spec` says."""
+        """Format the number by `spec`, followed by its unit."""
         return f"{self.to(self.unit):{spec or '.7g'}} {self.unit}"
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -230,13 +229,13 @@ def _in_unit(si: float, si_unit: str, unit: str) -> float:
 
 
 def kind(si_unit: str) -> str:
-    """Name what a unit measures, with an example: ``a length, e.g. "25 mm"``."""
+    """Name the quantity of a unit, with an example: ``a length, e.g. "25 mm"``."""
     name, example = KINDS.get(si_unit, (f"a quantity in {si_unit}", f"1 {si_unit}"))
     return f'{name}, e.g. "{example}"'
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is one of the units of daily use, a pressure with or without what it is measured against.
+    """Return whether a text is a common unit; a pressure may have ``abs`` or ``gauge``.
 
     Examples
     --------
@@ -247,7 +246,7 @@ def is_unit(text: str) -> bool:
 
 
 def suffix(si_unit: str) -> str:
-    """Return what the name of a number stored in an SI unit ends with; empty for a pure number.
+    """Return the suffix of names of numbers in an SI unit; empty for a pure number.
 
     Examples
     --------
@@ -258,7 +257,7 @@ def suffix(si_unit: str) -> str:
 
 
 def needed(si_unit: str) -> str:
-    """Say what is needed, for messages: ``a length is needed, e.g. "25 mm"``."""
+    """Return the rule of a message: ``a length is needed, e.g. "25 mm"``."""
     return kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 
@@ -270,7 +269,7 @@ def parse(text: str, si_unit: str) -> float:
     text : str
         Number and unit.
     si_unit : str
-        The SI unit that is wanted, as in the messages' table: ``"m"``, ``"N s/m"``, ``"m^3/(s Pa)"``, ...
+        Wanted SI unit: ``"m"``, ``"N s/m"``, ``"m^3/(s Pa)"``, ...
 
     Returns
     -------
@@ -280,7 +279,7 @@ def parse(text: str, si_unit: str) -> float:
     Raises
     ------
     DescriptionError
-        No number, no unit, a unit of another dimension, or a value that is not finite.
+        The text has no number, no unit or a unit of another dimension, or the value is not finite.
 
     Examples
     --------
@@ -304,12 +303,12 @@ def _parsed(text: str, si_unit: str) -> float:
 
 
 def parse_pressure(text: str) -> Pressure:
-    """Read a pressure that says ``abs`` or ``gauge``.
+    """Read a pressure with ``abs`` or ``gauge``.
 
     Raises
     ------
     DescriptionError
-        Neither is said, or it is no pressure.
+        The text has neither of them, or is not a pressure.
 
     Examples
     --------
@@ -319,7 +318,7 @@ def parse_pressure(text: str) -> Pressure:
     words = text.split()
     if not words or words[-1] not in {"abs", "gauge"}:
         number, unit = _split(text, "Pa")
-        converter(unit, "Pa")  # another dimension is the greater mistake: say that first
+        converter(unit, "Pa")  # a wrong dimension is the greater mistake: report that first
         raise DescriptionError(
             f'pressure "{text}" does not say abs or gauge',
             rule="a pressure is absolute (abs) or above ambient (gauge)",
@@ -334,7 +333,7 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
     Raises
     ------
     DescriptionError
-        Not two quantities, or the first is not below the second.
+        The text is not two quantities, or the first is not below the second.
     """
     ends = text.split("..")
     if len(ends) != 2:
@@ -346,7 +345,7 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
 
 
 def share_of(given: object) -> float | None:
-    """Read ``"5 %"``; None where it is none."""
+    """Read ``"5 %"`` as 0.05; None where the text is not a percentage."""
     if not isinstance(given, str) or not given.rstrip().endswith("%"):
         return None
     try:
@@ -357,7 +356,7 @@ def share_of(given: object) -> float | None:
 
 
 def write_share(value: float) -> str:
-    """Write a share in per cent, so that it reads back the same.
+    """Write a share in per cent that reads back to the same number.
 
     Examples
     --------
@@ -372,7 +371,7 @@ def write_share(value: float) -> str:
 
 
 def si_name(unit: str) -> str:
-    """Return an SI unit as the messages' table writes it (``m2`` -> ``m^2``, ``kg/s`` -> ``N s/m``), others as given.
+    """Return an SI unit in the package's notation (``m2`` -> ``m^2``, ``kg/s`` -> ``N s/m``), others unchanged.
 
     Examples
     --------
@@ -395,7 +394,7 @@ def converter(unit: str, si_unit: str) -> tuple[float, float]:
     unit : str
         A unit as users write it, without ``abs`` or ``gauge``.
     si_unit : str
-        The SI unit that is wanted.
+        Wanted SI unit.
 
     Raises
     ------
@@ -419,9 +418,9 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
     value : float
         In `si_unit`.
     si_unit : str
-        As in `parse`.
+        Unit of `value`, as in `parse`.
     unit : str, optional
-        The unit preferred for reading; SI where the conversion would not be exact.
+        Preferred unit of the text; SI where the conversion would not be exact.
 
     Examples
     --------
@@ -458,7 +457,7 @@ _READABLE = {
 
 
 def readable(si_unit: str) -> tuple[float, str]:
-    """Return the unit in which people read values of an SI unit, with its size in SI.
+    """Return the common unit for an SI unit, with its size in SI.
 
     Examples
     --------
@@ -474,9 +473,9 @@ def readable(si_unit: str) -> tuple[float, str]:
 
 
 def _apply(number: str, factor: float, offset: float) -> float:
-    """Convert in decimal arithmetic, rounding once.
+    """Convert in decimal arithmetic and round once.
 
-    "1.013 bar" is the very float 101300.0, which a product of floats is not.
+    "1.013 bar" is exactly 101300.0; a product of floats is not.
     """
     return float(Decimal(number) * Decimal(repr(factor)) + Decimal(repr(offset)))
 
@@ -486,7 +485,7 @@ def _canonical(unit: str) -> str:
 
 
 def _split(text: str, si_unit: str) -> tuple[str, str]:
-    """Return the number, as written, and the unit."""
+    """Split a quantity into the number, as written, and the unit."""
     match = _NUMBER.match(text)
     if match is None:
         comma = re.match(r"\s*[+-]?\d+,\d", text)
@@ -518,7 +517,7 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
         raise _wrong_dimension(unit, si_unit, "a pressure")
     if _ZERO_CELSIUS_LITRE.search(unit) or (si_unit == "m^3/s ANR" and not unit.endswith("ANR")):
         raise DescriptionError(
-            f'"{unit}" does not say at which pressure and temperature the volume is meant',
+            f'"{unit}" lacks the reference pressure and temperature of the volume',
             rule=f"{needed('m^3/s ANR')} (ISO 8778: 100 kPa, 20 degC)",
             remedy='Write "l/min ANR" for ISO 8778; multiply litres at 0 degC and 1.01325 bar by 1.0874 first.',
         )
@@ -539,11 +538,11 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
 def _pint_unit(registry: pint.UnitRegistry, unit: str, si_unit: str) -> pint.Unit:
     try:
         return registry.Unit(_pint_form(unit))
-    except Exception:  # pint raises many kinds, down to tokenizer errors, for what it cannot read
+    except Exception:  # pint raises many kinds of errors for text that it cannot read, down to tokenizer errors
         raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit)) from None
 
 
 def _pint_form(unit: str) -> str:
-    """Write powers and products as pint reads them: ``N s/m2`` -> ``N*s/m**2``."""
+    """Rewrite powers and products in pint's notation: ``N s/m2`` -> ``N*s/m**2``."""
     powers = re.sub(r"(?<=[A-Za-zµ])\^?(\d)", r"**\1", _canonical(unit).replace("°C", "degC").replace("°", "deg"))
     return re.sub(r"(?<=[\w)])\s+(?=[A-Za-z(])", "*", powers.strip())

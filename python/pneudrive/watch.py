@@ -1,4 +1,4 @@
-"""How a long call says how far it is, and how it is stopped from outside."""
+"""Progress of a long call, and cancelling it from outside."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST_PAUSE_S = 0.1  # the callback is called at most this often: no caller can 
 
 
 class Flag(Protocol):
-    """What a cancel flag has to have: `threading.Event` and `multiprocessing.Event` are flags."""
+    """Protocol of a cancel flag: `threading.Event` and `multiprocessing.Event` are flags."""
 
     def is_set(self) -> bool:
         """Return whether the call should end."""
@@ -24,16 +24,16 @@ class Flag(Protocol):
 
 
 class Watch:
-    """The progress callback and the cancel flag of one long call, handed down to whatever takes time.
+    """Progress callback and cancel flag of one long call, passed to the functions that take time.
 
     Parameters
     ----------
     progress : callable, optional
-        Is called as ``progress(done, total, task)``, at most every 0.1 s and at the end of each task: `done` of `total`
-        (both counts, or both seconds of simulated time) of what `task` names in plain words. `total` is 0 where
-        nobody knows it.
+        Called as ``progress(done, total, task)``, at most every 0.1 s and at the end of each task: `done` of `total`
+        (both counts, or both seconds of simulated time) of the task that `task` names. `total` is 0 where it is
+        unknown.
     cancel : object with ``is_set()``, optional
-        A `threading.Event`, for instance. Once set, the call ends with `Cancelled` at its next look.
+        A `threading.Event`, for instance. Once set, the call ends with `Cancelled` at its next check.
 
     Examples
     --------
@@ -50,20 +50,18 @@ class Watch:
         self._last = float("-inf")
 
     def look(self) -> None:
-        """End the call where the flag is set.
+        """Check the flag, and end the call if it is set.
 
         Raises
         ------
         Cancelled
-            It is.
+            The flag is set.
         """
         if self._cancel is not None and self._cancel.is_set():
-            raise Cancelled(
-                "the call was cancelled", remedy="What was finished before is kept; call it again to go on."
-            )
+            raise Cancelled("the call was cancelled", remedy="Finished parts are kept; repeat the call to go on.")
 
     def tell(self, done: float, total: float, task: str) -> None:
-        """Tell the callback where the call is, and end the call where the flag is set.
+        """Report progress to the callback, and end the call if the flag is set.
 
         Raises
         ------
@@ -79,7 +77,7 @@ class Watch:
             self._progress(done, total, task)
 
     def each(self, items: Iterable[T], task: str) -> Iterator[T]:
-        """Yield the items one by one, telling how many are done."""
+        """Yield the items one by one, and report how many are done."""
         known = list(items)
         for i, item in enumerate(known):
             self.tell(i, len(known), task)

@@ -112,7 +112,7 @@ WRONG = {
     "unknown suffix": (["simulate", "drive.toml", *GOOD, "--out", "run.xlsx"], "'.xlsx' cannot be written", ".parquet"),
     "no output folder": (
         ["simulate", "drive.toml", *GOOD, "--out", "no/run.csv"],
-        "output folder no is not there",
+        "output folder no does not exist",
         "mkdir",
     ),
     "unknown picture": (["simulate", "drive.toml", *GOOD, "--plot", "run.bmp"], "'.bmp' cannot be written", ".png"),

@@ -61,7 +61,7 @@ def test_the_example_behind_opc_ua():
 
 
 MISTAKES = [
-    ("", "make_rig", r"no function or class of that name(?s:.*)Known: "),
+    ("", "make_rig", r"no function or class of this name(?s:.*)Known: "),
     ("def make_rig(): pass", "make_rg", "Did you mean 'make_rig'"),
     ("def make_rig():\n    return 1 / 0", "make_rig", r"ZeroDivisionError: division by zero\.   .*own.py:2"),
     ("import no_such_driver", "make_rig", r"No module named 'no_such_driver'\.   .*own.py:1"),
@@ -123,14 +123,14 @@ def test_a_folder_never_decides_what_is_imported(tmp_path, monkeypatch, capsys):
     (tmp_path / "evil.toml").write_text('kind = "opc-ua"\nurl = "opc.tcp://127.0.0.1:1"\nreconnect = "0 s"')
     evil = f"{tmp_path / 'evil.py'}:make"
     for rig in (own, evil, "os:abort", "evil:make"):
-        assert "does not decide what is imported" in resume(rig=rig)
+        assert "only the user decides which code runs" in resume(rig=rig)
     for rig in ("opc.tcp://127.0.0.1:1", str(tmp_path / "evil.toml")):
         assert "which axis moves" in resume(rig=rig)
     assert resume("--allow-code", code.upper(), rig=own) == ""
     assert "with other code" in resume("--allow-code", "0" * 64, rig=own)
     evil_code = sha256((tmp_path / "evil.py").read_bytes()).hexdigest()
     assert "with other code" in resume("--allow-code", code, rig=evil, made_with=evil_code)
-    assert "not the one that was allowed" in resume("--allow-code", code, rig=evil)
+    assert "differs from the allowed one" in resume("--allow-code", code, rig=evil)
     # a compiled copy beside the file is of whoever made it, and modules beside it have no hash
     cache = tmp_path / "__pycache__"
     cache.mkdir()

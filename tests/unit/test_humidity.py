@@ -74,7 +74,7 @@ def test_water_condenses_where_a_wall_is_below_the_dew_point():
     cold = {"gas.dew_point": "15 degC", "cylinder.wall_temperature": "8 degC"}
     on_wall = [one for one in warned(drive(cold), "0 s: 1", "1 s") if "wall" in one]
     assert [one.partition(":")[0] for one in on_wall] == ["water may condense on the wall of chamber a"]
-    assert on_wall[0].endswith("the wall has 8.0 degC")
+    assert on_wall[0].endswith("the wall is at 8.0 degC")
     (ice,) = (
         one
         for one in warned(drive(cold | {"cylinder.wall_temperature": "-5 degC"}), 1, "1 s")
@@ -105,7 +105,7 @@ def test_a_circuit_tells_of_its_volumes_by_name():
     # A wall that stores heat and starts at 20 degC is below the dew point at first.
     wall = {"capacity": "500 J/K", "outer_area": "0.1 m2"}
     stores = tank({"dew_point": "25 degC", "dew_point_pressure": "7 bar abs"}, wall=wall, wall_temperature="20 degC")
-    assert [one for one in warned(stores, None, "0.1 s") if one.endswith("the wall has 20.0 degC")]
+    assert [one for one in warned(stores, None, "0.1 s") if one.endswith("the wall is at 20.0 degC")]
 
 
 @pytest.mark.parametrize(

@@ -89,13 +89,13 @@ def test_wrong_input_gets_one_message(tmp_path, capsys, reference):
     assert run(["lines", "catalogue:reference", "--diameter", "0 mm"]) == 2
     assert "diameter = 0 mm is out of bounds" in capsys.readouterr().err
     assert run(["lines", "catalogue:reference", "--length", ","]) == 2
-    assert "is no list of quantities" in capsys.readouterr().err
+    assert "is not a list of quantities" in capsys.readouterr().err
     assert run(["lines", "catalogue:reference", "--plot", str(tmp_path / "x.html")]) == 2
     circuit = tmp_path / "circuit.toml"
     circuit.write_text(reference.circuit.to_toml())
     assert run(["lines", str(circuit)]) == 2
-    assert "lines takes a drive, and this is a Circuit" in capsys.readouterr().err
-    with pytest.raises(CommandError, match="no list"):
+    assert "lines needs a drive, but got a Circuit" in capsys.readouterr().err
+    with pytest.raises(CommandError, match="not a list"):
         pn.lines(reference, "1 m")
-    with pytest.raises(DescriptionError, match="takes a drive"):
+    with pytest.raises(DescriptionError, match="needs a drive"):
         pn.lines("drive.toml")

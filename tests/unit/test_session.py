@@ -228,7 +228,7 @@ WRONG = {
     "never": (lambda s: s.advance(math.inf), CommandError, "finite"),
     "past": (lambda s: s.schedule("command", [(0.2, 0.5), (0.05, 0.1)]), CommandError, "t = 0.05 s has passed"),
     "later": (lambda s: s.schedule("command", [(0.2, 0.5), (0.3, 2.0)]), CommandError, "command = 2"),
-    "pairs": (lambda s: s.schedule("command", [0.2, 0.3]), CommandError, "no list of (time, value)"),
+    "pairs": (lambda s: s.schedule("command", [0.2, 0.3]), CommandError, "not a list of (time, value)"),
     "shut": (lambda s: s.linearise(), CommandError, "the valve is shut"),
     "foreign": (lambda s: s.restore(STICKS.start(START).save()), CommandError, "of another drive"),
     "tolerance": (lambda s: s.restore(REFERENCE.start(START, rtol=1e-8).save()), CommandError, "another tolerance"),
@@ -237,7 +237,7 @@ WRONG = {
     "cut": (lambda s: s.restore(s.save()[:-5]), CommandError, "damaged"),
     "empty": (lambda s: s.restore(s.save()[:8]), CommandError, "damaged"),
     "flipped": (lambda s: s.restore(s.save()[:40] + b"x" + s.save()[41:]), CommandError, "damaged"),
-    "number": (lambda s: s.restore(5), CommandError, "a int is no saved session"),
+    "number": (lambda s: s.restore(5), CommandError, "a int is not a saved session"),
 }
 
 

@@ -114,7 +114,7 @@ def test_nothing_half_written_is_left(tmp_path):
     [
         ("run.xlsx", "files ending in '.xlsx'"),
         ("run", "files ending in ''"),
-        ("no/run.csv", "is not there"),
+        ("no/run.csv", "does not exist"),
         ("file/run.csv", "is not a folder"),
     ],
 )

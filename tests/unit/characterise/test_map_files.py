@@ -58,7 +58,7 @@ def test_what_cannot_be_written_or_read(make, tmp_path):
     curves = characterise(make())
     with pytest.raises(CommandError, match=r"'\.xlsx' cannot be written"):
         write_map(curves, tmp_path / "map.xlsx")
-    with pytest.raises(CommandError, match="is not there"):
+    with pytest.raises(CommandError, match="does not exist"):
         write_map(curves, tmp_path / "none" / "map.csv")
     (tmp_path / "a.csv").write_text("recording,direction\nx,1\n")
     with pytest.raises(RecordingError, match="lacks velocity_m_s"):

@@ -39,7 +39,7 @@ def test_variables_that_are_not_there_are_left_out(run):
 def test_wrong_names_are_one_message(run, tmp_path):
     with pytest.raises(CommandError, match="cannot be written"):
         pn.report.plot(run, tmp_path / "run.bmp")
-    with pytest.raises(CommandError, match="is not there"):
+    with pytest.raises(CommandError, match="does not exist"):
         pn.report.plot(run, tmp_path / "nowhere" / "run.png")
     assert list(tmp_path.iterdir()) == []
 
