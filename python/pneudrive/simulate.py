@@ -49,13 +49,29 @@ class Run(Shown):
         """Return a labelled dataset: dimension time, a unit and a long name for each variable."""
         import xarray as xr
 
-        variables, coordinates = {}, {}
+        variables = {}
         for column, values in self.columns.items():
             name, attrs = _label(column, self.meanings.get(column))
-            (coordinates if name == "time" else variables)[name] = xr.Variable(
-                "time", values, dict(attrs), fastpath=True
-            )
-        return xr.Dataset(variables, coordinates, self.provenance)
+            variables[name] = xr.Variable(("time",), values, dict(attrs), fastpath=True)
+        return _dataset(variables, dict(self.provenance))
+
+
+def _dataset(variables: dict[str, xr.Variable], attrs: dict[str, Any]) -> xr.Dataset:
+    """Make a data set of columns over time.
+
+    xarray's public constructor compares and aligns what is of one length and one index here, which takes longer than
+    half a simulation. Where its inner one is no more, or another one, the public one is taken.
+    """
+    import xarray as xr
+    from xarray.indexes import PandasIndex
+
+    try:
+        index = PandasIndex(variables["time"].values, "time")
+        ready = variables | index.create_variables({"time": variables["time"]})
+        sizes = {"time": len(index.index)}
+        return xr.Dataset._construct_direct(ready, {"time"}, sizes, attrs, {"time": index})
+    except (AttributeError, TypeError):
+        return xr.Dataset(variables, attrs=attrs)  # a variable of the name of its dimension becomes its coordinate
 
 
 def simulate(

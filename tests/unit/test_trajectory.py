@@ -1,6 +1,7 @@
 """A trajectory says what it is and where it comes from, in memory and in each file; a file is whole or not there."""
 
 import json
+import pickle
 import subprocess
 import sys
 
@@ -75,6 +76,42 @@ def test_units_and_provenance(run):
     assert run.attrs["labels"] == {"seal": "NBR"}
     assert "@article{canudas1995" in pn.citations(run)
     assert "@article{armstrong1994" not in pn.citations(run)  # the source of a law that was not used
+
+
+def _rebuilt(run):
+    """Make the data set again by the public constructor of xarray, of the same columns."""
+    columns = {name: ("time", one.to_numpy(), one.attrs) for name, one in run.data_vars.items()}
+    return xr.Dataset(columns, {"time": ("time", run.time.to_numpy(), run.time.attrs)}, run.attrs)
+
+
+def test_a_run_is_what_the_public_constructor_makes(run):
+    """The data set is put together by a private door of xarray: nothing that a user does with it may show that."""
+    for other in (_rebuilt(run), pickle.loads(pickle.dumps(run)), run.copy(deep=True)):
+        assert run.identical(other)
+        assert list(run.data_vars) == list(other.data_vars)
+        assert run.indexes["time"].equals(other.indexes["time"])
+    late = run.sel(time=slice(0.02, None))
+    assert late.identical(_rebuilt(run).sel(time=slice(0.02, None)))
+    assert 0 < late.sizes["time"] < run.sizes["time"]
+    joined = run.assign(late_position=late.position)  # aligned by the index
+    assert joined.late_position.isnull().sum() == run.sizes["time"] - late.sizes["time"]
+    assert run.to_dataframe().equals(_rebuilt(run).to_dataframe())
+
+
+def test_a_run_does_without_the_private_constructor(monkeypatch):
+    direct, calls = xr.Dataset._construct_direct, []
+
+    def refuse_once(*given, **named):
+        calls.append(given)
+        if len(calls) == 1:
+            raise TypeError  # as where it takes other arguments; the public constructor goes through it too
+        return direct(*given, **named)
+
+    drive = pn.Drive.load("catalogue:reference")
+    usual = pn.simulate(drive, "0 s: 0.6", "10 ms")
+    monkeypatch.setattr(xr.Dataset, "_construct_direct", refuse_once)
+    assert pn.simulate(drive, "0 s: 0.6", "10 ms").identical(usual)
+    assert len(calls) > 1
 
 
 def test_files_hold_the_same_numbers(run, tmp_path):

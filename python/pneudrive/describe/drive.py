@@ -211,9 +211,9 @@ class Drive(Described):
         return self.si_form
 
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
-        """Copy without the cached form, which `update` may have made wrong."""
+        """Copy without what is cached, which `update` may have made wrong."""
         copy = super().model_copy(update=update, deep=deep)
-        for cached in ("si_form", "circuit"):
+        for cached in ("si_form", "circuit", "all_assumptions"):
             vars(copy).pop(cached, None)
         return copy
 
@@ -349,6 +349,11 @@ class Drive(Described):
 
     def assumptions(self) -> list[tuple[str, str]]:
         """Return what was assumed as `Circuit.assumptions` does: where lines make a circuit of it, that has names."""
+        return list(self.all_assumptions)
+
+    @cached_property
+    def all_assumptions(self) -> list[tuple[str, str]]:
+        """What `assumptions` returns, made once."""
         out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origins if v.assumed is not None]
         if self.has_lines:
             return [(escaped(line), "") for line in out] + self.circuit.assumptions()
