@@ -49,7 +49,7 @@ check: setup  ## what CI runs before the tests: format, lint, types, layers, rep
 	$(BIN)/typos
 	$(PY) tools/lock.py --check
 
-bench: setup $(VENV)/.bench  ## work counts and seconds, side by side with other solvers
+bench: setup $(VENV)/.bench $(if $(shell command -v gfortran),$(VENV)/.fortran)  ## work counts and seconds, side by side with other solvers
 	$(PY) -m benches
 
 docs: setup $(VENV)/.docs  ## the documentation, into docs/_build/html

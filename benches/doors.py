@@ -1,31 +1,35 @@
-"""How long a user waits (wall time) at the product's own doors: the Python call, the import, the command."""
+"""Processor time at the product's own doors: the Python call, the import, the command."""
 
 from __future__ import annotations
 
+import math
+import resource
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benches.problem import CASE_A
+from benches.problem import A
 from benches.sweep import once
 
 COMMAND = "0 s: 0.6, 1 s: -0.6"
 INITIAL = "position = 50 mm, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
-ROUNDS = 5
+ROUNDS = 21
 
 
-def _wall(arguments: list[str]) -> float:
-    started = time.perf_counter()
+def _processor(arguments: list[str]) -> float:
+    """Processor time of a process and its children, s: what a quiet machine lets a user wait."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(arguments, check=True, capture_output=True)
-    return time.perf_counter() - started
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
-def _least(measure: Callable[[], float], rounds: int = ROUNDS) -> float:
-    """Least of some rounds: what stands in the way on a busy machine only adds."""
-    return min(measure() for _ in range(rounds))
+def _least(*measures: Callable[[], float]) -> list[float]:
+    """Least of some rounds of each, in turns: what stands in the way on a busy machine only adds."""
+    rounds = [[measure() for measure in measures] for _ in range(ROUNDS)]
+    return [min(times) for times in zip(*rounds, strict=True)]
 
 
 def measure() -> list[tuple[str, float, float]]:
@@ -36,26 +40,25 @@ def measure() -> list[tuple[str, float, float]]:
         path = Path(folder) / "drive.toml"
         path.write_text(pn.Drive.load("catalogue:reference").to_toml())
         drive = pn.Drive.load(path)
-        commands = [tuple(entry) for entry in CASE_A["commands"]]
+        commands = [tuple(entry) for entry in A.data["commands"]]
         initial = pn.Initial(position="50 mm", pressure_a="3 bar abs", pressure_b="3 bar abs")
 
-        def call(rtol: float) -> None:
-            pn.simulate(drive, command=commands, duration="2 s", initial=initial, sample_rate="1 kHz", rtol=rtol)
+        def call() -> None:
+            pn.simulate(drive, command=commands, duration="2 s", initial=initial, sample_rate="1 kHz", rtol=1e-6)
 
-        call(1e-6)
+        call()
         pneudrive = str(Path(sys.executable).with_name("pneudrive"))
         simulate = [pneudrive, "simulate", str(path), "--command", COMMAND, "--duration", "2 s", "--initial", INITIAL]
-        python, bare = [sys.executable, "-c", "import pneudrive"], [sys.executable, "-c", "pass"]
+        simulate += ["--out", f"{folder}/run.parquet"]
+        processes = (["-c", "pass"], ["-c", "import numpy"], ["-c", "import pneudrive"])
+        labelled, command, bare, numpy, package = _least(
+            lambda: once(call),
+            lambda: _processor(simulate),
+            *(lambda code=code: _processor([sys.executable, *code]) for code in processes),
+        )
         return [
-            ("pn.simulate of case A, to a labelled data set", _least(lambda: once(call, 1e-6), 21), 1e-3),
-            (
-                "import pneudrive (beyond a bare interpreter)",
-                _least(lambda: _wall(python)) - _least(lambda: _wall(bare)),
-                0.3,
-            ),
-            (
-                "pneudrive simulate to Parquet",
-                _least(lambda: _wall([*simulate, "--out", f"{folder}/run.parquet"])),
-                0.6,
-            ),
+            ("pn.simulate of case A, to a labelled data set", labelled, 0.55e-3),
+            ("pneudrive simulate to Parquet", command, 0.2),
+            ("Python that imports numpy, beside it", numpy, math.inf),
+            ("import pneudrive (beyond a bare interpreter)", package - bare, 0.1),
         ]

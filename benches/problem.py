@@ -1,7 +1,7 @@
-"""The two timed cases, their yardstick, and the one tolerance convention of all solvers.
+"""The timed cases of the reference drive, their yardstick, and the one tolerance convention of all solvers.
 
-Case A is the full stroke of the reference drive (2 s, states at 1 kHz), case C is 10 s of position
-control with the command sampled and held at 1 kHz.  Both are the golden cases of ``tests/golden``.
+Case A is the full stroke (2 s, states at 1 kHz), case B creeps at 5 mm/s with stick-slip (5 s, 500 Hz), case C is 10 s
+of position control with the command sampled and held at 1 kHz.  All are golden cases of ``tests/golden``.
 Every solver gets rtol = tol and atol_i = tol * SCALE_i; one that takes a single atol integrates the
 states divided by SCALE.
 """
@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,64 +27,114 @@ DEFAULT = 1e-6  # the product's default tolerance
 POSITION_BOUND_UM, PRESSURE_BOUND = 1.0, 1e-4
 BEFORE_IMPACT_S, AFTER_IMPACT_S = 2e-3, 30e-3
 
-CASE_A: dict[str, Any] = json.loads((GOLDEN / "case_a.json").read_text())
-CASE_C: dict[str, Any] = json.loads((GOLDEN / "case_c.json").read_text())
-SERVO: dict[str, float] = CASE_C["servo"]
-STROKE: float = CASE_A["drive"]["cylinder"]["stroke_m"]
+
+@dataclass(frozen=True)
+class Servo:
+    """A sampled controller: the target is a sine about mid stroke, the command is held for one period."""
+
+    kp: float
+    kd: float
+    amplitude_m: float
+    frequency_hz: float
+    sample_rate_hz: float
+    centre_m: float
+    samples: int
+
+    @property
+    def period(self) -> float:
+        """Time for which a command is held, s."""
+        return 1.0 / self.sample_rate_hz
+
+    def command(self, i: int, x: float, v: float) -> float:
+        """Return the command at the i-th sample."""
+        w = 2.0 * math.pi * self.frequency_hz
+        phase = w * i / self.sample_rate_hz
+        target = self.centre_m + self.amplitude_m * math.sin(phase)
+        speed = self.amplitude_m * w * math.cos(phase)
+        return min(1.0, max(-1.0, self.kp * (target - x) + self.kd * (speed - v)))
 
 
-def golden(name: str) -> np.ndarray:
-    """Return the golden states of a case, shape (n, 6), in the order of `COLUMNS`."""
-    with np.load(GOLDEN / f"{name}.npz") as data:
-        return np.stack([data[c] for c in COLUMNS], axis=1)
+@dataclass(frozen=True)
+class Case:
+    """A golden case: description, commands or controller, and the states that every solver has to come to."""
+
+    name: str
+    title: str
+    file: str
+
+    @cached_property
+    def data(self) -> dict[str, Any]:
+        """The case as its file has it."""
+        return json.loads((GOLDEN / f"{self.file}.json").read_text())
+
+    @cached_property
+    def golden(self) -> np.ndarray:
+        """Golden states, shape (n, 6), in the order of `COLUMNS`."""
+        with np.load(GOLDEN / f"{self.file}.npz") as data:
+            return np.stack([data[c] for c in COLUMNS], axis=1)
+
+    @cached_property
+    def initial(self) -> np.ndarray:
+        """Initial state, shape (7,), bristle at rest."""
+        return np.array([*(self.data["initial"][c] for c in COLUMNS), 0.0])
+
+    @cached_property
+    def servo(self) -> Servo | None:
+        """The controller, where the case has one."""
+        if "servo" not in self.data:
+            return None
+        servo = self.data["servo"]
+        samples = round(self.data["duration_s"] * servo["sample_rate_hz"])
+        return Servo(**servo, centre_m=0.5 * self.stroke, samples=samples)
+
+    @cached_property
+    def segments(self) -> list[tuple[float, np.ndarray]]:
+        """Command steps, each with its sample times from its start to its end."""
+        times, commands = self.times, self.data["commands"]
+        ends = [*(t for t, _ in commands[1:]), times[-1]]
+        return [
+            (u, times[(times >= begin - 1e-9) & (times <= end + 1e-9)])
+            for (begin, u), end in zip(commands, ends, strict=True)
+        ]
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Times of the golden states, s."""
+        return np.arange(len(self.golden)) / self.data["sample_rate_hz"]
+
+    @property
+    def stroke(self) -> float:
+        """Stroke, m."""
+        return self.data["drive"]["cylinder"]["stroke_m"]
+
+    @cached_property
+    def compared(self) -> np.ndarray:
+        """Which golden samples count: those that are not around a first contact with an end stop."""
+        position = self.golden[:, POSITION]
+        beyond = (position < 0.0) | (position > self.stroke)
+        keep = np.ones(len(position), bool)
+        for i in np.flatnonzero(beyond[1:] & ~beyond[:-1]):
+            keep &= (self.times < self.times[i] - BEFORE_IMPACT_S) | (self.times > self.times[i + 1] + AFTER_IMPACT_S)
+        return keep
+
+    def errors(self, states: np.ndarray) -> tuple[float, float]:
+        """Return (greatest position error in um, greatest relative pressure error) against the golden states.
+
+        `states` has at least the columns of `COLUMNS`, and a row for each golden sample, or for each of the controller.
+        """
+        stride = (len(states) - 1) // (len(self.golden) - 1)
+        got, want = states[::stride][self.compared], self.golden[self.compared]
+        if not np.isfinite(got[:, : len(COLUMNS)]).all():  # NaN must not pass as a small error
+            return math.inf, math.inf
+        position = np.abs(got[:, POSITION] - want[:, POSITION]).max() * 1e6
+        pressure = max(np.abs(got[:, i] / want[:, i] - 1.0).max() for i in (PRESSURE_A, PRESSURE_B))
+        return float(position), float(pressure)
 
 
-GOLDEN_A, GOLDEN_C = golden("case_a"), golden("case_c")
-TIMES_A = np.arange(len(GOLDEN_A)) / CASE_A["sample_rate_hz"]
-# command steps of case A with their sample times: [(u, times from the step's start to its end)]
-SEGMENTS_A = [(u, TIMES_A[round(t0 * 1e3) : round(t0 * 1e3) + 1001]) for t0, u in CASE_A["commands"]]
-SAMPLES_C = round(CASE_C["duration_s"] * SERVO["sample_rate_hz"])
-KEPT_C = round(SERVO["sample_rate_hz"] / CASE_C["sample_rate_hz"])
-
-
-def initial(case: dict[str, Any]) -> np.ndarray:
-    """Return the initial state, shape (7,), bristle at rest."""
-    return np.array([*(case["initial"][c] for c in COLUMNS), 0.0])
-
-
-def command(i: int, x: float, v: float) -> float:
-    """Return what the controller of case C says at its i-th sample."""
-    t, w = i / SERVO["sample_rate_hz"], 2.0 * math.pi * SERVO["frequency_hz"]
-    target = 0.5 * STROKE + SERVO["amplitude_m"] * math.sin(w * t)
-    speed = SERVO["amplitude_m"] * w * math.cos(w * t)
-    return min(1.0, max(-1.0, SERVO["kp"] * (target - x) + SERVO["kd"] * (speed - v)))
-
-
-def outside_impact(times: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Return a mask of the samples that are not around a first contact with an end stop."""
-    beyond = (position < 0.0) | (position > STROKE)
-    keep = np.ones(len(times), bool)
-    for i in np.flatnonzero(beyond[1:] & ~beyond[:-1]):
-        keep &= (times < times[i] - BEFORE_IMPACT_S) | (times > times[i + 1] + AFTER_IMPACT_S)
-    return keep
-
-
-KEEP_A = outside_impact(TIMES_A, GOLDEN_A[:, POSITION])
-
-
-def errors(case: str, states: np.ndarray) -> tuple[float, float]:
-    """Return (greatest position error in um, greatest relative pressure error) against the golden data.
-
-    `states` has at least the columns of `COLUMNS`; shape (2001, >= 6) in case A, (10001, >= 6) in C.
-    """
-    if case == "A":
-        got, want = states[KEEP_A], GOLDEN_A[KEEP_A]
-    else:
-        got, want = states[::KEPT_C], GOLDEN_C
-    position = np.abs(got[:, POSITION] - want[:, POSITION]).max() * 1e6
-    pressure = max(np.abs(got[:, i] / want[:, i] - 1.0).max() for i in (PRESSURE_A, PRESSURE_B))
-    # NaN must not pass as a small error
-    return (float(position), float(pressure)) if np.isfinite(got[:, : len(COLUMNS)]).all() else (math.inf, math.inf)
+A = Case("A", "Case A: full stroke of the reference drive, 2 s, states at 1 kHz", "case_a")
+B = Case("B", "Case B: creeping with stick-slip at 5 mm/s, 5 s, states at 500 Hz", "creeps")
+C = Case("C", "Case C: 10 s of position control, command sampled and held at 1 kHz", "case_c")
+CASES = (A, B, C)
 
 
 def meets(error: tuple[float, float]) -> bool:

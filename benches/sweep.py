@@ -1,4 +1,4 @@
-"""Which tolerance each solver needs, and how long it takes there: interleaved, median of rounds."""
+"""Which tolerance each solver needs, and how long it takes there: interleaved, least and median of rounds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from benches.problem import DEFAULT, GRID, errors, meets
+from benches.problem import DEFAULT, GRID, Case, meets
 
 SHORTEST_S = 2e-3  # a faster call is repeated until it has taken this long, so that the clock does not matter
 
@@ -23,9 +23,9 @@ class Entry:
     """One solver on one case."""
 
     solver: str
-    case: str
-    solve: Callable[[float], np.ndarray]  # pressure and temperature states, for the error
-    bare: Callable[[float], Any]  # the same solution as the solver has it, for the time
+    case: Case
+    solve: Callable[[Case, float], np.ndarray]  # pressure and temperature states, for the error
+    bare: Callable[[Case, float], Any]  # the same solution as the solver has it, for the time
     errors: dict[float, tuple[float, float]] = field(default_factory=dict)
     failures: dict[float, str] = field(default_factory=dict)
     seconds: dict[float, list[float]] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Entry:
 
     def _error_at(self, tol: float) -> tuple[float, float]:
         try:
-            return errors(self.case, self.solve(tol))
+            return self.case.errors(self.solve(self.case, tol))
         except Exception as error:  # what a foreign solver raises is not known: it is a row of the table
             self.failures[tol] = f"{type(error).__name__}: {error}"
             return math.inf, math.inf
@@ -68,7 +68,7 @@ class Entry:
 
         return {
             "solver": self.solver,
-            "case": self.case,
+            "case": self.case.name,
             "loosest_tolerance": self.loosest,
             "milliseconds": {f"{t:g}": float(f"{1e3 * statistics.median(s):.4g}") for t, s in self.seconds.items()},
             "least_milliseconds": {f"{t:g}": float(f"{1e3 * min(s):.4g}") for t, s in self.seconds.items()},
@@ -77,14 +77,14 @@ class Entry:
         }
 
 
-def once(solve: Callable[[float], Any], tol: float) -> float:
+def once(solve: Callable[[], Any]) -> float:
     """Processor time of one call in seconds, all threads; the mean over repeats where one call is short.
 
     On a quiet machine it is the wall time; on a busy one it still is the solver's own.
     """
     calls, started = 0, time.process_time()
     while True:
-        solve(tol)
+        solve()
         calls += 1
         elapsed = time.process_time() - started
         if elapsed >= SHORTEST_S:
@@ -97,5 +97,5 @@ def interleave(entries: Sequence[Entry], rounds: int) -> None:
         for entry in entries:
             for tol in entry.timed():
                 if min(entry.seconds.get(tol, [0.0])) < WARMED_BELOW_S:
-                    entry.bare(tol)  # a foreign solver has just emptied the cache
-                entry.seconds.setdefault(tol, []).append(once(entry.bare, tol))
+                    entry.bare(entry.case, tol)  # a foreign solver has just emptied the cache
+                entry.seconds.setdefault(tol, []).append(once(lambda e=entry, t=tol: e.bare(e.case, t)))

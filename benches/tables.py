@@ -8,16 +8,12 @@ from benches.problem import DEFAULT
 from benches.sweep import Entry
 
 OURS = "pneudrive"
-TITLES = {
-    "A": "Case A: full stroke of the reference drive, 2 s, states at 1 kHz",
-    "C": "Case C: 10 s of position control, command sampled and held at 1 kHz",
-}
 HEAD = ("solver", "tolerance", "ms", "times ours", f"ms at {DEFAULT:g}", f"error at {DEFAULT:g}: um", "pressure")
 
 
 def rows(entries: Sequence[Entry], case: str) -> list[tuple[str, ...]]:
     """Return the rows of one case, fastest first, ours against itself."""
-    chosen = [e for e in entries if e.case == case]
+    chosen = [e for e in entries if e.case.name == case]
     ours = next((e for e in chosen if e.solver == OURS), None)
     base = ours.milliseconds(ours.loosest) if ours else None
     found = []
@@ -40,7 +36,7 @@ def rows(entries: Sequence[Entry], case: str) -> list[tuple[str, ...]]:
 
 def ratio(entries: Sequence[Entry], case: str, solver: str) -> float | None:
     """Return how many times longer than ours a solver takes, each at the tolerance it needs."""
-    by_name = {e.solver: e for e in entries if e.case == case}
+    by_name = {e.solver: e for e in entries if e.case.name == case}
     if OURS not in by_name or solver not in by_name:
         return None
     ours = by_name[OURS].milliseconds(by_name[OURS].loosest)

@@ -25,7 +25,7 @@ PYTHON = "3.11"  # oldest Python of the development environment; the package its
 UV = "uv==0.13.8"  # what installs everything else
 
 # lock file -> extras that it adds to the base dependencies; later ones keep the versions of dev.txt
-EXTRAS = {"dev.txt": ["dev"], "docs.txt": ["docs"], "bench.txt": ["bench"]}
+EXTRAS = {"dev.txt": ["dev"], "docs.txt": ["docs"], "bench.txt": ["bench"], "fortran.txt": ["bench", "fortran"]}
 
 
 def fingerprint(name: str) -> str:

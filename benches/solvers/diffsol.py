@@ -11,10 +11,10 @@ import math
 import numpy as np
 import pydiffsol
 
-from benches.problem import CASE_A, CASE_C, SAMPLES_C, SCALE, SEGMENTS_A, SERVO, command, initial
+from benches.problem import SCALE, Case
+from benches.solvers.base import Peer
 from benches.solvers.rhs import PARAMETERS
 
-PERIOD = 1.0 / SERVO["sample_rate_hz"]
 NAMES = (
     "k", "rg", "psup", "tsup", "pexh", "texh", "bore", "stroke", "dead", "mass", "alpha", "twall",
     "rhoc", "b", "rlin", "psilin", "kstop", "dstop", "dsat", "fc", "fs", "vs", "fv", "sig", "sigd",
@@ -91,7 +91,7 @@ def _inputs(u: float, scaled: np.ndarray) -> np.ndarray:
     return np.array([*ports, abs(u), *scaled])
 
 
-class Diffsol:
+class Diffsol(Peer):
     """pydiffsol BDF; the code is compiled once, outside the timing."""
 
     name = "pydiffsol BDF (LLVM)"
@@ -99,30 +99,23 @@ class Diffsol:
     def __init__(self) -> None:
         self.ode = pydiffsol.Ode(code(), matrix_type=pydiffsol.nalgebra_dense, ode_solver=pydiffsol.bdf)
 
-    def case_a(self, tol: float) -> np.ndarray:
-        """Return the states of case A at 1 kHz, shape (2001, 7)."""
-        first, *later = (part.T * SCALE for part in self.bare_a(tol))
-        return np.concatenate([initial(CASE_A)[None], first[1:], *(part[1:] for part in later)])
+    def segment(self, y: np.ndarray, u: float, times: np.ndarray, tol: float) -> np.ndarray:
+        """Return the states at `times` under the command `u`, starting with `y`."""
+        self.ode.rtol = self.ode.atol = tol
+        if len(times) == 2:
+            return (self.ode.solve_dense(_inputs(u, y / SCALE), times[1:] - times[0]).ys * SCALE[:, None]).T
+        return (self._scaled(y / SCALE, u, times) * SCALE[:, None]).T
 
-    def bare_a(self, tol: float) -> list[np.ndarray]:
-        """Solve case A for the scaled states, one array a command step."""
-        ode = self.ode
-        ode.rtol = ode.atol = tol
-        y, parts = initial(CASE_A) / SCALE, []
-        for u, times in SEGMENTS_A:
-            parts.append(ode.solve_dense(_inputs(u, y), times - times[0]).ys)
+    def bare(self, case: Case, tol: float) -> object:
+        """Solve a case of command steps for the scaled states, one array a step; a controller needs the states."""
+        if case.servo is not None:
+            return self.solve(case, tol)
+        self.ode.rtol = self.ode.atol = tol
+        y, parts = case.initial / SCALE, []
+        for u, times in case.segments:
+            parts.append(self._scaled(y, u, times))
             y = parts[-1][:, -1]
         return parts
 
-    def case_c(self, tol: float) -> np.ndarray:
-        """Return the states of case C at its samples, shape (10001, 7)."""
-        ode, states = self.ode, np.empty((SAMPLES_C + 1, 7))
-        ode.rtol = ode.atol = tol
-        times = np.array([PERIOD])
-        states[0] = initial(CASE_C)
-        y = states[0] / SCALE
-        for i in range(SAMPLES_C):
-            u = command(i, states[i, 0], states[i, 1])
-            y = ode.solve_dense(_inputs(u, y), times).ys[:, -1]
-            states[i + 1] = y * SCALE
-        return states
+    def _scaled(self, y: np.ndarray, u: float, times: np.ndarray) -> np.ndarray:
+        return self.ode.solve_dense(_inputs(u, y), times - times[0]).ys

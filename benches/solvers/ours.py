@@ -3,55 +3,56 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 
-from benches.problem import CASE_A, CASE_C, COLUMNS, SERVO
+from benches.problem import COLUMNS, A, Case
 from pneudrive import _core
 
 
 class Pneudrive:
-    """Timed as a bare solution, as the peers are: the solver's own states at 1 kHz."""
+    """Timed as a bare solution, as the peers are: the solver's own states at the samples of the case."""
 
     name = "pneudrive"
+    slow = False
 
     def __init__(self) -> None:
-        self.drive = _core.Drive(json.dumps(CASE_A["drive"]))
-        times, commands = (list(column) for column in zip(*CASE_A["commands"], strict=True))
-        self.motion = (times, commands, CASE_A["duration_s"], CASE_A["sample_rate_hz"], CASE_A["initial"])
-        servo = (SERVO[name] for name in ("kp", "kd", "amplitude_m", "frequency_hz"))
-        self.control = (*servo, CASE_C["duration_s"], SERVO["sample_rate_hz"], CASE_C["initial"])
+        self.drive = _core.Drive(json.dumps(A.data["drive"]))
 
-    def case_a(self, tol: float) -> np.ndarray:
-        """Return the states of case A at 1 kHz, shape (2001, 6)."""
-        return self._with_pressures(self.bare_a(tol))
-
-    def case_c(self, tol: float) -> np.ndarray:
-        """Return the states of case C at its samples, shape (10001, 6)."""
-        return self._with_pressures(self.bare_c(tol))
-
-    def bare_a(self, tol: float) -> np.ndarray:
-        """Solve case A for the solver's own states: mass and energy of the gas in place of p and T."""
-        return self.drive.states(*self.motion, tol)
-
-    def bare_c(self, tol: float) -> np.ndarray:
-        """Solve case C for the solver's own states."""
-        return self.drive.servo(*self.control, tol)["states"]
-
-    def _with_pressures(self, states: np.ndarray) -> np.ndarray:
+    def solve(self, case: Case, tol: float) -> np.ndarray:
+        """Return the states of a case at its samples, shape (n, 6)."""
+        states = self.bare(case, tol)
         return np.hstack([states[:, :2], self.drive.chambers(states)])
+
+    def bare(self, case: Case, tol: float) -> Any:
+        """Solve a case for the solver's own states: mass and energy of the gas in place of p and T."""
+        if case.servo is None:
+            return self.drive.states(*motion(case), tol)
+        servo = case.servo
+        gains = (servo.kp, servo.kd, servo.amplitude_m, servo.frequency_hz)
+        return self.drive.servo(*gains, case.data["duration_s"], servo.sample_rate_hz, case.data["initial"], tol)[
+            "states"
+        ]
 
 
 class Columns(Pneudrive):
     """The same with everything that a trajectory file holds: forces, flows, acceleration."""
 
     name = "pneudrive, with all columns"
+    slow = True  # case C has no columns
 
-    def case_a(self, tol: float) -> np.ndarray:
-        """Return the states of case A at 1 kHz, shape (2001, 6)."""
-        columns = self.bare_a(tol)["columns"]
+    def solve(self, case: Case, tol: float) -> np.ndarray:
+        """Return the states of a case at its samples, shape (n, 6)."""
+        columns = self.bare(case, tol)["columns"]
         return np.stack([columns[c] for c in COLUMNS], axis=1)
 
-    def bare_a(self, tol: float) -> dict:
-        """Solve case A; the columns of a trajectory file, 2001 samples each."""
-        return self.drive.simulate(*self.motion, tol)
+    def bare(self, case: Case, tol: float) -> Any:
+        """Solve a case; the columns of a trajectory file."""
+        return self.drive.simulate(*motion(case), tol)
+
+
+def motion(case: Case) -> tuple[Any, ...]:
+    """Return times and values of the command, duration, sample rate and start of a case of command steps."""
+    times, commands = (list(column) for column in zip(*case.data["commands"], strict=True))
+    return times, commands, case.data["duration_s"], case.data["sample_rate_hz"], case.data["initial"]

@@ -9,13 +9,13 @@ import math
 
 import numpy as np
 
-from benches.problem import CASE_A
+from benches.problem import A
 
 REFERENCE_DENSITY, REFERENCE_TEMPERATURE = 1.185, 293.15  # ISO 6358 reference state, kg/m3 and K
 
 
 def _parameters() -> tuple[float, ...]:
-    drive = CASE_A["drive"]
+    drive = A.data["drive"]
     gas, cylinder, valve = drive["gas"], drive["cylinder"], drive["valve"]
     friction, stop = drive["friction"]["parameters"], cylinder["end_stop"]
     b, linear = valve["critical_pressure_ratio"], valve["linear_above"]
@@ -108,18 +108,24 @@ def python_derivative(t, y, dy, u):
     dy[:] = out
 
 
-def numba_derivative():
-    """Compile the same formulas with Numba: `f(t, y, dy, u)`."""
+def jitted():
+    """Compile the same formulas with Numba: `derivative(y, dy, u, q)` for any parameters `q`."""
     import numba
 
-    q = PARAMETERS
-    scope = {"math": math, "q": q}
+    scope = {"math": math}
     jit = numba.njit(error_model="numpy")
     for function in (mass_flow, chamber, stop_force, derivative):
         scope[function.__name__] = jit(_with_globals(function, scope))
-    inner = scope["derivative"]
+    return scope["derivative"]
 
-    @jit
+
+def numba_derivative():
+    """Compile the formulas for the reference drive: `f(t, y, dy, u)`."""
+    import numba
+
+    inner, q = jitted(), PARAMETERS
+
+    @numba.njit(error_model="numpy")
     def compiled(t, y, dy, u):
         inner(y, dy, u, q)
 
