@@ -155,7 +155,7 @@ def _of_lines(drive: Drive) -> dict[str, Quantity]:
     """Quantities of tubes and flow controls, by their names in the drive file."""
     if not drive.has_lines:
         return {}
-    from pneudrive.identify.dynamic.lines import numbers
+    from pneudrive.free.lines import numbers
 
     own = (one for one in numbers(drive) if one[0].startswith(("tubing.", "flow_control.")))
     return {name: parameter_quantity(entry) for name, _, _, entry in own}

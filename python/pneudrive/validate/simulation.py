@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.describe.circuit import compiled as compiled_circuit
-from pneudrive.identify.dynamic.lines import Lines, at_rest
+from pneudrive.free.lines import Lines, at_rest
 from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:

@@ -68,7 +68,7 @@ def servo(
 
 
 def truth(drive: pn.Drive, names: list[str]) -> dict[str, float]:
-    from pneudrive.identify.dynamic.parameters import numbers_of
+    from pneudrive.free.parameters import numbers_of
 
     known = numbers_of(drive)
     return {name: known[name].value for name in names}

@@ -16,7 +16,7 @@ import pneudrive as pn
 from oracle.drive_records import record
 from pneudrive import _core
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
-from pneudrive.identify.dynamic.parameters import chosen, family_of
+from pneudrive.free.parameters import chosen, family_of
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.dynamic.shooting import Shooter
 

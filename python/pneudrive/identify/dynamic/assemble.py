@@ -10,8 +10,8 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import intervals as intervals_at
+from pneudrive.free.parameters import Parameter, numbers_of
 from pneudrive.identify.dynamic.model_error import model_errors
-from pneudrive.identify.dynamic.parameters import Parameter, numbers_of
 from pneudrive.identify.dynamic.result import DriveFit, Series, fit_hash
 from pneudrive.identify.dynamic.undetermined import statements
 from pneudrive.numbers import plain

@@ -9,8 +9,8 @@ import numpy as np
 from pneudrive.characterise.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import robust_deviation
+from pneudrive.free.parameters import Parameter, chosen, family_of
 from pneudrive.identify.dynamic.assemble import assembled
-from pneudrive.identify.dynamic.parameters import Parameter, chosen, family_of, transforms_of
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.recordings import CHANNELS, channels_in
 from pneudrive.identify.dynamic.search import Joined, Progress, Watcher, join_segments, linearise, predict_segments
@@ -18,6 +18,7 @@ from pneudrive.identify.dynamic.sensors import Channel, Sensor, channels_of, com
 from pneudrive.identify.dynamic.shooting import Shooter, segment_starts
 from pneudrive.identify.dynamic.solved import LADDER_S, SECOND_LADDER_S, Attempt, SearchOptions
 from pneudrive.identify.dynamic.states import measured_starts, observed, white_noise
+from pneudrive.identify.dynamic.transforms import transforms_of
 from pneudrive.identify.dynamic.uncertainty import Solved, information
 from pneudrive.identify.dynamic.undetermined import unresolved_damping
 from pneudrive.watch import UNWATCHED, Watch

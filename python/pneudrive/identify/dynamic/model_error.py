@@ -20,14 +20,14 @@ import numpy as np
 
 from pneudrive.describe.valve_flow import openings
 from pneudrive.errors import PneudriveError
-from pneudrive.identify.dynamic.parameters import DriveFamily, family_of, numbers_of
+from pneudrive.free.parameters import DriveFamily, family_of, numbers_of
 from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
-    from pneudrive.identify.dynamic.parameters import Parameter
+    from pneudrive.free.parameters import Parameter
     from pneudrive.identify.dynamic.uncertainty import Solved
 
     Array = NDArray[np.float64]

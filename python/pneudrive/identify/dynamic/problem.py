@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.transforms import Transforms
-    from pneudrive.identify.dynamic.parameters import Parameter
+    from pneudrive.free.parameters import Parameter
     from pneudrive.identify.dynamic.sensors import Channel, SensorParameter
     from pneudrive.identify.dynamic.shooting import Shooter, Shot
     from pneudrive.identify.dynamic.states import SegmentStarts

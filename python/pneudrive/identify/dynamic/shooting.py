@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive._core import Shooting
-    from pneudrive.identify.dynamic.parameters import DriveFamily
+    from pneudrive.free.parameters import DriveFamily
     from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.dynamic.lines import at_rest
+from pneudrive.free.lines import at_rest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Which numbers of a drive can be free, under which names, and the coordinates in which they are estimated.
+"""Which numbers of a drive can be free, and under which names.
 
 A name is that of the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``); the value
 is in SI, a pressure absolute. Any number of the description can be free.
@@ -17,9 +17,8 @@ from pneudrive.describe.circuit import compiled as compiled_circuit
 from pneudrive.describe.components import STATED, parameter_quantity
 from pneudrive.describe.derived import derived
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.transforms import Transforms
-from pneudrive.identify.dynamic import lines
-from pneudrive.simulate import compiled
+from pneudrive.free import lines
+from pneudrive.start import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.derived import Derived
     from pneudrive.describe.drive import Drive
-    from pneudrive.identify.dynamic.sensors import SensorParameter
 
     Array = NDArray[np.float64]
 
@@ -59,8 +57,6 @@ _SIGNED = {
 }
 _SEAL_SLOPE = 1e-5  # N/Pa: 1 N/bar
 _AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
-#: The excess Fs - Fc from which a search starts where the drive has none, as a share of Fc.
-_LEAST_EXCESS = 0.02
 
 
 @dataclass(frozen=True)
@@ -187,30 +183,6 @@ def _without_unit(key: str) -> tuple[str, str]:
         if key.endswith(ending):
             return key.removesuffix(ending), unit
     return key, "1"
-
-
-def transforms_of(parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive) -> Transforms:
-    """Return the coordinates of free values of a drive and its sensors.
-
-    The breakaway force is the Coulomb force and an excess, so that it never falls below; one of the two that is held
-    bounds the other.
-    """
-    names, held = [p.name for p in parameters], drive.friction.parameters
-    every = [*parameters, *sensors]
-    upper = np.array([p.upper for p in every])
-    place = {name: names.index(f"friction.{name}") for name in ("coulomb", "breakaway") if f"friction.{name}" in names}
-    if "coulomb" in place and "breakaway" not in place and "breakaway" in held:
-        upper[place["coulomb"]] = held["breakaway"]
-    if "valve.critical_pressure_ratio" in names:
-        upper[names.index("valve.critical_pressure_ratio")] = drive.valve.linear_above
-    return Transforms(
-        [p.lower for p in every],
-        upper,
-        [p.size if np.isinf(p.lower) else 1.0 for p in every],
-        excess=place.get("breakaway") if "coulomb" in held else None,
-        over=place.get("coulomb", held.get("coulomb", 0.0)),
-        least_excess=_LEAST_EXCESS,
-    )
 
 
 #: Relative step over which a derived value is differentiated by what it follows from.
